@@ -28,30 +28,47 @@ class Check:
         return {"name": self.name, "passed": bool(passed), "figure": figure}
 
 
+def _every_vehicle_ticked(_: FlightFigures, vehicles: Tables) -> Result:
+    least = min(table["ticks"] for table in vehicles.values())
+    return least >= 1, least
+
+
+def _no_period_missed(_: FlightFigures, vehicles: Tables) -> Result:
+    total = sum(table["missed_ticks"] for table in vehicles.values())
+    return total == 0, total
+
+
+def _not_on_floor(figures: FlightFigures, vehicles: Tables) -> Result:
+    touched = [name for name in vehicles if any(truth.on_floor for truth in figures.truth(name))]
+    return not touched, touched
+
+
+def _inside_volume(figures: FlightFigures, vehicles: Tables) -> Result:
+    outside = [name for name in vehicles if any(truth.outside for truth in figures.truth(name))]
+    return not outside, outside
+
+
+_TICKED: Final = Check("every vehicle ticked", _every_vehicle_ticked)
+_NOT_MISSED: Final = Check("no control period was missed", _no_period_missed)
+_FLYING: Final = (
+    Check("no vehicle touched the floor", _not_on_floor),
+    Check("no vehicle left the flight volume", _inside_volume),
+)
+
+
 def always() -> tuple[Check, ...]:
-    """Checks of every manoeuvre in which nothing breaks and nobody lands."""
-    return (
-        *controlled(),
-        Check("no vehicle touched the floor", _touched_floor),
-        Check("no vehicle left the flight volume", _left_volume),
-    )
+    """Checks of every manoeuvre without faults and landings."""
+    return (_TICKED, _NOT_MISSED, *_FLYING)
 
 
 def controlled() -> tuple[Check, ...]:
     """Every vehicle was controlled all the time."""
-    return (
-        Check("every vehicle ticked", lambda _, v: _least(v, "ticks", at_least=1)),
-        Check("no control period was missed", lambda _, v: _sum_is_zero(v, "missed_ticks")),
-    )
+    return (_TICKED, _NOT_MISSED)
 
 
 def in_the_air() -> tuple[Check, ...]:
-    """Nobody fell and nobody flew away, whatever broke."""
-    return (
-        Check("every vehicle ticked", lambda _, v: _least(v, "ticks", at_least=1)),
-        Check("no vehicle touched the floor", _touched_floor),
-        Check("no vehicle left the flight volume", _left_volume),
-    )
+    """No vehicle fell or flew away."""
+    return (_TICKED, *_FLYING)
 
 
 def in_time(period_ms: float = 20.0) -> Check:
@@ -69,7 +86,7 @@ USUAL_P99_MS: Final = {"pose_to_command_ms": 5.0, "frame_to_radio_ms": 12.0}
 
 
 def remarks_on_latency(report: Mapping[str, Any]) -> list[str]:
-    """Which latencies of a report are slower than usual; a flight that kept every deadline has not failed."""
+    """Latencies of a report that are longer than usual; they do not fail a flight that met its deadlines."""
     return [
         f"{name.removesuffix('_ms').replace('_', ' ')} slower than usual: p99 {report[name]['p99']:g} ms, "
         f"on an idle computer at most {usual_ms:g} ms"
@@ -79,7 +96,7 @@ def remarks_on_latency(report: Mapping[str, Any]) -> list[str]:
 
 
 def formation_held(rms_mm: float = 40.0, max_mm: float = 150.0) -> Check:
-    """Formation error of every follower, offsets on their way included."""
+    """Formation error of every follower, also while offsets change."""
 
     def judge(_: FlightFigures, vehicles: Tables) -> Result:
         errors = {
@@ -109,7 +126,7 @@ def distance_kept(least_m: float = 0.3) -> Check:
 
 
 def avoided() -> Check:
-    """Somebody had to give way."""
+    """Some vehicle avoided another one."""
 
     def judge(_: FlightFigures, vehicles: Tables) -> Result:
         ticks = {name: table["avoiding_ticks"] for name, table in vehicles.items()}
@@ -119,7 +136,7 @@ def avoided() -> Check:
 
 
 def ends_at(name: str, position_m: tuple[float, float, float], tolerance_m: float = 0.1) -> Check:
-    """Where a vehicle is when the manoeuvre is over."""
+    """Place of a vehicle at the end."""
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
         _frames, flown = figures.flown(name)
@@ -132,7 +149,7 @@ def ends_at(name: str, position_m: tuple[float, float, float], tolerance_m: floa
 
 
 def heading_ends_at(name: str, yaw_deg: float, tolerance_deg: float = 8.0) -> Check:
-    """Where a vehicle looks when the manoeuvre is over; whole turns mean nothing."""
+    """Heading of a vehicle at the end, up to whole turns."""
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
         _frames, flown = figures.flown(name)
@@ -145,14 +162,14 @@ def heading_ends_at(name: str, yaw_deg: float, tolerance_deg: float = 8.0) -> Ch
 
 
 def followed(name: str, *leaders: str) -> Check:
-    """Whom a vehicle follows when the manoeuvre is over; nobody without leaders."""
+    """Leaders of a vehicle at the end."""
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
         statuses = figures.statuses(name)
         present = [link.leader for link in statuses[-1].following] if statuses else None
         return present == list(leaders), present
 
-    return Check(f"{name} follows {', '.join(leaders) or 'nobody'} in the end", judge)
+    return Check(f"{name} follows {', '.join(leaders) or 'no vehicle'} in the end", judge)
 
 
 def reached_height(height_m: float, tolerance_m: float = 0.15) -> Check:
@@ -167,7 +184,7 @@ def reached_height(height_m: float, tolerance_m: float = 0.15) -> Check:
 
 
 def touched_down_gently(limit_m_s: float = 1.0) -> Check:
-    """Speed of the last touchdown of every vehicle, where the truth is known."""
+    """Speed of the last touchdown of every vehicle with known true states."""
 
     def judge(figures: FlightFigures, vehicles: Tables) -> Result:
         last = [states[-1] for name in vehicles if (states := figures.truth(name))]
@@ -179,7 +196,7 @@ def touched_down_gently(limit_m_s: float = 1.0) -> Check:
 
 
 def transmitters_undisturbed() -> Check:
-    """No transmitter gateway had to fly by itself."""
+    """No transmitter gateway flew a vehicle by itself."""
 
     def judge(_: FlightFigures, vehicles: Tables) -> Result:
         events = {name: table["safety"] for name, table in vehicles.items() if table["safety"]}
@@ -201,30 +218,10 @@ def controllers_flown(name: str, *controllers: str) -> Check:
 
 
 def agents_started_again(name: str, times: int = 1) -> Check:
-    """How many agent processes a vehicle had, beside the first."""
+    """Number of agent processes of a vehicle after the first."""
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
         processes = {status.diagnostics.process for status in figures.statuses(name)}
         return len(processes) == times + 1, len(processes) - 1
 
     return Check(f"the agent of {name} was started again {times} time(s)", judge)
-
-
-def _least(vehicles: Tables, field: str, at_least: int) -> Result:
-    least = min(table[field] for table in vehicles.values())
-    return least >= at_least, least
-
-
-def _sum_is_zero(vehicles: Tables, field: str) -> Result:
-    total = sum(table[field] for table in vehicles.values())
-    return total == 0, total
-
-
-def _touched_floor(figures: FlightFigures, vehicles: Tables) -> Result:
-    touched = [name for name in vehicles if any(truth.on_floor for truth in figures.truth(name))]
-    return not touched, touched
-
-
-def _left_volume(figures: FlightFigures, vehicles: Tables) -> Result:
-    outside = [name for name in vehicles if any(truth.outside for truth in figures.truth(name))]
-    return not outside, outside

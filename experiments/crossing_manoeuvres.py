@@ -1,4 +1,4 @@
-"""Manoeuvres in which vehicles cross each other's ways."""
+"""Manoeuvres with crossing paths."""
 
 from typing import Final
 
@@ -7,7 +7,7 @@ import numpy as np
 from rcopterx.experiments import steps
 from rcopterx.experiments.checks import avoided, controlled, distance_kept, ends_at, transmitters_undisturbed
 from rcopterx.experiments.manoeuvre import Manoeuvre
-from rcopterx.experiments.steps import Step, in_order, pause
+from rcopterx.experiments.steps import in_order, pause
 from rcopterx.vehicles.tuples import Three
 
 RADIUS_M: Final = 0.8
@@ -24,18 +24,13 @@ def on_circle(turn_deg: float) -> dict[str, Three]:
     return found
 
 
-def _alone() -> Step:
-    """Let everybody fly by itself."""
-    return in_order(*(steps.lead(name) for name in FIVE[1:]))
-
-
 CROSSING_ROWS: Final = (
     Manoeuvre(
         "place-swapping",
         "Five vehicles on a circle are sent across it at the same moment, and back again",
         14.0,
         in_order(
-            _alone(),
+            *(steps.lead(name) for name in FIVE[1:]),
             steps.go_together(on_circle(72.0)), pause(1.0),
             steps.go_together(on_circle(252.0)), pause(1.0),
             steps.go_together(on_circle(72.0)), pause(1.0),

@@ -1,4 +1,4 @@
-"""What `rcopterx demo` flies: the paper's set points in a loop, until somebody has seen enough."""
+"""The flight of `rcopterx demo`: the paper's set points in a loop."""
 
 import math
 import threading
@@ -19,8 +19,8 @@ from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 TURNS_PER_SEQUENCE = 3 * math.pi
 RECORDS_KEPT = 40_000
 KNOWN_S = 1.0
-"""Until a set point is in the leader's status, which comes five times a second."""
-LOOK_S = 0.2
+"""By then a set point is in the leader's status, which is published at 5 Hz."""
+POLL_S = 0.2
 HEADINGS = (
     "vehicle", "task", "error [mm]\nrms / max", "missed\nperiods", "solver [ms]\np50 / p99", "fallbacks",
 )  # fmt: skip
@@ -42,9 +42,9 @@ class Demonstration:
     fleet
         A running fleet.
     wait
-        Waits a time [s] and tells whether the user has asked to stop.
+        Waits a time [s]; returns whether the user has stopped the demonstration.
     say
-        Told what happens, a line each.
+        Shows a line.
     """
 
     def __init__(self, fleet: Fleet, wait: Callable[[float], bool], say: Callable[[str], object]) -> None:
@@ -61,16 +61,16 @@ class Demonstration:
 
     @property
     def finished(self) -> bool:
-        """Whether the demonstration has ended, by itself or for a problem."""
+        """Whether the demonstration has ended, by itself or because of a problem."""
         return not self._thread.is_alive()
 
     def start(self, seconds: float | None) -> None:
-        """Take off and fly, for a time or for ever."""
+        """Take off and fly, for a time or without end."""
         self._seconds = seconds
         self._thread.start()
 
     def stop(self) -> None:
-        """Wait for the thread after the user has asked to stop."""
+        """Wait for the thread after the user has stopped the demonstration."""
         self._thread.join(20.0)
 
     def _run(self) -> None:
@@ -96,17 +96,17 @@ class Demonstration:
             self.problem = str(error)
 
     def _wait_or_stop(self, seconds: float) -> None:
-        """Wait between two set points; from when somebody else steers the leader on, wait for the end."""
+        """Wait between two set points; once another program steers the leader, wait for the end."""
         self._pause(min(seconds, KNOWN_S))
         given = self._task()
         until_s = time.monotonic() + seconds - KNOWN_S
         while (left_s := until_s - time.monotonic()) > 0.0:
-            self._pause(min(LOOK_S, left_s))
+            self._pause(min(POLL_S, left_s))
             now = self._task()
             if given is not None and now is not None and now != given:
-                self._say(f"{self._leader} is steered by somebody else now; Ctrl-C lands")
+                self._say(f"{self._leader} is steered by another program now; Ctrl-C lands")
                 while True:
-                    self._pause(LOOK_S)
+                    self._pause(POLL_S)
 
     def _pause(self, seconds: float) -> None:
         left_s = self._end_s - time.monotonic()
@@ -114,7 +114,7 @@ class Demonstration:
             raise _Stopped
 
     def _task(self) -> object:
-        """What the leader is told to do; None while nobody can tell, as while the arbiter lands it."""
+        """Present task of the leader; None while it is unknown, as when the arbiter lands it."""
         state = self._fleet[self._leader].state
         agent = state.agent
         if agent is None or agent.phase not in (Phase.FLYING, Phase.LANDING):
@@ -122,21 +122,13 @@ class Demonstration:
         return agent.phase, agent.set_point, state.assigned, agent.path_left_s > 0.0
 
     def summary(self) -> Table:
-        """Figures of the flight, or of its last minute or so."""
+        """Figures of the flight, or of its last minute."""
         names = list(self._fleet.file.vehicles)
         return summary_table(FlightFigures(self._recorder.stop(), names), names, self._flown_s)
 
 
 def summary_table(figures: FlightFigures, names: Sequence[str], flown_s: float) -> Table:
-    """How well vehicles flew, in 80 columns.
-
-    Parameters
-    ----------
-    figures, names
-        Of the flight, and of its vehicles.
-    flown_s
-        How long it lasted.
-    """
+    """Figures of every vehicle, in 80 columns."""
     table = Table(
         title=Text(f"flown for {flown_s:.0f} s"),
         title_justify="left",

@@ -1,4 +1,4 @@
-"""Flies a manoeuvre on a running fleet, records it, judges it."""
+"""Flying a manoeuvre on a running fleet, and its report."""
 
 import json
 import threading
@@ -27,16 +27,16 @@ SETTLE_S = 2.0
 
 @dataclass(frozen=True)
 class Flown:
-    """What came of a manoeuvre.
+    """A flown manoeuvre.
 
     Attributes
     ----------
     recording
-        What travelled on the bus.
+        Messages on the bus.
     journal
-        What was done, with the time since the recording began [s].
+        Steps with the time since the recording began [s].
     problem
-        What ended the manoeuvre early, None if nothing did.
+        Why the manoeuvre ended early, None if it did not.
     """
 
     recording: Recording
@@ -66,25 +66,12 @@ def fly(
     wait: Wait = time.sleep,
     stop: threading.Event | None = None,
 ) -> Flown:
-    """Take off, fly, land; what happens in the air in between is recorded.
-
-    Parameters
-    ----------
-    manoeuvre
-        What is flown.
-    fleet
-        A running fleet, ready to take off.
-    say
-        Told what is done.
-    wait
-        Waits a time [s].
-    stop
-        Once it is set, the flight ends; whoever set it brings the fleet down.
+    """Take off, fly and land; records the part in between.
 
     Raises
     ------
     StoppedError
-        `stop` was set.
+        `stop` was set; its owner lands the fleet.
     """
     recorder, journal = Recorder(fleet.session), _Journal(say)
     stop = stop or threading.Event()
@@ -111,7 +98,7 @@ def fly(
 
 
 def _landed(fleet: Fleet, say: Say, problem: str | None) -> str | None:
-    """Land; what went wrong before and what went wrong with that."""
+    """Land; returns the problem of the flight joined with that of the landing."""
     say("landing")
     try:
         fleet.land()
@@ -124,21 +111,16 @@ def _landed(fleet: Fleet, say: Say, problem: str | None) -> str | None:
 def report_of(
     manoeuvre: Manoeuvre, flown: Flown, vehicles: Sequence[str], seconds: float
 ) -> tuple[dict[str, Any], FlightFigures]:
-    """Everything `report.json` holds, and the figures it was made from."""
+    """Contents of `report.json`, and the figures they come from."""
     figures = FlightFigures(flown.recording, vehicles)
     tables = {name: figures.vehicle(name) for name in vehicles}
     checks = [check.run(figures, tables) for check in manoeuvre.checks]
     passed = flown.problem is None and all(check["passed"] for check in checks)
-    report = {
-        "manoeuvre": manoeuvre.name,
-        "title": manoeuvre.title,
+    report = not_flown(manoeuvre, "passed" if passed else "failed", flown.problem) | {
         "seconds": round(seconds, 1),
-        "verdict": "passed" if passed else "failed",
-        "problem": flown.problem,
         "checks": checks,
         "pose_to_command_ms": percentiles(figures.pose_to_command_ms()),
         "frame_to_radio_ms": percentiles(figures.frame_to_radio_ms()),
-        "remarks": [],
         "vehicles": tables,
         "journal": [{"at_s": at_s, "text": text} for at_s, text in flown.journal],
     }
@@ -146,7 +128,7 @@ def report_of(
     return report, figures
 
 
-def not_flown(manoeuvre: Manoeuvre, verdict: str, problem: str) -> dict[str, Any]:
+def not_flown(manoeuvre: Manoeuvre, verdict: str, problem: str | None) -> dict[str, Any]:
     """Report of a manoeuvre that was not flown."""
     return {
         "manoeuvre": manoeuvre.name,
@@ -172,7 +154,7 @@ def write_report(report: dict[str, Any], directory: Path) -> Path:
 
 
 def reason_not_to_fly(manoeuvre: Manoeuvre, fleet: Fleet) -> str | None:
-    """Why a manoeuvre cannot be flown with a running fleet; None if it can."""
+    """Reason why a running fleet cannot fly a manoeuvre; None if it can."""
     made_for = load_fleet(fleet_path(manoeuvre.fleet)).vehicles
     missing = [name for name in made_for if name not in fleet.file.vehicles]
     if missing:

@@ -1,4 +1,4 @@
-"""A self-contained page about flown manoeuvres: the summary first, then checks, figures, a picture each."""
+"""A self-contained page about flown manoeuvres: a summary, then checks, figures and a picture of each."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,14 +20,7 @@ PAGE_NAME: Final = "index.html"
 def write_page(reports: Sequence[Mapping[str, Any]], pictures: Mapping[str, str], directory: Path) -> Path:
     """Write `index.html` into a directory, which is created if missing.
 
-    Parameters
-    ----------
-    reports
-        Tables of the manoeuvres in the order of the page.
-    pictures
-        SVG elements by manoeuvre, as far as there are any.
-    directory
-        Where the page goes.
+    `pictures` holds SVG elements by manoeuvre.
     """
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / PAGE_NAME
@@ -36,7 +29,7 @@ def write_page(reports: Sequence[Mapping[str, Any]], pictures: Mapping[str, str]
 
 
 def page(reports: Sequence[Mapping[str, Any]], pictures: Mapping[str, str]) -> str:
-    """The page as text; it refers to nothing outside itself."""
+    """The page as text."""
     counts = Counter(report["verdict"] for report in reports)
     summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     rows = [

@@ -15,18 +15,16 @@ class Manoeuvre:
 
     Attributes
     ----------
-    name, title
-        For the command line and for reports.
     seconds
-        About how long the recorded part takes.
+        Approximate duration of the recorded part.
     fly
-        Flies it on a fleet that is in the air; waits through the given function.
+        Flies it on a fleet that is in the air.
     checks
-        What must be true of the recorded flight.
+        Conditions on the recorded flight.
     height_m
         Take-off height.
     fleet
-        Shipped fleet it is made for.
+        Shipped fleet with which it can be flown.
     from_floor
         Take-off and landing are part of the manoeuvre and recorded.
     """

@@ -1,4 +1,4 @@
-"""The table of manoeuvres: what is flown, and what must be true of the flight.
+"""The table of manoeuvres, with checks on their flights.
 
 The same table is acceptance test, demonstration and tutorial: `rcopterx fly NAME` flies a row of it.
 """
@@ -60,7 +60,7 @@ RIGHT: Final = (-0.4, -0.5, 0.0)
 
 
 def _place(second_m: Three, third_m: Three, frame: str = "inertial") -> Step:
-    """Put both followers of the trio somewhere else and wait until they are there."""
+    """Move both followers of the trio to new offsets and wait until they are there."""
     return in_order(
         steps.follow("h2", "h1", second_m, frame), steps.follow("h3", "h1", third_m, frame), steps.formed()
     )
@@ -292,7 +292,7 @@ ROWS: Final = (
     *CROSSING_ROWS,
     Manoeuvre(
         "refusals",
-        "Requests that make no sense are refused with the reason, and nobody notices",
+        "Invalid requests are refused with the reason and have no effect",
         5.0,
         in_order(
             steps.refused("following itself", lambda fleet: fleet["h2"].follow("h2")),
@@ -308,4 +308,3 @@ ROWS: Final = (
 )  # fmt: skip
 
 MANOEUVRES: Final = MappingProxyType({row.name: row for row in ROWS})
-"""Every manoeuvre by name."""

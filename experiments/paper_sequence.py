@@ -1,4 +1,4 @@
-"""The paper's sequence of set points, free of what other manoeuvres import: `rcopterx demo` flies it."""
+"""The paper's sequence of set points, apart from other manoeuvres so that `rcopterx demo` imports little."""
 
 import math
 from collections.abc import Callable
@@ -22,12 +22,12 @@ PAPER_SET_POINTS: Final = (
 
 
 def leader_of(fleet: Fleet) -> str:
-    """First vehicle of a fleet that follows nobody."""
+    """First vehicle of a fleet without leaders."""
     return next(name for name, vehicle in fleet.file.vehicles.items() if not vehicle.follow)
 
 
 def fly_paper_sequence(fleet: Fleet, say: Say, wait: Wait, turns: float = 0.0) -> None:
-    """Set-point sequence of the paper; `turns` is added to the yaw set points [rad]."""
+    """Fly the set points of the paper; `turns` is added to the yaw set points [rad]."""
     leader = leader_of(fleet)
     for position_m, yaw_rad in PAPER_SET_POINTS:
         say(f"{leader}: set point {position_m} m, yaw {math.degrees(yaw_rad + turns):.0f} deg")

@@ -1,4 +1,4 @@
-"""The steps manoeuvres are made of: each flies a little of one and waits until it is done."""
+"""Steps of manoeuvres; each waits until it is done."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -32,12 +32,12 @@ def in_order(*steps: Step) -> Step:
 
 
 def pause(seconds: float) -> Step:
-    """Let time pass."""
+    """Wait."""
     return lambda _fleet, _say, wait: wait(seconds)
 
 
 def take_off(*names: str, height_m: float = 1.0) -> Step:
-    """Take off and wait until they fly; without names, everybody."""
+    """Take off and wait until the vehicles fly; all without names."""
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         say(f"{', '.join(names) or 'all'}: take-off to {height_m:g} m")
@@ -47,7 +47,7 @@ def take_off(*names: str, height_m: float = 1.0) -> Step:
 
 
 def land(*names: str) -> Step:
-    """Land and wait for the floor; without names, everybody."""
+    """Land and wait for touchdown; all without names."""
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         say(f"{', '.join(names) or 'all'}: landing")
@@ -70,7 +70,7 @@ def go_to(position_m: Three, yaw_deg: float = 0.0, name: str | None = None) -> S
 
 
 def go_together(places_m: Mapping[str, Three]) -> Step:
-    """Send several vehicles off at once and wait until all are where they shall be."""
+    """Send several vehicles to set points at once and wait until all have arrived."""
 
     def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
         for name, position_m in places_m.items():
@@ -84,7 +84,7 @@ def go_together(places_m: Mapping[str, Three]) -> Step:
 
 
 def fly_path(path: FlightPath, name: str | None = None) -> Step:
-    """Let a vehicle, by default the leader, fly a trajectory to its end."""
+    """Have a vehicle, by default the leader, fly a trajectory to its end."""
 
     def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
         who = name or leader_of(fleet)
@@ -122,7 +122,7 @@ def follow_several(name: str, *links: LeaderLink) -> Step:
 
 
 def lead(name: str) -> Step:
-    """Let a vehicle follow nobody."""
+    """Have a vehicle stop following."""
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         say(f"{name}: leads")
@@ -132,7 +132,7 @@ def lead(name: str) -> Step:
 
 
 def identify(name: str, seconds: float) -> Step:
-    """Excite a vehicle that follows nobody, fit its model, and tell what changed; nothing is written."""
+    """Excite a vehicle without leaders, fit its model, and show its parameters; nothing is written."""
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         say(f"{name}: its sticks move for {seconds:g} s")
@@ -149,7 +149,7 @@ def identify(name: str, seconds: float) -> Step:
 
 
 def promote(name: str) -> Step:
-    """Make a vehicle the leader of its formation; everybody keeps its place."""
+    """Make a vehicle the leader of its formation; all vehicles keep their places."""
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         say(f"{name}: leads the formation; {'; '.join(fleet.promote(name))}")
@@ -167,7 +167,7 @@ def tune(name: str, change: Callable[[Vehicle], str]) -> Step:
 
 
 def leave(name: str) -> Step:
-    """Let a vehicle leave: it lands and its agent ends."""
+    """Have a vehicle leave: it lands and its agent ends."""
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         say(f"{name}: leaves")
@@ -177,7 +177,7 @@ def leave(name: str) -> Step:
 
 
 def join(name: str) -> Step:
-    """Let a vehicle that has left come back: its agent starts, it takes off and follows its leaders."""
+    """Have a vehicle join again: its agent starts, it takes off and follows its leaders."""
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
         say(f"{name}: joins; {fleet.join(name)}")
@@ -196,12 +196,12 @@ def formed(tolerance_m: float = SETTLED_M) -> Step:
 
 
 def refused(what: str, request: Callable[[Fleet], object]) -> Step:
-    """Ask for something that has to be refused.
+    """Make a request that must be refused.
 
     Raises
     ------
     NotReachedError
-        It was accepted.
+        The request was accepted.
     """
 
     def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
