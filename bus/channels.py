@@ -104,7 +104,7 @@ LEASE: Final = Channel(
 )  # fmt: skip
 APPLIED: Final = Channel(
     "applied", messages.Applied, "vehicle", "transmitter_gateway", 50, 0.2, DATA_HIGH, True,
-    "what was written to the radio module; up to 0.08 s later where it is what was commanded",
+    "what was written to the radio module",
 )  # fmt: skip
 CONTROL_TASK: Final = Channel(
     "control_task", messages.ControlTask, "vehicle", "agent", 50, 0.1, REAL_TIME, True,

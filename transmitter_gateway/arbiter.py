@@ -87,19 +87,15 @@ class Arbiter:
         self._thrust_time_s = 0.0
         self._bridging_step = 0
         self._details: dict[Condition, str] = {}
-        self._event_s: float | None = None
 
     # Inputs -------------------------------------------------------------------------------------------
 
     def command(self, command: CommandInput, now_s: float) -> Answer:
         """Take a command; a rejected one changes nothing but a counter."""
-        # The next step follows at once and judges the command; before it, time matters only to what is due.
-        if now_s >= self.next_event_s():
-            self._pass(now_s)
+        self._pass(now_s)
         rejection = self._admission.consider(
             command, now_s, pose=self.surveillance.stamp, flying=self.commanded
         )
-        self._event_s = None
         return Answer(rejection is None, rejection or "accepted")
 
     def bid(self, agent: int, now_s: float, *, take_over: bool) -> int:
@@ -336,7 +332,7 @@ class Arbiter:
         """Let the time pass and change the state; whose commands act then."""
         now_s = max(now_s, self._now_s)
         elapsed_s = 0.0 if math.isinf(self._now_s) else now_s - self._now_s
-        self._now_s, self._event_s = now_s, None
+        self._now_s = now_s
         stream = self._stream()
         bridging = 0 if stream is None else bridging_step(stream, now_s, self.limits)
         self._watch_thrust(now_s, elapsed_s, stream, bridging)
@@ -394,15 +390,7 @@ class Arbiter:
             shaping.stop()
 
     def next_event_s(self) -> float:
-        """Next time after the last step at which state or output may change by itself [s].
-
-        What poses since then have put off is still told.
-        """
-        if self._event_s is None:
-            self._event_s = self._found_event_s()
-        return self._event_s
-
-    def _found_event_s(self) -> float:
+        """Next time after the last step at which state or output may change by itself [s]."""
         if self.state not in FLYING:
             return math.inf
         limits = self.limits

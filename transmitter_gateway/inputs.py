@@ -32,11 +32,9 @@ class State(StrEnum):
     __hash__ = str.__hash__
 
 
-BY_ITSELF = frozenset({State.HOLD, State.LAND, State.DESCEND})
-"""States in which the arbiter flies the vehicle."""
 NAMES = {state: state.value.lower() for state in State}
 """States as messages call them."""
-FLYING = frozenset({State.ARMED}) | BY_ITSELF
+FLYING = frozenset({State.ARMED, State.HOLD, State.LAND, State.DESCEND})
 
 
 class LinkState(Enum):

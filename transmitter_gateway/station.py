@@ -1,32 +1,15 @@
-"""One transmitter on the bus: takes commands, poses and requests, and says what was written."""
+"""One transmitter on the bus: takes commands and requests, and publishes what was written."""
 
-import math
 from collections.abc import Callable
-from functools import partial
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied, Command, Kill, Lease, LeaseBid, TransmitterStatus
-from rcopterx.bus.requests import (
-    Arm,
-    Disarm,
-    KillVehicle,
-    Reply,
-    ResetKill,
-)
+from rcopterx.bus.requests import Arm, Disarm, KillVehicle, Reply, ResetKill
 from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.bus.timing import CommandTiming
-from rcopterx.transmitter_gateway.inputs import (
-    FLYING,
-    NAMES,
-    NEUTRAL,
-    Action,
-    ActionRequest,
-    CommandInput,
-    Input,
-    State,
-)
+from rcopterx.transmitter_gateway.inputs import NAMES, Action, ActionRequest, CommandInput, State
 from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import Write
@@ -37,8 +20,6 @@ COMMANDS_KEPT = 256
 COMMANDS_AT_ONCE = 8
 """So that a flood for one vehicle keeps no other one waiting."""
 BIDS_KEPT = 16
-WATCHED_S = 1.0
-"""After a bid the agent that made it may watch: it has not commanded what it hears of."""
 VERBS = ["arm", "disarm", "kill", "reset"]
 
 
@@ -47,29 +28,14 @@ class Station:
 
     Parameters
     ----------
-    settings
-        The vehicle's transmitter.
-    session
-        Open bus session.
     realtime
         Whether the process runs in the real-time class, for the status.
-    call
-        Called with the station, on receive threads, when there are commands or bids to take.
-
-    Attributes
-    ----------
-    flies, acts_on_poses : bool
-        Whether the vehicle may be in the air, and whether poses decide what it does next, at the last look.
-    untold : list of Applied
-        Serial frames written that `publish_writes` has not published.
+    wake
+        Called on receive threads when commands or bids have arrived.
     """
 
     def __init__(
-        self,
-        settings: TransmitterSettings,
-        session: Session,
-        realtime: bool,
-        call: Callable[["Station"], None],
+        self, settings: TransmitterSettings, session: Session, realtime: bool, wake: Callable[[], None]
     ) -> None:
         self.vehicle = settings.vehicle
         self._session = session
@@ -84,30 +50,22 @@ class Station:
             low_power=settings.low_power,
         )
         self._commands: Subscription[Command] = session.subscribe(
-            channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT, wake=partial(call, self)
+            channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT, wake=wake
         )
         self._bids: Subscription[LeaseBid] = session.subscribe(
-            channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT, wake=partial(call, self)
+            channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT, wake=wake
         )
-        self.flies = False
-        self.acts_on_poses = True
-        self.untold: list[Applied] = []
-        self._news = False
-        self._watched_until_s = -math.inf
-        self._commanded: Input = NEUTRAL
-        self._written_u: Input = NEUTRAL
-        self._written_state = State.DISARMED
+        self._published_lease = 0
+        self._reported_state = State.DISARMED
         self._written_command: tuple[int, int, int] | None = None
-        self._told_lease = 0
         self._accepted_s: float | None = None
         self._timing: CommandTiming | None = None
         self._last_sequence = 0
-        self._reported_state = self._told_state = State.DISARMED
         session.serve(self.vehicle, VERBS)
         session.announce(self.vehicle, "transmitter")
 
     def take_commands(self, clock: Callable[[], float]) -> None:
-        """Hand a few of the commands to the arbiter; what is written is published by `publish_writes`."""
+        """Pass some commands to the arbiter, and write accepted ones at once."""
         for received in self._commands.drain(COMMANDS_AT_ONCE):
             message = received.message
             command = CommandInput(
@@ -122,57 +80,43 @@ class Station:
             now_s = clock()
             if self.transmitter.on_command(command, now_s).accepted:
                 self._accepted_s, self._timing = received.arrived_s, message.timing
-                self._last_sequence, self._commanded = message.sequence, message.input
-                self.tick(now_s)
-
-    def take_bids(self, now_s: float) -> None:
-        """Answer agents that ask for a control lease."""
-        arbiter = self.transmitter.arbiter
-        if self.transmitter.awaiting_recall:
-            return  # Which leases were issued before is not known yet.
-        for received in self._bids.drain():
-            bid, self._watched_until_s = received.message, now_s + WATCHED_S
-            number = arbiter.bid(bid.agent, now_s, take_over=bid.take_over)
-            self._publish_lease(bid.agent, number)
-
-    def tell_lease(self) -> None:
-        """Tell everybody if another agent commands."""
-        if self.transmitter.arbiter.lease != self._told_lease:
-            self._publish_lease(0, 0)
-
-    def _publish_lease(self, agent: int, number: int) -> None:
-        arbiter = self.transmitter.arbiter
-        self._told_lease = arbiter.lease
-        lease = Lease(agent=agent, number=number, commanding=arbiter.lease, issued=arbiter.issued)
-        self._session.publish(channels.LEASE, self.vehicle, lease)
+                self._last_sequence = message.sequence
+                self._tick(now_s)
 
     @property
     def commands_wait(self) -> bool:
-        """Whether there are commands that `take_commands` has left for the next time."""
+        """Whether `take_commands` has left commands for the next time."""
         return self._commands.waiting_since_s() is not None
 
-    def look(self, now_s: float) -> None:
-        """Let the transmitter do what is due, and tell another state at once; needed from its `due_s` on."""
-        transmitter = self.transmitter
-        if now_s >= transmitter.next_deadline_s():
-            self.tick(now_s)
-            transmitter.next_deadline_s()
-        state = transmitter.arbiter.state
-        if state is not self._told_state:
-            self.publish_writes()
-        self.flies, self.acts_on_poses = state in FLYING, transmitter.acts_on_poses
+    def take_bids(self, now_s: float) -> None:
+        """Answer agents that request a control lease."""
+        if self.transmitter.awaiting_recall:
+            return  # Which leases were issued before is not known yet.
+        for received in self._bids.drain():
+            bid = received.message
+            number = self.transmitter.arbiter.bid(bid.agent, now_s, take_over=bid.take_over)
+            self._publish_lease(bid.agent, number)
 
-    def tick(self, now_s: float) -> None:
-        """Let the transmitter do what is due; what is written is published by `publish_writes`."""
+    def _publish_lease(self, agent: int, number: int) -> None:
+        arbiter = self.transmitter.arbiter
+        self._published_lease = arbiter.lease
+        lease = Lease(agent=agent, number=number, commanding=arbiter.lease, issued=arbiter.issued)
+        self._session.publish(channels.LEASE, self.vehicle, lease)
+
+    def serve(self, now_s: float) -> None:
+        """Do what is due, and publish at once that another agent commands or that a kill begins or ends."""
+        if now_s >= self.transmitter.next_deadline_s():
+            self._tick(now_s)
+        arbiter = self.transmitter.arbiter
+        if arbiter.lease != self._published_lease:
+            self._publish_lease(0, 0)
+        if (arbiter.state is State.KILLED) != (self._reported_state is State.KILLED):
+            self.report(now_s)
+
+    def _tick(self, now_s: float) -> None:
         write = self.transmitter.tick(now_s)
         if write is not None and write.outcome is WriteOutcome.WRITTEN:
-            applied, output = self._applied(write), write.output
-            expected = self._commanded if applied.fresh else self._written_u
-            as_expected = output.u == expected and not output.bridging_step
-            same_state = output.state is self._written_state
-            self._news = self._news or not (as_expected and same_state and now_s >= self._watched_until_s)
-            self._written_u, self._written_state = output.u, output.state
-            self.untold.append(applied)
+            self._session.publish(channels.APPLIED, self.vehicle, self._applied(write))
 
     def take_kill(self, kill: Kill, now_s: float) -> None:
         """Obey a kill for this vehicle or for all."""
@@ -197,25 +141,6 @@ class Station:
             return
         answer = self.transmitter.request(action, now_s)
         incoming.answer(Reply(accepted=answer.accepted, reason=answer.reason))
-
-    @property
-    def has_news(self) -> bool:
-        """Whether `publish_writes` has something to tell that the agent that commands does not know already.
-
-        It knows what is written as it was commanded, and what is repeated because no command has come.
-        """
-        return self._news
-
-    def publish_writes(self) -> None:
-        """Publish the serial frames written since the last call, and at once that a kill begins or ends."""
-        for applied in self.untold:
-            self._session.publish(channels.APPLIED, self.vehicle, applied)
-        self.untold.clear()
-        self._news = False
-        self._told_state = self.transmitter.arbiter.state
-        before, now = self._reported_state, self._told_state
-        if before is not now and State.KILLED in (before, now):
-            self.report(self._session.clock())
 
     def _applied(self, write: Write) -> Applied:
         cause = write.output.cause

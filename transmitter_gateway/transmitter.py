@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import (
-    BY_ITSELF,
     FLYING,
     Action,
     ActionRequest,
@@ -40,8 +39,6 @@ RECALL_LIMIT_S = 0.5
 """How long a restarted gateway is silent until it has heard what was written before."""
 FIRST_POSE_S = 0.1
 """How long a restarted gateway waits for the own pose before it decides whether the vehicle flies."""
-JUDGED_WITHIN_S = 0.01
-"""How long an own pose waits for the command that it leads to, with which it is judged."""
 
 
 class Transmitter:
@@ -61,11 +58,6 @@ class Transmitter:
         The port, opened by the first `tick`.
     low_power : bool
         Ask the radio for low power.
-
-    Attributes
-    ----------
-    due_s : float
-        What `next_deadline_s` told last [s]; minus infinity since anything has happened that may change it.
 
     Raises
     ------
@@ -98,9 +90,7 @@ class Transmitter:
                 protocol.check(calibration.pulses_us(extreme, throttle_low=throttle_low))
         self._output = ArbiterOutput(State.DISARMED, "started")
         self._pending = False
-        self._judge_by_s = math.inf
-        self._deadline_s: float | None = None
-        self.due_s = -math.inf
+        self._due_now = False
         self._attempt_s = -math.inf
         self._bind_since_s: float | None = None
         self._bind_by_s = -math.inf
@@ -123,29 +113,13 @@ class Transmitter:
         answer = self.arbiter.command(command, now_s)
         if answer.accepted:
             self._decide_at_once(urgent=self.arbiter.commanded)
-        else:
-            self._forget_deadline()
         return answer
 
     def on_pose(self, pose: PoseInput, now_s: float) -> None:
-        """Take a raw pose of any vehicle that arrived at `now_s`; the own one is judged by the next `tick`.
-
-        That is due at once if no commands decide what the vehicle does, see `acts_on_poses`.
-        """
+        """Take a raw pose of any vehicle that arrived at `now_s`; the next `tick` judges the own one."""
         self.arbiter.pose(pose, now_s)
-        if pose.vehicle != self.vehicle:
-            return
-        if self.acts_on_poses:
+        if pose.vehicle == self.vehicle:
             self._decide_at_once()
-        else:
-            self._judge_by_s = min(self._judge_by_s, now_s + JUDGED_WITHIN_S)
-            self.due_s = min(self.due_s, self._judge_by_s)
-
-    @property
-    def acts_on_poses(self) -> bool:
-        """Whether own poses are what decides next: commands are late, or it is open whether it flies."""
-        late = self._output.bridging_step > 0 or self.arbiter.state in BY_ITSELF
-        return late or self._last is not None
 
     def on_readable(self, now_s: float) -> None:
         """Read the module's answers; call it when the port's descriptor is readable or hung up."""
@@ -169,7 +143,7 @@ class Transmitter:
         """
         self._awaiting_recall = True
         self._silent_until_s = now_s + RECALL_LIMIT_S
-        self._forget_deadline()
+        self._due_now = False
 
     @property
     def awaiting_recall(self) -> bool:
@@ -195,7 +169,7 @@ class Transmitter:
             self.arbiter.counters["recalled too late"] += 1
         elif last.state in FLYING:
             self._last, self._decide_by_s = last, now_s + FIRST_POSE_S
-            self._forget_deadline()
+            self._due_now = False
 
     def _undecided(self, now_s: float) -> bool:
         """Whether it is still open if the vehicle flies; decides it when the own pose is there."""
@@ -289,17 +263,12 @@ class Transmitter:
 
     def _decide_at_once(self, *, urgent: bool = False) -> None:
         """Let the next `tick` be due now; an urgent frame does not wait for the keep-alive."""
-        self._deadline_s = self.due_s = -math.inf
+        self._due_now = True
         self._pending = self._pending or urgent
-
-    def _forget_deadline(self) -> None:
-        """Let `next_deadline_s` find out anew what is due."""
-        self._deadline_s, self.due_s = None, -math.inf
 
     def tick(self, now_s: float) -> Write | None:
         """Do what is due and return what was written; harmless when nothing is due."""
-        self._forget_deadline()
-        self._judge_by_s = math.inf
+        self._due_now = False
         if self._undecided(now_s):
             return None
         self._silent_until_s = -math.inf
@@ -323,13 +292,11 @@ class Transmitter:
 
     def next_deadline_s(self) -> float:
         """When `tick` must be called at the latest [s]."""
-        if self._deadline_s is None:
-            if self._last is not None or self._silent_until_s > -math.inf:
-                self._deadline_s = max(self._decide_by_s, self._silent_until_s)
-            else:
-                self._deadline_s = min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
-        self.due_s = min(self._deadline_s, self._judge_by_s)
-        return self.due_s
+        if self._due_now:
+            return -math.inf
+        if self._last is not None or self._silent_until_s > -math.inf:
+            return max(self._decide_by_s, self._silent_until_s)
+        return min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
 
     @property
     def finished(self) -> bool:

@@ -6,35 +6,23 @@ from collections.abc import Iterable
 
 
 class Wakeup:
-    """An event that `wait` sees together with file descriptors."""
+    """An event that `wait` watches together with file descriptors."""
 
     def __init__(self) -> None:
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self._notified = False
 
     def notify(self) -> None:
         """Wake the loop; may be called from any thread and from signal handlers."""
-        # A burst of messages costs one system call, not one each.
-        if not self._notified:
-            self._notified = True
-            os.eventfd_write(self._event, 1)
+        os.eventfd_write(self._event, 1)
 
     def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
-        """Wait for an event, for data or for the time-out.
-
-        Returns
-        -------
-        set of int
-            Descriptors that are readable or hung up.
-        """
+        """Wait for a notification, for data or for the time-out; return readable or closed descriptors."""
         # `select` counts in microseconds; `poll` and `epoll` would round deadlines to milliseconds.
         readable, _, _ = select.select([self._event, *descriptors], [], [], max(0.0, timeout_s))
         ready = set(readable)
         if self._event in ready:
             os.eventfd_read(self._event)
             ready.discard(self._event)
-            # In this order: what notifies in between has stored its message, and the caller reads after this.
-            self._notified = False
         return ready
 
     def close(self) -> None:

@@ -26,7 +26,7 @@ from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSet
 from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
 from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from rcopterx.transmitter_gateway.snapshot import Write
-from rcopterx.transmitter_gateway.transmitter import JUDGED_WITHIN_S, Transmitter
+from rcopterx.transmitter_gateway.transmitter import Transmitter
 
 LINE = SerialLine(100_000, "N", 2)
 IDLE = (0.0, 0.0, 0.0, 0.0)
@@ -192,18 +192,12 @@ def test_rejected_commands_write_nothing_and_feed_nothing(bench: Bench) -> None:
     assert bench.transmitter.snapshot(bench.now_s).counters["command not finite"] == 100
 
 
-def test_own_pose_waits_for_its_command_unless_the_vehicle_is_held(bench: Bench) -> None:
-    def see() -> None:
-        bench.sequence += 1
-        bench.transmitter.on_pose(PoseInput("h1", 1, bench.sequence, (0, 0, 1), 0.02), bench.now_s)
-
+def test_own_poses_are_judged_by_the_next_tick(bench: Bench) -> None:
     bench.fly()
-    see()
-    assert bench.transmitter.next_deadline_s() <= bench.now_s + JUDGED_WITHIN_S
+    bench.sequence += 1
+    bench.transmitter.on_pose(PoseInput("h2", 1, bench.sequence, (0, 0, 1), 0.02), bench.now_s)
     assert bench.transmitter.next_deadline_s() > bench.now_s
-    bench.run(0.07, None)
-    assert bench.state is State.HOLD
-    see()
+    bench.transmitter.on_pose(PoseInput("h1", 1, bench.sequence, (0, 0, 1), 0.02), bench.now_s)
     assert bench.transmitter.next_deadline_s() < bench.now_s
 
 
