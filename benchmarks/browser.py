@@ -21,7 +21,7 @@ PAGE_S: Final = 60.0
 
 
 def browser_there() -> bool:
-    """Whether what is needed is installed."""
+    """Whether everything in `NEEDED` is installed."""
     return _chromium() is not None and all(find_spec(name) is not None for name in ("playwright", "viser"))
 
 
@@ -53,7 +53,7 @@ def served(fleet: str) -> Iterator[str]:
     Raises
     ------
     OSError
-        It ended before it had one.
+        The process ended before it had an address.
     """
     process = subprocess.Popen(
         [sys.executable, "-u", "-m", "rcopterx", "ground", "-f", fleet],
@@ -63,7 +63,7 @@ def served(fleet: str) -> Iterator[str]:
     )
     try:
         assert process.stdout is not None
-        # The web server greets its user on the same stream.
+        # The web server prints a greeting on the same stream.
         address = next((line.split()[0] for line in process.stdout if line.startswith("http")), None)
         if address is None:
             raise OSError(f"the page has ended with exit code {process.wait()}")

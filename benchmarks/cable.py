@@ -1,4 +1,4 @@
-"""A cable between two bridges of Linux that delays and stalls: this kernel has no `tc netem`.
+"""A cable between two Linux bridges that delays and stalls, for kernels without `tc netem`.
 
 `python -m rcopterx.benchmarks.cable LEFT RIGHT DELAY_S JITTER_S` makes two TAP devices of these names in its
 network namespace and carries frames between them, in order, until it is ended. SIGUSR1 stalls it once.
@@ -24,7 +24,7 @@ IFF_NO_PI: Final = 0x1000
 LARGEST_FRAME: Final = 65536
 STALL_S: Final = 0.2
 PRIORITY: Final = 60
-"""Real-time priority: a cable does not wait for a processor."""
+"""Real-time priority, so that the cable never waits for a processor."""
 SEED: Final = 0
 
 
@@ -36,14 +36,9 @@ def tap(name: str) -> int:
 
 
 class Way:
-    """One direction of the cable.
+    """One direction of the cable, between descriptors of TAP devices.
 
-    Parameters
-    ----------
-    source, sink
-        Descriptors of TAP devices.
-    delay_s, jitter_s
-        Each frame takes the delay, more or less by up to the jitter; frames do not overtake each other.
+    Each frame takes the delay, plus or minus up to the jitter; frames do not overtake each other.
     """
 
     def __init__(self, source: int, sink: int, delay_s: float, jitter_s: float) -> None:
@@ -54,7 +49,7 @@ class Way:
         self._last_s = 0.0
 
     def take(self, now_s: float) -> None:
-        """Take in a frame that has arrived."""
+        """Read a frame that has arrived."""
         try:
             frame = os.read(self.source, LARGEST_FRAME)
         except BlockingIOError:
@@ -68,12 +63,12 @@ class Way:
         return self._frames[0][0] if self._frames else None
 
     def deliver(self, now_s: float) -> None:
-        """Let out what is due."""
+        """Write frames that are due."""
         while self._frames and self._frames[0][0] <= now_s:
             try:
                 os.write(self._sink, self._frames.popleft()[1])
             except OSError:
-                return  # Its device is down, or its queue full: a cable loses frames then.
+                return  # The device is down or its queue is full: the frame is lost.
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
-"""What this checkout costs beside another one: processor time, latency, memory, largest fleet, control steps.
+"""Comparison of this checkout with another one: processor time, latency, memory, fleet size, control steps.
 
-Each trial is a command of the checkout's own command line, so that the other one may be much older than this
-file; both take turns, because a machine is not equally fast from minute to minute. Ratios are of medians.
+Each trial is a command of the checkout's own command line, so that the other one may be much older. Both
+alternate, because the speed of a computer varies. Ratios are of medians.
 """
 
 import json
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rcopterx.benchmarks.memory import descendants, memory_of
+from rcopterx.benchmarks.programs import Show
 
 OWN: Final = Path(__file__).resolve().parents[1]
 _FLYING: Final = "s flown"
@@ -24,26 +25,15 @@ LARGEST_SECONDS: Final = 60.0
 LARGEST_SIZES: Final = "2,3,4,5,6,8,10,12,14,16,18,20,24"
 
 Figures = dict[str, float]
-Tell = Callable[[str], None]
 
 
 class CostError(RuntimeError):
-    """A checkout cannot be measured; says why."""
+    """A checkout cannot be measured; the message says why."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """A figure and the ratio to the other checkout that is aimed at.
-
-    Attributes
-    ----------
-    title
-        For people.
-    ratio
-        At most this; at least this where more is better.
-    more_is_better
-        As for the largest fleet.
-    """
+    """Target of the ratio of a figure to the other checkout's: an upper limit unless more is better."""
 
     title: str
     ratio: float
@@ -63,9 +53,9 @@ class Trial:
     arguments
         Of `rcopterx`.
     figures
-        Reads its JSON document and the memory of its processes [MB].
+        Takes figures from its JSON document and the memory of its processes [MB].
     targets
-        What is aimed at, by the names of the figures; other figures are only told.
+        By the names of the figures; other figures are shown without one.
     """
 
     arguments: tuple[str, ...]
@@ -161,10 +151,9 @@ TRIALS: Final[Mapping[str, Trial]] = {
         {"largest_fleet": Target("largest fleet without a missed period, N = 30", 2.0, more_is_better=True)},
     ),
 }
-"""By name, in the order in which they are run."""
 
 
-def run(other: Path, names: Sequence[str], rounds: int, tell: Tell) -> dict[str, Any]:
+def run(other: Path, names: Sequence[str], rounds: int, show: Show) -> dict[str, Any]:
     """Measure both checkouts in turn; returns the JSON document of `rcopterx bench cost`.
 
     Parameters
@@ -172,16 +161,14 @@ def run(other: Path, names: Sequence[str], rounds: int, tell: Tell) -> dict[str,
     other
         Directory of the other checkout.
     names
-        Of `TRIALS`.
+        Keys of `TRIALS`.
     rounds
-        How often each trial is run in each checkout.
-    tell
-        Told what is going on.
+        Number of runs of each trial in each checkout.
 
     Raises
     ------
     CostError
-        The directory is no checkout, or a trial failed.
+        The directory is not a checkout, or a trial failed.
     """
     if not (other / "benchmarks" / "scale.py").is_file():
         raise CostError(f"{other} is no checkout of rcopterx with benchmarks/scale.py")
@@ -192,26 +179,20 @@ def run(other: Path, names: Sequence[str], rounds: int, tell: Tell) -> dict[str,
         there: list[Figures] = []
         for number in range(rounds):
             for rows, checkout in ((here, OWN), (there, other.resolve())):
-                tell(f"{name}, round {number + 1} of {rounds}: {checkout}")
+                show(f"{name}, round {number + 1} of {rounds}: {checkout}")
                 rows.append(measured(trial, checkout))
         document["trials"][name] = compared(trial, here, there)
     return document
 
 
 def compared(trial: Trial, here: Sequence[Figures], there: Sequence[Figures]) -> dict[str, dict[str, Any]]:
-    """Medians of both, and their ratios; no ratio to zero.
-
-    Parameters
-    ----------
-    trial
-        What was run.
-    here, there
-        Figures of each run.
+    """Compare the runs of a trial in both checkouts.
 
     Returns
     -------
     dict
-        For each figure that both know `here`, `there`, `ratio`, and with a target `title`, `target`, `met`.
+        For each figure of both `here`, `there`, `ratio` (None to zero), and with a target `title`, `target`,
+        `met`.
     """
     found: dict[str, dict[str, Any]] = {}
     for name in here[0].keys() & there[0].keys():
@@ -231,10 +212,10 @@ def measured(trial: Trial, checkout: Path) -> Figures:
     Raises
     ------
     CostError
-        The command told nothing that can be used.
+        The command printed no JSON document.
     """
     environment = os.environ | {"PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1"}
-    memory_mb, said = 0.0, []
+    memory_mb, last_line = 0.0, ""
     with subprocess.Popen(
         [sys.executable, "-m", "rcopterx", *trial.arguments],
         cwd=checkout,
@@ -246,23 +227,22 @@ def measured(trial: Trial, checkout: Path) -> Figures:
         assert process.stdout is not None
         assert process.stderr is not None
         for line in process.stderr:
-            said.append(line.strip())
+            last_line = line.strip()
             if _FLYING in line and not memory_mb:
                 memory_mb = memory_of(descendants(process.pid))
         text = process.stdout.read()
     try:
-        # A manoeuvre that fails a check ends with 1 and tells its figures all the same.
+        # A manoeuvre that fails a check ends with 1 and prints its figures, too.
         document = json.loads(text)
     except ValueError:
-        last = said[-1] if said else ""
         raise CostError(
-            f"{checkout}: {' '.join(trial.arguments)} ended with {process.returncode}: {last}"
+            f"{checkout}: {' '.join(trial.arguments)} ended with {process.returncode}: {last_line}"
         ) from None
     return trial.figures(document, memory_mb)
 
 
 def table(document: Mapping[str, Any]) -> list[str]:
-    """Lines for people: what has a target first, the rest of each trial below."""
+    """Table of the figures, those with a target first."""
     lines = [f"{'':62}{'here':>9}{'there':>9}{'ratio':>7}{'target':>8}"]
     rest = [""]
     for name, figures in document["trials"].items():

@@ -1,41 +1,24 @@
-"""How often the watchdog ends a process that does not hang, in a long flight beside busy processes."""
+"""False alarms of the watchdog in a long flight beside busy processes."""
 
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
+from rcopterx.benchmarks.programs import Show
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 BUSY: Final = "while True: pass"
-TOLD_EVERY_S: Final = 60.0
-
-Tell = Callable[[str], None]
+SHOWN_EVERY_S: Final = 60.0
 
 
-def run(path: Path, seconds: float, busy: int, tell: Tell) -> dict[str, Any]:
-    """Hover, count what the watchdog does, and land.
-
-    Parameters
-    ----------
-    path
-        Fleet file, with a simulator.
-    seconds
-        Length of the flight [s].
-    busy
-        How many processes do nothing but use a processor meanwhile.
-    tell
-        Told what is going on.
-
-    Returns
-    -------
-    dict
-        `seconds`, `busy`, and as in `alarms`: nothing that is counted there may happen.
+def run(path: Path, seconds: float, busy: int, show: Show) -> dict[str, Any]:
+    """Hover beside `busy` processes that use all the processor they get, count alarms, and land.
 
     Raises
     ------
@@ -51,8 +34,8 @@ def run(path: Path, seconds: float, busy: int, tell: Tell) -> dict[str, Any]:
         begun_s = time.monotonic()
         with busy_processes(busy):
             while (flown_s := time.monotonic() - begun_s) < seconds:
-                tell(f"{flown_s:.0f} s: {alarms(supervisor)}")
-                time.sleep(min(TOLD_EVERY_S, max(0.0, seconds - flown_s)))
+                show(f"{flown_s:.0f} s: {alarms(supervisor)}")
+                time.sleep(min(SHOWN_EVERY_S, max(0.0, seconds - flown_s)))
         found = alarms(supervisor)
         fleet.land()
     return {"seconds": seconds, "busy": busy, **found}
@@ -60,7 +43,7 @@ def run(path: Path, seconds: float, busy: int, tell: Tell) -> dict[str, Any]:
 
 @contextmanager
 def busy_processes(number: int) -> Iterator[None]:
-    """Let processes use as much processor as they get."""
+    """Processes that use as much processor as they get."""
     started = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(number)]
     try:
         yield
@@ -71,13 +54,13 @@ def busy_processes(number: int) -> Iterator[None]:
 
 
 def alarms(supervisor: Supervisor) -> dict[str, Any]:
-    """What the watchdog has done so far: processes ended, and silences that it forgave.
+    """Counts of the watchdog so far.
 
     Returns
     -------
     dict
-        `hung` and `restarts`: how often, by process; `spares_hung`; `forgiven`: how often, by reason;
-        `longest_silence_s` of a process that runs [s].
+        `hung` and `restarts` by process; `spares_hung`; `forgiven` by reason; `longest_silence_s` of a
+        running process [s].
     """
     return {
         "hung": {name: child.hung for name, child in supervisor.children.items() if child.hung},

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from rcopterx.benchmarks.programs import Show
+from rcopterx.benchmarks.scale import cpu_s
 from rcopterx.bus import channels
 from rcopterx.bus.message import FloatArray
 from rcopterx.bus.messages import Command, LeaseBid, Pose
@@ -35,26 +37,15 @@ from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSe
 PERIOD_S = 0.02
 LEASE_S = 20.0
 AGENT = 1
-"""Who flies all the vehicles."""
+"""Number of the only agent."""
 IDLE_S = 1.5
 PLAN_STEPS = 6
 NEXT_INPUTS = FloatArray.of(np.tile([0.0, 0.0, 0.55, 0.0], (PLAN_STEPS, 1)))
 PRIORITY = 24
 
 
-def run(
-    transmitters: int = 8, seconds: float = 20.0, say: Callable[[str], None] = lambda _: None
-) -> dict[str, Any]:
-    """Let one gateway process fly emulated vehicles at 50 Hz and measure it.
-
-    Parameters
-    ----------
-    transmitters
-        Number of transmitters of the process.
-    seconds
-        How long is measured, after arming [s].
-    say
-        Told what is going on.
+def run(transmitters: int = 8, seconds: float = 20.0, show: Show = lambda _: None) -> dict[str, Any]:
+    """Measure one gateway process that flies emulated vehicles at 50 Hz.
 
     Returns
     -------
@@ -72,15 +63,15 @@ def run(
         session = stack.enter_context(Session(address, timeout_s=10.0))
         gateway = stack.enter_context(_process(_run_gateway, address, names, str(directory)))
         pilot = _Commander(session, names)
-        say(f"{transmitters} transmitters, arming")
+        show(f"{transmitters} transmitters, arming")
         _arm(pilot, session, names)
         pilot.fly(1.0, thrust=0.55)
         applied = [session.subscribe(channels.APPLIED, name, depth=int(seconds * 200)) for name in names]
-        used_s, started_s, load = _cpu_s(gateway), time.monotonic(), os.getloadavg()[0]
-        say(f"measuring for {seconds:g} s")
+        used_s, started_s, load = cpu_s(gateway), time.monotonic(), os.getloadavg()[0]
+        show(f"measuring for {seconds:g} s")
         pilot.fly(seconds, thrust=0.55)
         elapsed_s = time.monotonic() - started_s
-        used_s = _cpu_s(gateway) - used_s
+        used_s = cpu_s(gateway) - used_s
         written = [received.message for inbox in applied for received in inbox.drain()]
     delays_ms = np.array(
         [(m.written_s - m.command_arrived_s) * 1e3 for m in written if m.command_arrived_s is not None]
@@ -111,7 +102,7 @@ def _free_port() -> int:
 
 @contextmanager
 def _process(target: Callable[..., None], *arguments: object) -> Iterator[int]:
-    """A process of its own, that ends with this one however that ends; gives its pid."""
+    """A child process, which also ends when this one dies; yields its id."""
     process = multiprocessing.get_context("spawn").Process(
         target=_child, args=(os.getpid(), target, *arguments), daemon=True
     )
@@ -164,7 +155,7 @@ def _run_gateway(address: BusAddress, names: list[str], directory: str) -> None:
 
 
 class _Commander:
-    """Poses of all vehicles, then commands of all, fifty times a second."""
+    """Publishes poses of all vehicles, then commands of all, at 50 Hz."""
 
     def __init__(self, session: Session, names: list[str]) -> None:
         self._session = session
@@ -233,9 +224,3 @@ def _arm(pilot: _Commander, session: Session, names: list[str]) -> None:
             waiting.pop(0)
         elif time.monotonic() > give_up_s:
             raise RuntimeError(f"{waiting[0]} cannot be armed: {reply.reason}")
-
-
-def _cpu_s(pid: int) -> float:
-    """Processor time a process has used, with all its threads [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

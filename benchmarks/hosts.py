@@ -1,4 +1,4 @@
-"""The way from pose to command over four hosts with mutual TLS, against one host without, in the same run.
+"""Latency from pose to command over four hosts with mutual TLS, compared with one host without.
 
 Hosts are network namespaces of this computer: their monotonic clocks are one, and they share its processors.
 """
@@ -6,7 +6,7 @@ Hosts are network namespaces of this computer: their monotonic clocks are one, a
 import os
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.benchmarks.namespaces import Network, network
+from rcopterx.benchmarks.programs import Show
 from rcopterx.benchmarks.scale import fly_legs
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied
@@ -28,32 +29,21 @@ LABORATORY: Final = "main"
 """Host of the simulated laboratory and its gateways."""
 ONE: Final[Mapping[str, str]] = {"h1": "main", "h2": "main", "h3": "main"}
 FOUR: Final[Mapping[str, str]] = {"h1": "compute1", "h2": "compute2", "h3": "compute3"}
-"""Which vehicle's agent runs where."""
+"""Host of each vehicle's agent."""
 HORIZON: Final = 50
 OFFSETS_M: Final = {"h2": (-0.4, 0.5, 0.0), "h3": (-0.4, -0.5, 0.0)}
 ROUTER_PORT: Final = 7447
 TRACKER_PORT: Final = 8010
 FIRST_ROUTER_S: Final = 180.0
-"""Kernels may have to be compiled first."""
+"""Limit that includes compiling the kernels."""
 READY_S: Final = 60.0
 SETTLE_S: Final = 5.0
 STAGES: Final = ("pose to agent", "until the controller begins", "control", "command to transmitters")
-"""Of the way from pose to command; the second one is estimating, and waiting for the leader's plan."""
-
-Tell = Callable[[str], None]
+"""Stages from pose to command; the second one is estimation and the wait for the leader's plan."""
 
 
-def run(rounds: int, seconds: float, tell: Tell = lambda _: None) -> dict[str, Any]:
-    """Fly the trio on one host and over four in turn.
-
-    Parameters
-    ----------
-    rounds
-        How often each.
-    seconds
-        How long each flight is measured.
-    tell
-        Told what is going on.
+def run(rounds: int, seconds: float, show: Show = lambda _: None) -> dict[str, Any]:
+    """Fly the trio on one host and over four in turn, `rounds` times.
 
     Returns
     -------
@@ -64,15 +54,13 @@ def run(rounds: int, seconds: float, tell: Tell = lambda _: None) -> dict[str, A
     Raises
     ------
     NetworkUnavailableError
-        No network namespaces here.
-    FLIGHT_ERRORS
-        A fleet could not be flown.
+        Network namespaces cannot be created.
     """
     load = os.getloadavg()[0]
     flown: dict[str, list[Flown]] = {"one_host": [], "four_hosts": []}
     for number in range(rounds):
         for name, agents, certificates in (("one_host", ONE, False), ("four_hosts", FOUR, True)):
-            tell(f"round {number + 1}: {name.replace('_', ' ')}")
+            show(f"round {number + 1}: {name.replace('_', ' ')}")
             flown[name].append(_flown(agents, certificates, seconds))
     document = {name: _figures(flights) for name, flights in flown.items()}
     p99_ms = [document[name]["pose_to_command_ms"]["p99"] for name in ("four_hosts", "one_host")]
@@ -80,14 +68,14 @@ def run(rounds: int, seconds: float, tell: Tell = lambda _: None) -> dict[str, A
 
 
 class Flown:
-    """What a flight showed.
+    """Times of the commands of a flight.
 
     Attributes
     ----------
     times_s
-        When each command passed its stages, see `STAGES`: one row per command.
+        Beginning and end of each of `STAGES`, one row per command.
     missed, periods
-        Frames of the motion capture without a command that was obeyed, of how many.
+        Number of frames of the motion capture without an applied command, and of all frames.
     """
 
     def __init__(self) -> None:
@@ -95,20 +83,24 @@ class Flown:
         self.missed = self.periods = 0
 
     def add(self, commands: Sequence[Applied]) -> None:
-        """Take in what the transmitter of a vehicle obeyed."""
-        timed = [told for told in commands if told.timing is not None and told.command_arrived_s is not None]
-        frames = {told.frame for told in timed}
+        """Add the applied commands of a vehicle."""
+        timed = [
+            applied
+            for applied in commands
+            if applied.timing is not None and applied.command_arrived_s is not None
+        ]
+        frames = {applied.frame for applied in timed}
         span = max(frames) - min(frames) + 1
-        self.times_s += [_times_s(told) for told in timed]
+        self.times_s += [_times_s(applied) for applied in timed]
         self.periods += span
         self.missed += span - len(frames)
 
 
-def _times_s(told: Applied) -> tuple[float, ...]:
-    timing = told.timing
+def _times_s(applied: Applied) -> tuple[float, ...]:
+    timing = applied.timing
     assert timing is not None
-    assert told.command_arrived_s is not None
-    return (timing.received_s, timing.arrived_s, timing.began_s, timing.ready_s, told.command_arrived_s)
+    assert applied.command_arrived_s is not None
+    return (timing.received_s, timing.arrived_s, timing.began_s, timing.ready_s, applied.command_arrived_s)
 
 
 def _figures(flights: list[Flown]) -> dict[str, Any]:
@@ -163,14 +155,14 @@ def _measured(fleet: Fleet, seconds: float) -> Flown:
 
 
 def fleet_text(addresses: Mapping[str, str], agents: Mapping[str, str], certificates: Path | None) -> str:
-    """Fleet file of the trio, with the agents of its vehicles on these hosts.
+    """Fleet file of the trio.
 
     Parameters
     ----------
     addresses
-        Of the hosts.
+        By host.
     agents
-        Host of the agent of each vehicle.
+        Host of each vehicle's agent.
     certificates
         Directory of the certificates; None for a fleet without.
     """
@@ -214,7 +206,7 @@ def _run_directory(path: Path, host: str) -> Path:
 
 @contextmanager
 def _here(run_directory: Path) -> Iterator[None]:
-    """Let this process find the router of a host by its run directory."""
+    """Have this process use the router of a host, found by its run directory."""
     before = os.environ.get("RCOPTERX_RUN")
     os.environ["RCOPTERX_RUN"] = str(run_directory)
     try:

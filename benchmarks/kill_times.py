@@ -1,4 +1,4 @@
-"""From the press of KILL to the first throttle-low frame that is written to the radio of every vehicle."""
+"""Time from KILL to the first throttle-low frame at the radio of every vehicle."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from rcopterx.agents.phases import Phase
 from rcopterx.benchmarks.browser import NEEDED, browser, browser_there, opened, served
+from rcopterx.benchmarks.programs import Show
 from rcopterx.bus import channels
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -16,34 +17,23 @@ from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, Vehicle
 
 READY_S: Final = 5.0
 LOW_S: Final = 10.0
-"""Within which every vehicle must be cut."""
+"""Limit within which every vehicle must be cut."""
 REPEATED_S: Final = 1.2
-"""A kill is repeated for a second by a process that has not heard of its success, and would undo a reset."""
+"""A process may repeat a kill for a second after its success, which would undo a reset."""
 PAUSE_S: Final = 0.033
-"""Before a press, times the number of the press: presses meet every phase of the control period."""
+"""Grows with the number of the press, so that presses meet every phase of the control period."""
 
-Tell = Callable[[str], None]
 Press = Callable[[], object]
 
 
-def run(path: Path, presses: int, tell: Tell) -> dict[str, Any]:
-    """Measure on the fleet of a file, armed on the floor; the simulator stands for the radios.
-
-    Parameters
-    ----------
-    path
-        Fleet file.
-    presses
-        Of each way.
-    tell
-        Told what is going on.
+def run(path: Path, repeats: int, show: Show) -> dict[str, Any]:
+    """Measure on the fleet of a file, armed on the floor, `repeats` times each way.
 
     Returns
     -------
     dict
         `presses`, and `low_ms`: percentiles of the slowest vehicle of each press, by way: `script` calls
-        `Fleet.kill`, `page` presses the space bar in Chromium. `page` is null where Chromium or playwright
-        are missing.
+        `Fleet.kill`, `page` presses the space bar in Chromium. `page` is None without Chromium or playwright.
     """
     with launched(path, record=False) as fleet:
         written = {
@@ -51,23 +41,23 @@ def run(path: Path, presses: int, tell: Tell) -> dict[str, Any]:
         }
 
         def timed(way: str, press: Press) -> dict[str, float] | None:
-            tell(f"{way}: {presses} presses")
-            # The first one is not counted: a page that has just been opened still draws its first pictures.
+            show(f"{way}: {repeats} presses")
+            # The first one does not count: a new page is still drawing.
             _timed_ms(fleet, written, press, 0)
-            return percentiles([_timed_ms(fleet, written, press, number) for number in range(presses)])
+            return percentiles([_timed_ms(fleet, written, press, number) for number in range(repeats)])
 
         times = {"script": timed("script", lambda: fleet.kill(reason="benchmark")), "page": None}
         if browser_there():
             with _page(str(path)) as press:
                 times["page"] = timed("page", press)
         else:
-            tell(f"page: needs {NEEDED}")
-    return {"presses": presses, "vehicles": len(written), "low_ms": times}
+            show(f"page: needs {NEEDED}")
+    return {"presses": repeats, "vehicles": len(written), "low_ms": times}
 
 
 def _timed_ms(fleet: Fleet, written: dict[str, Any], press: Press, number: int) -> float:
     """Arm, press, and wait until every vehicle is cut; time of the last one."""
-    # An agent that has not heard of the kill yet still says that it is armed.
+    # The status of an agent may be older than the kill.
     fleet.wait_until(lambda: all(map(_brought_to_rest, fleet)), READY_S, "not disarmed on the floor", written)
     fleet.arm()
     time.sleep(PAUSE_S * number % 0.5)
@@ -89,7 +79,7 @@ def _timed_ms(fleet: Fleet, written: dict[str, Any], press: Press, number: int) 
 
 
 def _brought_to_rest(vehicle: Vehicle) -> bool:
-    """Whether it can be armed; a kill that is still repeated may undo a reset, which is then done again."""
+    """Whether it can be armed; resets it if necessary, again after a repeated kill."""
     if vehicle.state.transmitter_state == "killed":
         # Its status may be older than the last reset, which is then refused.
         with suppress(*FLIGHT_ERRORS):
@@ -99,7 +89,7 @@ def _brought_to_rest(vehicle: Vehicle) -> bool:
 
 @contextmanager
 def _page(fleet: str) -> Iterator[Press]:
-    """The page of a fleet in a browser; yields what presses its space bar."""
+    """The page of a fleet in a browser; yields a function that presses its space bar."""
     with served(fleet) as address, browser() as chromium:
         window = opened(chromium, address)
         window.mouse.click(100, 400)

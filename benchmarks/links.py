@@ -1,12 +1,13 @@
-"""How long two linked hosts hear nothing of each other after their link was cut and restored."""
+"""Time until two linked hosts exchange data again after their link was cut and restored."""
 
+import json
 import os
 import signal
 import struct
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +18,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from rcopterx.benchmarks.namespaces import Network, network
-from rcopterx.benchmarks.programs import router_words, running
+from rcopterx.benchmarks.programs import Show, running
 from rcopterx.bus.endpoints import client_config, open_session
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.processes.forking import child_environment
@@ -29,12 +30,20 @@ PERIOD_S: Final = 0.01
 PLANS: Final = 3
 PLAN_BYTES: Final = 9700
 FRESH_S: Final = 0.03
-"""What arrives is fresh if it was sent so recently."""
+"""Largest age of a fresh sample on arrival."""
 STALE_S: Final = 0.1
 SETTLE_S: Final = 1.0
 LIMIT_S: Final = 15.0
-"""A link that has not healed after so long counts as dead."""
+"""A link that has not healed by then counts as dead."""
 _STAMP = struct.Struct("<d")
+_ROUTER: Final = """
+import json, sys
+from rcopterx.bus.requests import IdentifyReply
+from rcopterx.bus.router import run_router
+listen, connect, fleet, host, others = json.loads(sys.argv[1])
+identity = IdentifyReply(accepted=True, fleet=fleet, host=host, digest="", vehicles=())
+run_router(listen, connect, None, 26, identity, others)
+"""
 
 
 class Stream:
@@ -79,7 +88,7 @@ class Stream:
         return next((at for at, sent in self.arrivals if at > from_s and at - sent < FRESH_S), None)
 
     def figures(self, cut_s: float, restored_s: float) -> dict[str, Any]:
-        """Of one cut: time until fresh samples arrive again, the longest gap, and how many came late."""
+        """Figures of one cut: time until fresh samples arrive again, longest gap, number of late samples."""
         fresh_s = self.fresh_since(restored_s)
         around = [at for at, _ in self.arrivals if at > cut_s - 0.1]
         gaps = [later - earlier for earlier, later in pairwise(around)]
@@ -90,33 +99,24 @@ class Stream:
         }
 
 
-def run(cuts_s: Sequence[float], rounds: int, say: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
-    """Cut the link between two hosts and measure both directions.
-
-    Parameters
-    ----------
-    cuts_s
-        How long the link is cut [s].
-    rounds
-        How often each.
-    say
-        Told what is going on.
+def run(cuts_s: Sequence[float], rounds: int, show: Show = lambda _: None) -> dict[str, Any]:
+    """Cut the link between two hosts, `rounds` times for each duration, and measure both directions.
 
     Returns
     -------
     dict
-        `cuts`: of each length a list of rounds with figures by direction (`Stream.figures`).
+        `cuts`: of each duration a list of rounds with figures by direction (`Stream.figures`).
 
     Raises
     ------
     NetworkUnavailableError
-        No network namespaces here.
+        Network namespaces cannot be created.
     """
     document: dict[str, Any] = {"rounds": rounds, "load_before": os.getloadavg()[0], "cuts": {}}
     with linked_hosts() as (net, streams):
         for cut_s in cuts_s:
             document["cuts"][f"{cut_s:g}"] = [measured_cut(net, streams, cut_s) for _ in range(rounds)]
-            say(f"{cut_s:g} s done")
+            show(f"{cut_s:g} s done")
     return document
 
 
@@ -149,10 +149,10 @@ def linked_hosts() -> Iterator[tuple[Network, dict[str, Stream]]]:
         endpoints = {host: f"tcp/{net.addresses[host]}:{PORT}" for host in HOSTS}
         for host, other in (("a", "b"), ("b", "a")):
             dialled = [endpoints["a"]] if host == "b" else []
-            words = router_words([sockets[host], endpoints[host]], dialled, FLEET, host, [other])
+            settings = json.dumps([[sockets[host], endpoints[host]], dialled, FLEET, host, [other]])
             stack.enter_context(
                 running(
-                    net.python(host, *words),
+                    net.python(host, "-c", _ROUTER, settings),
                     signal.SIGTERM,
                     env=child_environment(),
                     stderr=subprocess.DEVNULL,
@@ -177,7 +177,7 @@ def linked_hosts() -> Iterator[tuple[Network, dict[str, Stream]]]:
 
 
 def _ignore(_: zenoh.Sample) -> None:
-    """What arrives only loads the link."""
+    """Plans only load the link."""
 
 
 @contextmanager

@@ -13,7 +13,7 @@ NETWORK: Final = "10.213.7"
 
 
 class NetworkUnavailableError(RuntimeError):
-    """This computer or this user cannot make network namespaces; says why."""
+    """This computer or user cannot create network namespaces; the message says why."""
 
 
 class Network:
@@ -21,11 +21,6 @@ class Network:
 
     Every host hangs on a bridge of its own, and that on one between all, so that a host whose link is cut
     keeps its carrier, as it does behind a switch. Their file system, and so Unix sockets, are shared.
-
-    Parameters
-    ----------
-    hosts
-        Names of hosts.
     """
 
     def __init__(self, hosts: Sequence[str]) -> None:
@@ -34,12 +29,12 @@ class Network:
         self.addresses = {host: f"{NETWORK}.{number}" for number, host in enumerate(hosts, 1)}
 
     def build(self) -> None:
-        """Make namespaces, bridges and cables.
+        """Create namespaces, bridges and cables.
 
         Raises
         ------
         NetworkUnavailableError
-            No right to, or no tool for it.
+            The right or the program for it is missing.
         """
         _ip("netns", "add", self._switch)
         self._in_switch("link", "add", "hub", "type", "bridge")
@@ -60,7 +55,7 @@ class Network:
                 _ip("-n", space, "link", "set", device, "up")
 
     def remove(self) -> None:
-        """Remove what `build` made; whatever is missing is skipped."""
+        """Remove what `build` created."""
         for space in (self._switch, *map(self.namespace, self.addresses)):
             subprocess.run(["ip", "netns", "del", space], stderr=subprocess.DEVNULL, check=False)
 
@@ -76,17 +71,7 @@ class Network:
     def running(
         self, host: str, arguments: Sequence[str], environment: Mapping[str, str], output: int | IO[bytes]
     ) -> Iterator[None]:
-        """Run Python on a host until the block is left, which interrupts it.
-
-        Parameters
-        ----------
-        host
-            Name of the host.
-        arguments, environment
-            Of Python.
-        output
-            Where standard output and error go, as for `subprocess.Popen`.
-        """
+        """Run Python on a host until the block is left, which interrupts it."""
         command = self.python(host, *arguments)
         with running(command, env=environment, stdout=output, stderr=output):
             yield
@@ -101,15 +86,7 @@ class Network:
 
     @contextmanager
     def slow(self, host: str, delay_s: float, jitter_s: float) -> Iterator["subprocess.Popen[str]"]:
-        """Let what goes to and from a host take its time; gives the process that carries it.
-
-        Parameters
-        ----------
-        host
-            Name of the host.
-        delay_s, jitter_s
-            Each frame takes so long one way, more or less by up to the jitter [s].
-        """
+        """Delay frames to and from a host, see `cable`; yields the process of the cable."""
         number = list(self.addresses).index(host)
         left, right, bridge, far = (f"{name}{number}" for name in ("left", "right", "slow", "far"))
         words = ["-m", "rcopterx.benchmarks.cable", left, right, str(delay_s), str(jitter_s)]

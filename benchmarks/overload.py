@@ -1,18 +1,17 @@
-"""A fleet of more vehicles than this computer serves: everybody shall fly on, slower, and apart.
+"""A fleet of more vehicles than this computer serves: do all fly on, at a lower rate, and keep apart?
 
-The fleets are those of `rcopterx bench scale`. How many vehicles the computer serves is what its launcher
-measures and tells; it depends on the fleet and on the hour, so fleets start until one is too large by the
-factor asked for.
+The fleets are those of `rcopterx bench scale`. The launcher measures how many vehicles the computer serves,
+which depends on the fleet and varies with time, so fleets start until one is too large by the given factor.
 """
 
 import math
 import os
 import time
 from collections import Counter
-from collections.abc import Callable
 from itertools import combinations
 from typing import Any, Final
 
+from rcopterx.benchmarks.programs import Show
 from rcopterx.benchmarks.scale import LEFT_OUT, cpu_of_roles, fly_legs, in_formation, started
 from rcopterx.bus import channels
 from rcopterx.deploy.hosts.launcher import Launcher
@@ -21,33 +20,17 @@ from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
-FACTOR: Final = 1.5
-HORIZON: Final = 30
-SECONDS: Final = 60.0
 FIRST: Final = 6
 """Vehicles for each processor in the first fleet."""
 LARGEST: Final = 63
 ATTEMPTS: Final = 10
 MEASURED_S: Final = 60.0
-"""By then a launcher knows how many vehicles its computer serves."""
+"""Limit for a launcher to measure how many vehicles its computer serves."""
 ARMED: Final = "armed"
 
-Tell = Callable[[str], None]
 
-
-def run(factor: float, horizon: int, seconds: float, tell: Tell) -> dict[str, Any]:
+def run(factor: float, horizon: int, seconds: float, show: Show) -> dict[str, Any]:
     """Fly a fleet that is too large by a factor; returns the JSON document of `rcopterx bench overload`.
-
-    Parameters
-    ----------
-    factor
-        Vehicles for each one that the computer serves.
-    horizon
-        Stages N.
-    seconds
-        How long the flight is watched.
-    tell
-        Told what is going on.
 
     Returns
     -------
@@ -55,28 +38,23 @@ def run(factor: float, horizon: int, seconds: float, tell: Tell) -> dict[str, An
         `serves` and `vehicles`; `missed_ticks` and `left_out_ticks` of all; `not_armed`, for each vehicle
         that its agent did not fly all the time, radio frames by state; `touchdowns`; `closest_m`, the
         smallest distance between two vehicles; `off_mm_rms`, by how much vehicles are off their references;
-        and `cores`, what all processes used.
-
-    Raises
-    ------
-    FLIGHT_ERRORS
-        The fleet cannot be flown.
+        and `cores`, the processor time of all processes.
     """
-    vehicles, serves = _too_many(factor, horizon, tell)
+    vehicles, serves = _too_many(factor, horizon, show)
     with in_formation(vehicles, horizon) as (fleet, launcher):
-        tell(f"{vehicles} vehicles fly")
+        show(f"{vehicles} vehicles fly")
         return {"serves": serves, "vehicles": vehicles, "seconds": seconds} | _watched(
-            fleet, launcher, seconds, tell
+            fleet, launcher, seconds, show
         )
 
 
-def _too_many(factor: float, horizon: int, tell: Tell) -> tuple[int, int]:
+def _too_many(factor: float, horizon: int, show: Show) -> tuple[int, int]:
     """Size of a fleet that is too large by the factor, and how many vehicles this computer serves of it."""
     vehicles = FIRST * len(os.sched_getaffinity(0))
     for _ in range(ATTEMPTS):
         serves = _served(vehicles, horizon)
-        tell(f"of a fleet of {vehicles} this computer serves {serves}")
-        # What is measured differs by a vehicle from start to start.
+        show(f"of a fleet of {vehicles} this computer serves {serves}")
+        # The measurement varies by a vehicle from start to start.
         if factor * serves <= vehicles < factor * (serves + 2):
             return vehicles, serves
         vehicles = math.ceil(factor * serves)
@@ -95,19 +73,19 @@ def _served(vehicles: int, horizon: int) -> int:
         return sum(max(1, status.flies or 0) for status in fleet.launchers().values())
 
 
-def _watched(fleet: Fleet, launcher: Launcher, seconds: float, tell: Tell) -> dict[str, Any]:
+def _watched(fleet: Fleet, launcher: Launcher, seconds: float, show: Show) -> dict[str, Any]:
     only = (channels.POSE, channels.APPLIED, channels.AGENT_STATUS, channels.LABORATORY)
     recorder, names = Recorder(fleet.session, only=only), list(fleet.file.vehicles)
     used_s, began_s = sum(cpu_of_roles(launcher).values()), time.monotonic()
     recorder.start()
-    fly_legs(fleet, seconds, lambda flown_s: tell(f"{flown_s:.0f} of {seconds:g} s flown"))
+    fly_legs(fleet, seconds, lambda flown_s: show(f"{flown_s:.0f} of {seconds:g} s flown"))
     recording = recorder.stop()
     cores = (sum(cpu_of_roles(launcher).values()) - used_s) / (time.monotonic() - began_s)
     return verdict(FlightFigures(recording, names), names) | {"cores": round(cores, 2)}
 
 
 def verdict(figures: FlightFigures, names: list[str]) -> dict[str, Any]:
-    """What the watched part of a flight says of the fleet."""
+    """Figures of the recorded part of a flight."""
     tables = [figures.vehicle(name) for name in names]
     states = {name: Counter(applied.state for applied in figures.applied(name)) for name in names}
     truths = [figures.truth(name) for name in names]
@@ -118,9 +96,9 @@ def verdict(figures: FlightFigures, names: list[str]) -> dict[str, Any]:
         "missed_ticks": sum(table["missed_ticks"] for table in tables),
         "left_out_ticks": sum(table["fallbacks"].get(LEFT_OUT, 0) for table in tables),
         "not_armed": {
-            name: {state: count for state, count in told.items() if state != ARMED}
-            for name, told in states.items()
-            if set(told) != {ARMED}
+            name: {state: count for state, count in counts.items() if state != ARMED}
+            for name, counts in states.items()
+            if set(counts) != {ARMED}
         },
         "touchdowns": sum(truth[-1].touchdowns - truth[0].touchdowns for truth in truths if truth),
         "off_mm_rms": round(1e3 * math.sqrt(sum(off * off for off in off_m) / max(1, len(off_m))), 1),

@@ -1,31 +1,25 @@
 """From the start of the web page, or of its fleet as well, until the page can be used in a browser."""
 
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from rcopterx.benchmarks.browser import browser, opened, served, started
+from rcopterx.benchmarks.programs import Show
 from rcopterx.compiling.cache import compile_all
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.launched import launched
 
 
-def run(path: Path, runs: int, from_start: bool, tell: Callable[[str], None]) -> dict[str, Any]:
+def run(path: Path, runs: int, from_start: bool, show: Show) -> dict[str, Any]:
     """Measure on the fleet of a file, on the floor, with a browser that is open already.
 
     Parameters
     ----------
-    path
-        Fleet file.
-    runs
-        How often the page is started.
     from_start
         Whether `rcopterx up` is started together with the page, each time; otherwise the fleet is up.
-    tell
-        Told what is going on.
 
     Returns
     -------
@@ -34,14 +28,14 @@ def run(path: Path, runs: int, from_start: bool, tell: Callable[[str], None]) ->
         `usable_s` until KILL is connected and the first vehicle is shown.
     """
     served_s, usable_s = [], []
-    # Once on a computer, and not what is measured.
+    # Compiling the kernels is not part of the measurement.
     compile_all()
     with ExitStack() as stack:
         if not from_start:
             stack.enter_context(launched(path, record=False))
         chromium = stack.enter_context(browser())
         for number in range(runs):
-            tell(f"page {number + 1} of {runs}")
+            show(f"page {number + 1} of {runs}")
             began_s = time.monotonic()
             with ExitStack() as one:
                 if from_start:

@@ -1,4 +1,4 @@
-"""Kills processes of a flying fleet and measures how long it takes until the vehicles are flown again.
+"""Time from the kill of a process of a flying fleet until the vehicles are flown again.
 
 The fleet hovers in formation in the simulated laboratory; one process after the other gets SIGKILL. Times are
 those of arrival in this process, which runs on the same host.
@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from rcopterx.benchmarks.programs import Show
 from rcopterx.bus import channels
 from rcopterx.bus.messages import AgentStatus, TransmitterStatus
 from rcopterx.bus.session import Session
@@ -36,20 +37,10 @@ SPARE_LIMIT_S = 30.0
 HEIGHT_M = 1.0
 START_UP_RUNS = 5
 
-Tell = Callable[[str], None]
-
 
 @dataclass(frozen=True)
 class Victim:
-    """A process to kill.
-
-    Attributes
-    ----------
-    process
-        Name at the supervisor.
-    vehicles
-        Vehicles whose flight depends on it.
-    """
+    """A process to kill, by its name at the supervisor, and the vehicles that depend on it."""
 
     process: str
     vehicles: tuple[str, ...]
@@ -80,7 +71,7 @@ def served_by(fleet: Fleet, gateway: str) -> tuple[str, ...]:
     )
 
 
-def run(path: Path, rounds: int, tell: Tell) -> dict[str, Any]:
+def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
     """Measure; returns the JSON document of `rcopterx bench restart`.
 
     Raises
@@ -88,7 +79,7 @@ def run(path: Path, rounds: int, tell: Tell) -> dict[str, Any]:
     NotReachedError
         A vehicle did not come back.
     """
-    start_up = measured_start_up(path, tell)
+    start_up = measured_start_up(path, show)
     kills: dict[str, list[dict[str, Any]]] = {}
     with launched(path) as fleet:
         if fleet.launcher is None:
@@ -98,20 +89,20 @@ def run(path: Path, rounds: int, tell: Tell) -> dict[str, Any]:
         fleet.wait_for_formation()
         for number in range(rounds):
             for victim in victims_of(fleet):
-                tell(f"round {number + 1} of {rounds}: {victim.process}")
+                show(f"round {number + 1} of {rounds}: {victim.process}")
                 row = _killed(fleet, fleet.launcher, victim)
                 kills.setdefault(victim.process, []).append(row)
     return {
         "fleet": fleet.file.name,
         "rounds": rounds,
         "start_up_ms": start_up,
-        "kills": {process: _summary(rows) for process, rows in kills.items()},
+        "kills": {process: summary(rows) for process, rows in kills.items()},
     }
 
 
-def measured_start_up(path: Path, tell: Tell) -> dict[str, float]:
-    """What an agent that is not warm spends before it can open the bus [ms], medians of a few runs."""
-    tell("start-up of a cold agent")
+def measured_start_up(path: Path, show: Show) -> dict[str, float]:
+    """Parts of the start-up of an agent without a fork server [ms], medians of a few runs."""
+    show("start-up of a cold agent")
     code = "import rcopterx.deploy.roles.agent"
     bare = _median_ms(lambda: subprocess.run([sys.executable, "-c", "pass"], check=True))
     imports = _median_ms(lambda: subprocess.run([sys.executable, "-c", code], check=True))
@@ -161,12 +152,12 @@ def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
     others = [name for name in fleet.file.vehicles if name not in victim.vehicles]
     after = {name: _counts(fleet, name) for name in fleet.file.vehicles}
     return {
-        "flown_again_ms": max(_flown_again_ms(recording, name, killed_s) for name in victim.vehicles),
-        "deviation_mm": _deviation_mm(recording, victim.vehicles, killed_s),
-        "deviation_before_mm": _deviation_mm(recording, victim.vehicles, killed_s, before=True),
-        "others_deviation_mm": _deviation_mm(recording, others, killed_s),
-        "others_deviation_before_mm": _deviation_mm(recording, others, killed_s, before=True),
-        "events": _difference(before, after),
+        "flown_again_ms": max(flown_again_ms(recording, name, killed_s) for name in victim.vehicles),
+        "deviation_mm": deviation_mm(recording, victim.vehicles, killed_s),
+        "deviation_before_mm": deviation_mm(recording, victim.vehicles, killed_s, before=True),
+        "others_deviation_mm": deviation_mm(recording, others, killed_s),
+        "others_deviation_before_mm": deviation_mm(recording, others, killed_s, before=True),
+        "events": difference(before, after),
     }
 
 
@@ -175,7 +166,7 @@ def _wait(fleet: Fleet, seconds: float) -> None:
         fleet.wait_until(lambda: False, seconds, "")
 
 
-def _flown_again_ms(recording: Recording, name: str, killed_s: float) -> float:
+def flown_again_ms(recording: Recording, name: str, killed_s: float) -> float:
     """From the kill to the first radio frame whose command was computed from a pose after it."""
     poses = recording.messages(channels.POSE, name)
     after = {(pose.epoch, pose.frame) for pose, arrived_s in poses if arrived_s > killed_s}
@@ -185,7 +176,7 @@ def _flown_again_ms(recording: Recording, name: str, killed_s: float) -> float:
     raise NotReachedError(f"{name} is not flown any more")
 
 
-def _deviation_mm(
+def deviation_mm(
     recording: Recording, names: Sequence[str], killed_s: float, *, before: bool = False
 ) -> float | None:
     """Largest distance of the vehicles from the middle of their true places before the kill [mm]."""
@@ -193,19 +184,15 @@ def _deviation_mm(
     largest = None
     for name in names:
         early = [np.array(m.vehicles[name].position_m) for m, at_s in states if at_s <= killed_s]
-        chosen = (
-            early
-            if before
-            else [np.array(m.vehicles[name].position_m) for m, at_s in states if at_s > killed_s]
-        )
+        late = [np.array(m.vehicles[name].position_m) for m, at_s in states if at_s > killed_s]
         middle = np.mean(early, axis=0)
-        distance = max(1000 * float(np.linalg.norm(place - middle)) for place in chosen)
+        distance = max(1000 * float(np.linalg.norm(place - middle)) for place in (early if before else late))
         largest = distance if largest is None else max(largest, distance)
     return None if largest is None else round(largest, 1)
 
 
 def _counts(fleet: Fleet, name: str) -> dict[str, int]:
-    """Counters of the agent and the transmitter that tell of something unusual."""
+    """Counters of unusual events of the agent and the transmitter."""
     state = fleet.state_of(name)
     found: dict[str, int] = {}
     if isinstance(state.agent, AgentStatus):
@@ -219,10 +206,10 @@ def _counts(fleet: Fleet, name: str) -> dict[str, int]:
     return found
 
 
-def _difference(
+def difference(
     before: dict[str, dict[str, int]], after: dict[str, dict[str, int]]
 ) -> dict[str, dict[str, int]]:
-    """What was counted in between; a process that started again counts from zero."""
+    """Differences of counters; a process that started again counts from zero."""
     return {
         name: {
             kind: count - was
@@ -233,7 +220,8 @@ def _difference(
     }
 
 
-def _summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Percentiles of the figures of several kills, and their events."""
     figures: dict[str, Any] = {}
     for field in rows[0]:
         values = [row[field] for row in rows if isinstance(row[field], float)]

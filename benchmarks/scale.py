@@ -1,7 +1,7 @@
-"""Fleets of growing size on this computer: how many vehicles are controlled without missing a period?
+"""Fleets of growing size on this computer, up to the first that misses control periods.
 
 Every fleet is a leader with the others on rings around it, in the simulated laboratory, with all processes of
-a real flight; the leader flies from set point to set point, so everybody follows a plan that changes.
+a real flight; the leader flies from set point to set point, so that all plans change.
 """
 
 import math
@@ -15,6 +15,7 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any, Final
 
+from rcopterx.benchmarks.programs import Show
 from rcopterx.bus import channels
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.ground_station.report.figures import FlightFigures
@@ -25,13 +26,10 @@ from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
-SIZES: Final = (3, 6, 8, 10, 12, 14, 16)
-HORIZON: Final = 30
-SECONDS: Final = 60.0
 RATE_HZ: Final = 50.0
 """Frames of the motion capture; control periods stay 20 ms."""
 SETTLE_S: Final = 3.0
-"""Pause after the formation is reached: what taking off and its solver times leave behind is not measured."""
+"""Pause after the formation is reached, so that the take-off is not measured."""
 LEG_S: Final = 4.0
 """Between two set points of the leader."""
 LEGS_M: Final = ((0.2, 0.0, 1.0), (0.2, 0.2, 1.2), (0.0, 0.2, 1.0), (0.0, 0.0, 1.0))
@@ -44,21 +42,9 @@ LEFT_OUT: Final = "control_left_out"
 """Fallback of agents that control at half rate."""
 ROLES: Final = ("router", "simulator", "tracker", "transmitters", "agent")
 
-Tell = Callable[[str], None]
-
 
 def fleet_text(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> str:
-    """Fleet file with so many vehicles.
-
-    Parameters
-    ----------
-    vehicles
-        At least one.
-    horizon
-        Stages N of every controller.
-    rate_hz
-        Frame rate of the simulated Tracker.
-    """
+    """Fleet file with a number of vehicles, a horizon and a frame rate of the simulated Tracker."""
     room_m = RING_M * _ring(vehicles - 1)[0] + MARGIN_M
     head = f"""
 name = "scale"
@@ -105,33 +91,16 @@ def _ring(number: int) -> tuple[int, int]:
 
 
 def run(
-    sizes: Sequence[int], horizon: int, seconds: float, tell: Tell, rate_hz: float = RATE_HZ
+    sizes: Sequence[int], horizon: int, seconds: float, show: Show, rate_hz: float = RATE_HZ
 ) -> dict[str, Any]:
     """Fly fleets of growing size; returns the JSON document of `rcopterx bench scale`.
 
-    Parameters
-    ----------
-    sizes
-        Numbers of vehicles, flown in growing order.
-    horizon
-        Stages N.
-    seconds
-        How long each fleet is measured.
-    tell
-        Told what is going on.
-    rate_hz
-        Frame rate of the simulated Tracker.
-
-    Returns
-    -------
-    dict
-        `largest_fleet`, the largest one up to which no fleet missed a control period or left one out (0 if
-        the first one did), and `runs`; a fleet that could not be flown has a `problem`, and no larger one is
-        tried.
+    `largest_fleet` is the largest one up to which no fleet missed or left out a control period, 0 if the
+    first one did. A fleet that cannot be flown has a `problem` in `runs`, and no larger one is flown.
     """
     runs = []
     for vehicles in sorted(sizes):
-        runs.append(_measured_or_failed(vehicles, horizon, seconds, tell, rate_hz))
+        runs.append(_measured_or_failed(vehicles, horizon, seconds, show, rate_hz))
         if "problem" in runs[-1]:
             break
     largest = 0
@@ -143,12 +112,12 @@ def run(
 
 
 def _measured_or_failed(
-    vehicles: int, horizon: int, seconds: float, tell: Tell, rate_hz: float
+    vehicles: int, horizon: int, seconds: float, show: Show, rate_hz: float
 ) -> dict[str, Any]:
     try:
-        return _measured(vehicles, horizon, seconds, tell, rate_hz)
+        return _measured(vehicles, horizon, seconds, show, rate_hz)
     except FLIGHT_ERRORS as error:
-        tell(f"{vehicles} vehicles: {'; '.join(lines_of(error))}")
+        show(f"{vehicles} vehicles: {'; '.join(lines_of(error))}")
         return {
             "vehicles": vehicles, "horizon": horizon, "missed_ticks": None, "pose_to_command_ms": None,
             "problem": str(error),
@@ -157,13 +126,7 @@ def _measured_or_failed(
 
 @contextmanager
 def started(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Iterator[tuple[Fleet, Launcher]]:
-    """A fleet of that size on this computer's floor, and its launcher; at the end it lands and is stopped.
-
-    Raises
-    ------
-    FLIGHT_ERRORS
-        It does not start.
-    """
+    """A fleet on the floor, and its launcher; at the end it lands and is stopped."""
     with tempfile.TemporaryDirectory(prefix="rcopterx-") as directory:
         path = Path(directory) / "scale.toml"
         path.write_text(fleet_text(vehicles, horizon, rate_hz), encoding="utf-8")
@@ -175,13 +138,7 @@ def started(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Iterator[t
 
 @contextmanager
 def in_formation(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Iterator[tuple[Fleet, Launcher]]:
-    """A fleet that has been `started`, in formation.
-
-    Raises
-    ------
-    FLIGHT_ERRORS
-        It cannot be flown.
-    """
+    """A fleet that has been `started`, in formation."""
     with started(vehicles, horizon, rate_hz) as (fleet, launcher):
         fleet.take_off()
         fleet.wait_for_formation()
@@ -190,7 +147,7 @@ def in_formation(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Itera
 
 
 def fly_legs(fleet: Fleet, seconds: float, flown: Callable[[float], object] = lambda _: None) -> None:
-    """Send the leader from set point to set point; `flown` is told before each how long it has flown [s]."""
+    """Send the leader from set point to set point; calls `flown` before each with the time flown [s]."""
     until_s = time.monotonic() + seconds
     for leg_m in cycle(LEGS_M):
         left_s = until_s - time.monotonic()
@@ -201,8 +158,8 @@ def fly_legs(fleet: Fleet, seconds: float, flown: Callable[[float], object] = la
         time.sleep(min(LEG_S, left_s))
 
 
-def _measured(vehicles: int, horizon: int, seconds: float, tell: Tell, rate_hz: float) -> dict[str, Any]:
-    tell(f"{vehicles} vehicles: starting")
+def _measured(vehicles: int, horizon: int, seconds: float, show: Show, rate_hz: float) -> dict[str, Any]:
+    show(f"{vehicles} vehicles: starting")
     with in_formation(vehicles, horizon, rate_hz) as (fleet, launcher):
         recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED, channels.AGENT_STATUS))
         cpu_s = cpu_of_roles(launcher)
@@ -211,7 +168,7 @@ def _measured(vehicles: int, horizon: int, seconds: float, tell: Tell, rate_hz: 
         fly_legs(
             fleet,
             seconds,
-            lambda flown_s: tell(f"{vehicles} vehicles: {flown_s:.0f} of {seconds:g} s flown"),
+            lambda flown_s: show(f"{vehicles} vehicles: {flown_s:.0f} of {seconds:g} s flown"),
         )
         recording = recorder.stop()
         flown_s = time.monotonic() - began_s
@@ -233,7 +190,7 @@ def _measured(vehicles: int, horizon: int, seconds: float, tell: Tell, rate_hz: 
         "solve_ms_p99": max(table["solve_ms"]["p99"] for table in tables),
         "cpu_share": shares,
     }
-    tell(
+    show(
         f"{vehicles} vehicles: {row['missed_ticks']} missed, {row['left_out_ticks']} left out, "
         f"pose to command {row['pose_to_command_ms']}"
     )
@@ -256,16 +213,23 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def draw_scale(document: dict[str, Any], figure: Any) -> None:
-    """Draw pose_to_command and the load against the number of vehicles.
+def scale_table(document: dict[str, Any]) -> str:
+    """Table of the runs, as text."""
+    lines = [f"{'vehicles':>8}{'missed':>8}{'left out':>10}{'p50':>9}{'p99':>9}{'max':>9}  cores used [ms]"]
+    for row in document["runs"]:
+        if "problem" in row:
+            lines.append(f"{row['vehicles']:>8}  {row['problem']}")
+            continue
+        times = "".join(f"{row['pose_to_command_ms'][name]:>9.2f}" for name in ("p50", "p99", "max"))
+        load = sum(row["cpu_share"].values())
+        counts = f"{row['missed_ticks']:>8}{row['left_out_ticks']:>10}"
+        lines.append(f"{row['vehicles']:>8}{counts}{times}  {load:.2f}")
+    lines.append(f"largest fleet without a missed or left out control period: {document['largest_fleet']}")
+    return "\n".join(lines)
 
-    Parameters
-    ----------
-    document
-        As `run` returns it.
-    figure
-        Empty `matplotlib.figure.Figure`.
-    """
+
+def draw_scale(document: dict[str, Any], figure: Any) -> None:
+    """Draw pose to command and the load against the number of vehicles."""
     figure.set_size_inches(10, 4.2)
     left, right = figure.subplots(1, 2)
     rows = [row for row in document["runs"] if row["pose_to_command_ms"]]

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,7 @@ from rcopterx.commands.numbers import different_numbers
 
 app = typer.Typer(no_args_is_help=True)
 
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the JSON document.")]
 PlotOption = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Draw the figure into this file (png, svg, pdf).")
 ]
@@ -28,9 +29,17 @@ def bench() -> None:
     """Measure speed, side by side with peers."""
 
 
+def _progress(name: str) -> Callable[[str], None]:
+    return lambda text: typer.echo(f"bench {name}: {text}", err=True)
+
+
+def _print(document: dict[str, Any], as_json: bool, readable: Callable[[dict[str, Any]], str]) -> None:
+    typer.echo(json.dumps(document, indent=2) if as_json else readable(document))
+
+
 @app.command()
 def solver(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     horizons: Annotated[
         str, typer.Option(metavar="N,N,...", help="Horizons, in stages.")
     ] = "10,18,30,50,80,110",
@@ -52,17 +61,17 @@ def solver(
         different_numbers(horizons, "--horizons", lowest=2, highest=200),
         STEPS if steps is None else steps,
         seed,
-        lambda text: typer.echo(f"bench solver: {text}", err=True),
+        _progress("solver"),
     )
     if plot is not None:
         save_figure(partial(draw_solver, document), plot)
         typer.echo(f"figure: {plot}", err=True)
-    typer.echo(json.dumps(document, indent=2) if as_json else _readable(document))
+    _print(document, as_json, _solver_lines)
 
 
 @app.command()
 def restart(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     rounds: Annotated[int, typer.Option(metavar="N", min=1, help="How often each process is killed.")] = 5,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
@@ -71,11 +80,11 @@ def restart(
     from rcopterx.fleet.shipped import fleet_path
 
     with user_errors():
-        document = run(fleet_path(fleet), rounds, lambda text: typer.echo(f"bench restart: {text}", err=True))
-    typer.echo(json.dumps(document, indent=2) if as_json else _restarts(document))
+        document = run(fleet_path(fleet), rounds, _progress("restart"))
+    _print(document, as_json, _restart_lines)
 
 
-def _restarts(document: dict[str, Any]) -> str:
+def _restart_lines(document: dict[str, Any]) -> str:
     """The start-up of a cold agent, then one line per process and figure."""
     start_up = ", ".join(
         f"{name.removesuffix('_ms')} {ms:g} ms" for name, ms in document["start_up_ms"].items()
@@ -92,19 +101,20 @@ def _restarts(document: dict[str, Any]) -> str:
 
 @app.command()
 def gateway(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     transmitters: Annotated[int, typer.Option(metavar="N", min=1, max=32, help="Transmitters served.")] = 8,
     seconds: Annotated[float, typer.Option(metavar="S", min=1, max=600, help="How long to measure.")] = 20.0,
 ) -> None:
     """Load of one transmitter gateway process, and time from a command to its serial frame."""
     from rcopterx.benchmarks.gateway import run
 
-    document = run(transmitters, seconds, lambda text: typer.echo(f"bench gateway: {text}", err=True))
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-        return
+    document = run(transmitters, seconds, _progress("gateway"))
+    _print(document, as_json, _gateway_line)
+
+
+def _gateway_line(document: dict[str, Any]) -> str:
     times = ", ".join(f"{name} {value:.3f}" for name, value in document["write_ms"].items())
-    typer.echo(
+    return (
         f"{document['transmitters']} transmitters: {document['cpu_share']:.1%} of one core; "
         f"write on arrival [ms]: {times}; {document['writes']} writes; "
         f"load of the machine before {document['load_before']:.1f}"
@@ -113,7 +123,7 @@ def gateway(
 
 @app.command()
 def requests(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Requests of each kind.")] = 100,
 ) -> None:
     """Round trips of requests to agents in flight, on the trio."""
@@ -122,17 +132,20 @@ def requests(
 
     with user_errors():
         path = fleet_path("trio")
-        document = run(path, rounds, lambda text: typer.echo(f"bench requests: {text}", err=True))
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-        return
-    for name, row in document["round_trip_ms"].items():
-        typer.echo(f"{name:22}" + "".join(f"{key:>6} {value:8.3f}" for key, value in row.items()) + "  [ms]")
+        document = run(path, rounds, _progress("requests"))
+    _print(document, as_json, _request_lines)
+
+
+def _request_lines(document: dict[str, Any]) -> str:
+    return "\n".join(
+        f"{name:22}" + "".join(f"{key:>6} {value:8.3f}" for key, value in row.items()) + "  [ms]"
+        for name, row in document["round_trip_ms"].items()
+    )
 
 
 @app.command()
 def scale(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     vehicles: Annotated[
         str, typer.Option(metavar="N,N,...", help="Numbers of vehicles to fly.")
     ] = "3,6,8,10,12,14,16",
@@ -149,35 +162,21 @@ def scale(
     plot: PlotOption = None,
 ) -> None:
     """Fleets of growing size on this computer: missed control periods, pose to command, load."""
-    from rcopterx.benchmarks.scale import draw_scale, run
+    from rcopterx.benchmarks.scale import draw_scale, run, scale_table
     from rcopterx.experiments.figures import save_figure
 
     check_plot(plot)
     sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=63)
     with user_errors():
-        document = run(
-            sizes, horizon, seconds, lambda text: typer.echo(f"bench scale: {text}", err=True), rate
-        )
+        document = run(sizes, horizon, seconds, _progress("scale"), rate)
     if plot is not None:
         save_figure(partial(draw_scale, document), plot)
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-        return
-    typer.echo(f"{'vehicles':>8}{'missed':>8}{'left out':>10}{'p50':>9}{'p99':>9}{'max':>9}  cores used [ms]")
-    for row in document["runs"]:
-        if "problem" in row:
-            typer.echo(f"{row['vehicles']:>8}  {row['problem']}")
-            continue
-        times = "".join(f"{row['pose_to_command_ms'][name]:>9.2f}" for name in ("p50", "p99", "max"))
-        load = sum(row["cpu_share"].values())
-        counts = f"{row['missed_ticks']:>8}{row['left_out_ticks']:>10}"
-        typer.echo(f"{row['vehicles']:>8}{counts}{times}  {load:.2f}")
-    typer.echo(f"largest fleet without a missed or left out control period: {document['largest_fleet']}")
+    _print(document, as_json, scale_table)
 
 
 @app.command()
 def overload(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     factor: Annotated[
         float,
         typer.Option(metavar="F", min=0.5, max=5, help="Vehicles for each one that this computer serves."),
@@ -187,32 +186,34 @@ def overload(
         float, typer.Option(metavar="S", min=1, max=3600, help="How long the flight is watched.")
     ] = 60.0,
 ) -> None:
-    """A fleet too large for this computer: does everybody fly on, slower, and apart?"""
+    """A fleet too large for this computer: do all fly on, at a lower rate, and keep apart?"""
     from rcopterx.benchmarks.overload import run
 
     with user_errors():
-        document = run(factor, horizon, seconds, lambda text: typer.echo(f"bench overload: {text}", err=True))
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-        return
-    typer.echo(
+        document = run(factor, horizon, seconds, _progress("overload"))
+    _print(document, as_json, _overload_lines)
+
+
+def _overload_lines(document: dict[str, Any]) -> str:
+    lines = [
         f"{document['vehicles']} vehicles where {document['serves']} are served, {document['seconds']:g} s, "
-        f"{document['cores']} cores used\n"
-        f"control periods left out: {document['left_out_ticks']}, missed: {document['missed_ticks']}\n"
+        f"{document['cores']} cores used",
+        f"control periods left out: {document['left_out_ticks']}, missed: {document['missed_ticks']}",
         f"smallest distance: {document['closest_m']} m; touchdowns: {document['touchdowns']}; "
-        f"{document['off_mm_rms']} mm rms off their references"
-    )
+        f"{document['off_mm_rms']} mm rms off their references",
+    ]
     for name, states in document["not_armed"].items():
         counts = ", ".join(f"{state} in {count} radio frames" for state, count in states.items())
-        typer.echo(f"{name} was not flown by its agent all the time: {counts}")
+        lines.append(f"{name} was not flown by its agent all the time: {counts}")
     if not document["not_armed"]:
-        typer.echo("everybody was flown by its agent all the time")
+        lines.append("all vehicles were flown by their agents all the time")
+    return "\n".join(lines)
 
 
 @app.command()
 def cost(
     against: Annotated[Path, typer.Option(metavar="DIRECTORY", help="Checkout to compare this one with.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     only: Annotated[
         str,
         typer.Option(
@@ -222,24 +223,23 @@ def cost(
     ] = "six,trio,radio,step",
     rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Runs of each trial and checkout.")] = 3,
 ) -> None:
-    """What this checkout costs beside another one, in alternating runs: load, latency, memory."""
+    """Compare this checkout with another one in alternating runs: load, latency, memory."""
     from rcopterx.benchmarks.cost import TRIALS, CostError, run, table
 
     names = only.split(",")
     if unknown := [name for name in names if name not in TRIALS]:
         raise typer.BadParameter(f"{unknown[0]}: there are {', '.join(TRIALS)}", param_hint="--only")
-    tell = partial(typer.echo, err=True)
     try:
-        document = run(against, names, rounds, lambda text: tell(f"bench cost: {text}"))
+        document = run(against, names, rounds, _progress("cost"))
     except CostError as error:
-        tell(f"error: {error}")
+        typer.echo(f"error: {error}", err=True)
         raise typer.Exit(EXIT_FAILED) from None
-    typer.echo(json.dumps(document, indent=2) if as_json else "\n".join(table(document)))
+    _print(document, as_json, lambda found: "\n".join(table(found)))
 
 
 @app.command()
 def links(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Cuts of each length.")] = 5,
     cuts: Annotated[
         str, typer.Option("--cuts-ms", metavar="MS,MS,...", help="How long the link is cut, in milliseconds.")
@@ -250,24 +250,26 @@ def links(
 
     cuts_s = [cut_ms / 1e3 for cut_ms in different_numbers(cuts, "--cuts-ms", lowest=1, highest=60_000)]
     with _network_errors():
-        document = run(cuts_s, rounds, lambda text: typer.echo(f"bench links: {text}", err=True))
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-        return
-    typer.echo(f"{'cut [s]':>8}  {'direction':10}{'heal [ms]':>24}{'longest gap [ms]':>18}{'stale':>7}")
+        document = run(cuts_s, rounds, _progress("links"))
+    _print(document, as_json, _link_lines)
+
+
+def _link_lines(document: dict[str, Any]) -> str:
+    lines = [f"{'cut [s]':>8}  {'direction':10}{'heal [ms]':>24}{'longest gap [ms]':>18}{'stale':>7}"]
     for cut, done in document["cuts"].items():
         for direction in done[0]:
             rows = [each[direction] for each in done]
             heals = sorted(math.inf if row["heal_ms"] is None else row["heal_ms"] for row in rows)
-            typer.echo(
+            lines.append(
                 f"{cut:>8}  {direction:10}{f'{heals[len(heals) // 2]:.0f}, at most {heals[-1]:.0f}':>24}"
                 f"{max(row['gap_ms'] for row in rows):>18.0f}{max(row['stale'] for row in rows):>7}"
             )
+    return "\n".join(lines)
 
 
 @app.command()
 def hosts(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Flights of each kind.")] = 2,
     seconds: Annotated[
         float, typer.Option(metavar="S", min=1, max=600, help="How long each flight is measured.")
@@ -277,26 +279,32 @@ def hosts(
     from rcopterx.benchmarks.hosts import run
 
     with user_errors(), _network_errors():
-        document = run(rounds, seconds, lambda text: typer.echo(f"bench hosts: {text}", err=True))
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-        return
+        document = run(rounds, seconds, _progress("hosts"))
+    _print(document, as_json, _host_lines)
+
+
+def _host_lines(document: dict[str, Any]) -> str:
+    lines = []
     for name in ("one_host", "four_hosts"):
         row = document[name]
         times = ", ".join(f"{kind} {value:.2f}" for kind, value in row["pose_to_command_ms"].items())
-        typer.echo(
+        lines.append(
             f"{name.replace('_', ' '):10} pose to command [ms]: {times}; "
             f"{row['missed']} of {row['periods']} periods missed"
         )
         for stage, figures in row["stages_ms"].items():
-            typer.echo(f"  {stage:28}" + ", ".join(f"{kind} {value:.2f}" for kind, value in figures.items()))
-    typer.echo(f"p99 over four hosts: {document['ratio_p99']:.2f} times that of one")
+            lines.append(
+                f"  {stage:28}" + ", ".join(f"{kind} {value:.2f}" for kind, value in figures.items())
+            )
+    return "\n".join([*lines, f"p99 over four hosts: {document['ratio_p99']:.2f} times that of one"])
 
 
 @app.command()
 def kill(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
-    presses: Annotated[int, typer.Option(metavar="N", min=1, help="How often each way is tried.")] = 20,
+    as_json: JsonOption = False,
+    repeats: Annotated[
+        int, typer.Option("--presses", metavar="N", min=1, help="How often each way is tried.")
+    ] = 20,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """KILL by a script and by the space bar of the page; how long until every radio gets throttle low?"""
@@ -304,18 +312,21 @@ def kill(
     from rcopterx.fleet.shipped import fleet_path
 
     with user_errors():
-        document = run(fleet_path(fleet), presses, lambda text: typer.echo(f"bench kill: {text}", err=True))
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-        return
+        document = run(fleet_path(fleet), repeats, _progress("kill"))
+    _print(document, as_json, _kill_lines)
+
+
+def _kill_lines(document: dict[str, Any]) -> str:
+    lines = []
     for way, figures in document["low_ms"].items():
-        told = "-" if figures is None else "p50 {p50:.0f}, p99 {p99:.0f}, max {max:.0f} ms".format(**figures)
-        typer.echo(f"{way:8}{told}")
+        text = "-" if figures is None else "p50 {p50:.0f}, p99 {p99:.0f}, max {max:.0f} ms".format(**figures)
+        lines.append(f"{way:8}{text}")
+    return "\n".join(lines)
 
 
 @app.command()
 def page(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     runs: Annotated[int, typer.Option(metavar="N", min=1, help="How often the page is started.")] = 5,
     from_start: Annotated[
         bool, typer.Option("--from-start", help="Start the fleet together with the page, each time.")
@@ -331,36 +342,33 @@ def page(
         typer.echo(f"error: this needs {NEEDED}", err=True)
         raise typer.Exit(EXIT_FAILED)
     with user_errors():
-        document = run(
-            fleet_path(fleet), runs, from_start, lambda text: typer.echo(f"bench page: {text}", err=True)
-        )
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-        return
-    for what in ("served_s", "usable_s"):
-        typer.echo("{:10}p50 {p50:.1f}, max {max:.1f} s".format(what.removesuffix("_s"), **document[what]))
+        document = run(fleet_path(fleet), runs, from_start, _progress("page"))
+    _print(document, as_json, _page_lines)
+
+
+def _page_lines(document: dict[str, Any]) -> str:
+    return "\n".join(
+        "{:10}p50 {p50:.1f}, max {max:.1f} s".format(what.removesuffix("_s"), **document[what])
+        for what in ("served_s", "usable_s")
+    )
 
 
 @app.command()
 def alarms(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     seconds: Annotated[float, typer.Option(metavar="SECONDS", min=1, help="Length of the flight.")] = 3600.0,
     busy: Annotated[int, typer.Option(metavar="N", min=0, help="Busy processes beside it.")] = 2,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
-    """A long hover beside busy processes; does the watchdog end what does not hang? Exit code 1 if so."""
+    """A long hover beside busy processes; does the watchdog end one that does not hang? Exit code 1 if so."""
     from rcopterx.benchmarks.false_alarms import run
     from rcopterx.fleet.shipped import fleet_path
 
     with user_errors():
-        document = run(
-            fleet_path(fleet), seconds, busy, lambda text: typer.echo(f"bench alarms: {text}", err=True)
-        )
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-    else:
-        for name, figure in document.items():
-            typer.echo(f"{name:18} {figure}")
+        document = run(fleet_path(fleet), seconds, busy, _progress("alarms"))
+    _print(
+        document, as_json, lambda found: "\n".join(f"{name:18} {figure}" for name, figure in found.items())
+    )
     if document["hung"] or document["spares_hung"]:
         raise typer.Exit(EXIT_FAILED)
 
@@ -377,7 +385,7 @@ def _network_errors() -> Iterator[None]:
         raise typer.Exit(EXIT_FAILED) from None
 
 
-def _readable(document: dict[str, Any]) -> str:
+def _solver_lines(document: dict[str, Any]) -> str:
     """One line per horizon and solver."""
     lines = [f"{'N':>4}  {'solver':24}" + "".join(f"{column:>12}" for column in COLUMNS)]
     for horizon, solvers in document["horizons"].items():

@@ -61,12 +61,12 @@ def test_loads_are_per_vehicle() -> None:
     assert (found["missed_periods"], found["pose_to_command_p99_ms"], found["memory_mb"]) == (2, 5.0, 100.0)
 
 
-def test_a_fleet_that_did_not_fly_is_told_with_its_problem() -> None:
+def test_fleet_that_did_not_fly_is_an_error_with_its_problem() -> None:
     row = {"vehicles": 2, "missed_ticks": None, "problem": "no pose of h2"}
     with pytest.raises(CostError, match="no pose of h2"):
         fleet_figures({"runs": [row]}, 0.0)
-    report = {"manoeuvre": "hover", "frame_to_radio_ms": None, "problem": "nobody is ready"}
-    with pytest.raises(CostError, match="nobody is ready"):
+    report = {"manoeuvre": "hover", "frame_to_radio_ms": None, "problem": "no vehicle is ready"}
+    with pytest.raises(CostError, match="no vehicle is ready"):
         manoeuvre_figures(report, 0.0)
 
 
@@ -85,7 +85,7 @@ def test_what_has_a_target_is_listed_first() -> None:
     assert aside.split() == ["six:", "aside", "3.000", "0.000", "-"]
 
 
-def test_a_command_without_a_document_is_told_with_its_last_words(tmp_path: Path) -> None:
+def test_command_without_a_document_is_an_error_with_its_last_line(tmp_path: Path) -> None:
     (tmp_path / "rcopterx").mkdir()
     (tmp_path / "rcopterx" / "__main__.py").write_text("import sys; sys.exit('no router answers')")
     with pytest.raises(CostError, match="bench scale ended with 1: no router answers"):

@@ -34,5 +34,5 @@ def test_busy_processes_use_a_processor_and_end_with_the_flight() -> None:
         return false_alarms.BUSY.encode() in Path(f"/proc/{pid}/cmdline").read_bytes()
 
     with false_alarms.busy_processes(2):
-        wait_for(lambda: len(running()) == 2, "nobody is busy")
+        wait_for(lambda: len(running()) == 2, "no busy processes")
     assert running() == []

@@ -44,9 +44,7 @@ def test_fleets_start_until_one_is_too_large_by_the_factor(
     assert flown == [15]
 
 
-def test_a_computer_that_changes_its_mind_all_the_time_is_told(
-    flown: Flown, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_measurement_that_keeps_changing_is_an_error(flown: Flown, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(overload, "_served", lambda vehicles, _: vehicles)
     with pytest.raises(FLIGHT_ERRORS, match=f"was different {overload.ATTEMPTS} times"):
         overload.run(1.1, 30, 60.0, lambda _: None)
@@ -59,7 +57,9 @@ def test_the_first_fleet_flies_where_it_is_too_large(flown: Flown, monkeypatch: 
     assert flown == [12]
 
 
-def test_a_computer_too_fast_for_any_fleet_is_told(flown: Flown, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_computer_too_fast_for_the_largest_fleet_is_an_error(
+    flown: Flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(overload, "_served", lambda *_: 50)
     with pytest.raises(FLIGHT_ERRORS, match=r"1\.5 times what this computer serves are more than 63"):
         overload.run(1.5, 30, 60.0, lambda _: None)
@@ -101,7 +101,7 @@ def verdict_of(flight: Recording) -> dict[str, Any]:
     return overload.verdict(FlightFigures(flight, ["h1", "h2"]), ["h1", "h2"])
 
 
-def test_who_is_near_held_or_on_the_floor_is_told() -> None:
+def test_verdict_has_distances_held_vehicles_and_touchdowns() -> None:
     found = verdict_of(recording([0.75, 0.31, 0.6], ["armed", "hold", "hold"], [1, 1, 2]))
     assert found["closest_m"] == 0.31
     assert found["not_armed"] == {"h2": {"hold": 2}}

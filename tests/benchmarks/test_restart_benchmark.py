@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rcopterx.benchmarks.restart import _deviation_mm, _difference, _flown_again_ms, _summary
+from rcopterx.benchmarks.restart import deviation_mm, difference, flown_again_ms, summary
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.message import Message
@@ -45,24 +45,24 @@ def test_only_a_command_from_a_pose_after_the_kill_flies_again() -> None:
             pose(3, 10.03), applied(3, 10.06),
         ]
     )  # fmt: skip
-    assert _flown_again_ms(recording, "h1", 10.0) == pytest.approx(60.0)
+    assert flown_again_ms(recording, "h1", 10.0) == pytest.approx(60.0)
     with pytest.raises(NotReachedError, match="h1 is not flown any more"):
-        _flown_again_ms(Recording([pose(1, 9.9), applied(1, 10.1)]), "h1", 10.0)
+        flown_again_ms(Recording([pose(1, 9.9), applied(1, 10.1)]), "h1", 10.0)
 
 
 def test_deviations_count_from_the_middle_of_the_places_before_the_kill() -> None:
     recording = Recording([truth(x, at) for x, at in ((0.01, 9.0), (-0.01, 9.5), (0.05, 10.1), (0.02, 10.2))])
-    assert _deviation_mm(recording, ["h1"], 10.0) == pytest.approx(50.0)
-    assert _deviation_mm(recording, ["h1"], 10.0, before=True) == pytest.approx(10.0)
-    assert _deviation_mm(recording, [], 10.0) is None
+    assert deviation_mm(recording, ["h1"], 10.0) == pytest.approx(50.0)
+    assert deviation_mm(recording, ["h1"], 10.0, before=True) == pytest.approx(10.0)
+    assert deviation_mm(recording, [], 10.0) is None
 
 
 def test_counters_of_a_process_that_started_again_begin_at_zero() -> None:
     before = {"h1": {"pose_extrapolated": 5, "held": 1, "same": 2}}
     after = {"h1": {"pose_extrapolated": 2, "held": 4, "same": 2, "new": 1}}
-    assert _difference(before, after) == {"h1": {"pose_extrapolated": 2, "held": 3, "new": 1}}
+    assert difference(before, after) == {"h1": {"pose_extrapolated": 2, "held": 3, "new": 1}}
 
 
 def test_rounds_are_summed_up_by_figure() -> None:
     rows = [{"flown_again_ms": float(ms), "others": None, "events": {}} for ms in np.arange(1, 4)]
-    assert _summary(rows) == {"flown_again_ms": {"p50": 2.0, "p99": 2.98, "max": 3.0}, "events": [{}, {}, {}]}
+    assert summary(rows) == {"flown_again_ms": {"p50": 2.0, "p99": 2.98, "max": 3.0}, "events": [{}, {}, {}]}

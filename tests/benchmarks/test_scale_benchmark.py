@@ -78,7 +78,7 @@ def test_a_fleet_that_cannot_be_flown_ends_the_series_with_the_reason(
     assert [run.get("problem") for run in document["runs"]] == [None, "h3 is held"]
 
 
-def test_a_fleet_that_was_not_started_here_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fleet_that_was_not_started_here_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     @contextmanager
     def elsewhere(_: Path, *, record: bool) -> Iterator[Any]:
         assert not record

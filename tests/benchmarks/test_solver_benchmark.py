@@ -9,9 +9,9 @@ def test_every_installed_contestant_is_timed_and_solves_its_problems(monkeypatch
     """Set points with turns follow each other quickly here, so that all matrices change."""
     monkeypatch.setattr(flight, "HOLD_S", 0.1)
     monkeypatch.setattr(judge, "EVERY", 3)
-    told: list[str] = []
-    result = solver.run(horizons=(6,), steps=40, seed=1, progress=told.append)
-    assert told
+    shown: list[str] = []
+    result = solver.run(horizons=(6,), steps=40, seed=1, progress=shown.append)
+    assert shown
     figures = result["horizons"]["6"]
     assert set(figures) | set(result["missing"]) == set(solver.CONTESTANTS)
     assert {"cascade", "cascade_no_lag", "paper_constant", "paper_relinearized"} <= set(figures)

@@ -1,4 +1,4 @@
-"""Promises of long formations in the rig: nobody drifts away from its leaders, whatever the graph."""
+"""Promises of long formations in the rig: followers stay beside their leaders in every graph."""
 
 import numpy as np
 import pytest

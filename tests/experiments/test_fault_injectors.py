@@ -1,4 +1,4 @@
-"""What goes wrong goes wrong with real processes, and is over when it shall be."""
+"""Faults of real processes begin and end as ordered."""
 
 import errno
 import os
@@ -100,7 +100,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
             stack.callback(supervisor.close)
             launcher = SimpleNamespace(supervisor=supervisor, directory=tmp_path)
             fleet = SimpleNamespace(launcher=launcher)
-            return Bench(fleet, lambda _: None, time.sleep, tmp_path / "lab.toml"), supervisor  # type: ignore[arg-type]  # only what is asked for
+            return Bench(fleet, lambda _: None, time.sleep, tmp_path / "lab.toml"), supervisor  # type: ignore[arg-type]  # a partial stand-in
 
         yield started
 
@@ -167,7 +167,7 @@ def test_a_crash_loop_may_end_by_itself(start: Start) -> None:
         wait_for(lambda: len(supervisor.processes) > 2, "they do not die")
 
     with DiesAtStart("it", None, 0.1).active(replace(bench, wait=some_died)):
-        wait_for(lambda: supervisor.processes[-1].poll() is None, "nobody lives")
+        wait_for(lambda: supervisor.processes[-1].poll() is None, "no process survives")
 
 
 def test_a_number_of_successors_dies_at_its_start_and_the_next_one_lives(start: Start) -> None:
@@ -180,9 +180,9 @@ def test_a_number_of_successors_dies_at_its_start_and_the_next_one_lives(start: 
 def test_every_successor_dies_until_the_crash_loop_ends(start: Start) -> None:
     bench, supervisor = start(SLEEPS)
     with DiesAtStart("it", None).active(bench):
-        wait_for(lambda: len(supervisor.processes) > 5, "somebody lives")
+        wait_for(lambda: len(supervisor.processes) > 5, "a process survives")
     last = supervisor.processes[-1]
-    wait_for(lambda: supervisor.processes[-1].poll() is None, "nobody lives")
+    wait_for(lambda: supervisor.processes[-1].poll() is None, "no process survives")
     assert supervisor.processes.index(last) >= 4
 
 
@@ -228,7 +228,7 @@ def test_processes_get_slow_spin_and_show_another_time_from_inside(
 def test_a_slow_process_takes_longer_for_every_turn(obedient: tuple[Bench, OneProcess]) -> None:
     _, supervisor = obedient
     process = supervisor.processes[0]
-    wait_for(lambda: ask(process)[0] < 0.03, "it is slow before it is told to be")
+    wait_for(lambda: ask(process)[0] < 0.03, "it is slow without an order")
     give_order(process.pid, "slow", by_s=0.03, seconds=60.0)
     wait_for(lambda: ask(process)[0] >= 0.03, "it is not slow")
 

@@ -1,4 +1,4 @@
-"""The matrix of flown faults grows from run to run and tells of every row."""
+"""The matrix of flown faults grows from run to run and lists every row."""
 
 import json
 from pathlib import Path
@@ -23,11 +23,11 @@ def flown(name: str, problem: str | None = None) -> Report:
 
 def test_rows_that_are_flown_later_join_the_earlier_ones_in_the_order_of_the_table(tmp_path: Path) -> None:
     matrix.write_reports([flown("router-spins"), flown("bus-loss")], tmp_path)
-    page = matrix.write_reports([flown("leader-killed"), flown("bus-loss", "nobody flew <it>")], tmp_path)
+    page = matrix.write_reports([flown("leader-killed"), flown("bus-loss", "no vehicle flew <it>")], tmp_path)
     assert list(matrix.read_reports(tmp_path)) == ["leader-killed", "router-spins", "bus-loss"]
     text = page.read_text()
     assert "<h1>Flown faults: 2 passed, 1 failed</h1>" in text
-    assert "nobody flew &lt;it&gt;" in text
+    assert "no vehicle flew &lt;it&gt;" in text
     assert text.count("<section") == 3
 
 
@@ -78,7 +78,7 @@ def test_a_page_without_marks_is_left_alone(tmp_path: Path) -> None:
         matrix.main(str(tmp_path), str(page))
 
 
-def test_the_safety_page_tells_of_every_fault() -> None:
+def test_safety_page_lists_every_fault() -> None:
     table = SAFETY.read_text().partition(matrix.BEGIN)[2].partition(matrix.END)[0]
     names = [line.split("`")[1] for line in table.splitlines() if line.startswith("| `")]
     assert names == list(FAULT_FLIGHTS)

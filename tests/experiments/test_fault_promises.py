@@ -21,7 +21,7 @@ def failed(promise: Promise, down: tuple[str, ...], seen: dict[str, Seen]) -> li
     return [check["name"] for check in judged(promise, down, LIMITS[promise], seen) if not check["passed"]]
 
 
-def test_a_flight_in_which_nobody_leaves_its_place_keeps_the_promise_to_fly_on() -> None:
+def test_flight_in_which_all_keep_their_places_keeps_the_promise_to_fly_on() -> None:
     assert failed(ON, (), {"h1": FLEW, "h2": FLEW}) == []
 
 
@@ -52,7 +52,7 @@ def test_each_of_these_breaks_the_promise_to_land_closed_loop(seen: Seen, broken
     assert broken in failed(Promise.LANDS, ("h2",), {"h1": FLEW, "h2": seen})
 
 
-def test_nobody_else_may_come_down_where_one_vehicle_lands() -> None:
+def test_no_other_vehicle_may_come_down_where_one_lands() -> None:
     assert "no other vehicle comes down" in failed(Promise.LANDS, ("h2",), {"h1": LANDED, "h2": LANDED})
 
 
@@ -61,7 +61,7 @@ def test_a_row_without_limits_still_wants_to_know_who_comes_down() -> None:
     assert [check["passed"] for check in checks] == [True, False]
 
 
-def test_what_was_seen_is_told_in_words() -> None:
+def test_outcome_is_described_in_words() -> None:
     assert outcome(ON, {"h1": FLEW}) == "flies on"
     assert outcome(Promise.LANDS, {"h1": FLEW, "h2": LANDED}) == "h2 down after LAND, the others fly on"
     dropped = replace(LANDED, states_of_arbiter=("armed", "descend", "cut"))
@@ -87,9 +87,7 @@ def written(at_s: float, state: str = "armed", fresh: bool = True) -> Record:
     return Record("h1", "applied", encode(applied), at_s)
 
 
-def test_a_recording_shows_how_far_a_vehicle_was_from_its_place_and_for_how_long_nobody_commanded_it() -> (
-    None
-):
+def test_recording_shows_the_largest_distance_and_the_longest_time_without_a_command() -> None:
     records = [truth(1, 0.0), truth(2, 0.03), truth(3, 0.01)]
     records += [written(0.0), written(0.1, "hold", fresh=False), written(0.3)]
     seen = seen_of(Recording(records), {"h1": (0.0, 0.0, 1.0)})["h1"]
@@ -108,5 +106,5 @@ def test_the_hardest_touchdown_counts_and_the_place_of_the_last_one_although_the
     assert (seen.touchdown_m_s, seen.drift_mm, seen.silence_ms) == (0.7, 200.0, None)
 
 
-def test_nothing_is_known_of_a_vehicle_that_nobody_heard_of() -> None:
+def test_nothing_is_known_of_a_vehicle_without_messages() -> None:
     assert seen_of(Recording([]), {"h1": (0.0, 0.0, 1.0)})["h1"].states == 0

@@ -1,4 +1,4 @@
-"""Several flights of a fault are told as one, and the worst of them counts."""
+"""Several flights of a fault are reported as one, with the worst figures."""
 
 from rcopterx.experiments.faults.laboratory_injectors import Draining
 from rcopterx.experiments.faults.matrix import cells, page_of
@@ -22,16 +22,16 @@ def test_all_runs_that_passed_pass_with_the_worst_figures() -> None:
     assert "3 flights, 3 passed" in page_of([report])
 
 
-def test_one_run_that_failed_fails_and_tells_why() -> None:
+def test_one_run_that_failed_fails_the_row_with_its_problem() -> None:
     report = worst_of([run(20.0, 30.0), run(200.0, 30.0), run(30.0, 30.0)])
     assert (report["verdict"], report["passed"]) == ("failed", 2)
     assert [check["name"] for check in report["checks"] if not check["passed"]] == [
         "at most 150 mm from its place"
     ]
-    assert worst_of([run(20.0, 30.0, "nobody flew"), run(20.0, 30.0)])["problem"] == "nobody flew"
+    assert worst_of([run(20.0, 30.0, "no vehicle flew"), run(20.0, 30.0)])["problem"] == "no vehicle flew"
 
 
-def test_a_single_run_is_told_as_it_is() -> None:
+def test_single_run_is_reported_as_it_is() -> None:
     report = worst_of([run(20.0, 30.0)])
     assert "1 flight," in page_of([report])
     assert run(20.0, 30.0).items() <= report.items()

@@ -49,7 +49,7 @@ def test_a_fault_that_the_laboratory_does_not_know_is_refused() -> None:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
-def test_somebody_comes_down_exactly_where_that_is_promised(row: FaultFlight) -> None:
+def test_vehicles_come_down_exactly_where_that_is_promised(row: FaultFlight) -> None:
     assert set(row.down) <= set(FLEET.vehicles)
     assert bool(row.down) == (row.promise not in (Promise.FLIES_ON, Promise.REFUSED))
     assert not (row.chaos and row.down)

@@ -104,7 +104,7 @@ def test_frames_must_reach_the_radio_within_a_control_period(figures: Figures, p
         (None, 15.0, ["frame to radio slower than usual: p99 15 ms, on an idle computer at most 12 ms"]),
     ],
 )
-def test_latencies_above_those_of_an_idle_computer_are_told(
+def test_latencies_above_those_of_an_idle_computer_are_remarked_on(
     command_ms: float | None, radio_ms: float, remarks: list[str]
 ) -> None:
     report = {
@@ -133,7 +133,7 @@ def lab(
 
 def test_a_manoeuvre_takes_off_flies_records_and_lands(lab: Lab) -> None:
     fleet, vehicles = lab
-    said: list[str] = []
+    lines: list[str] = []
 
     def flown(running: Fleet, say: Say, wait: Wait) -> None:
         running["h1"].go_to((0.1, 0.2, 0.3))
@@ -147,8 +147,8 @@ def test_a_manoeuvre_takes_off_flies_records_and_lands(lab: Lab) -> None:
 
         running.wait_until(more, 10, "never")
 
-    result = fly(manoeuvre(flown), fleet, said.append, lambda _: None)
-    assert said == ["take-off to 0.6 m", "there", "landing"]
+    result = fly(manoeuvre(flown), fleet, lines.append, lambda _: None)
+    assert lines == ["take-off to 0.6 m", "there", "landing"]
     assert vehicles["h1"].verbs == ["Arm", "TakeOff", "GoTo", "Land", "Disarm"]
     phases = {message.phase for message, _ in result.recording.messages(channels.AGENT_STATUS, "h1")}
     assert phases == {"flying"}
@@ -156,7 +156,7 @@ def test_a_manoeuvre_takes_off_flies_records_and_lands(lab: Lab) -> None:
     assert result.problem is None
 
 
-def test_a_manoeuvre_that_fails_lands_the_fleet_and_tells_why(lab: Lab) -> None:
+def test_manoeuvre_that_fails_lands_the_fleet_and_reports_the_problem(lab: Lab) -> None:
     fleet, vehicles = lab
     vehicles["h1"].refusals["go_to"] = "no"
 
@@ -182,7 +182,7 @@ def test_the_papers_formation_sends_the_leader_and_moves_the_followers(lab: Lab)
     assert sum(waited) == row.seconds
 
 
-def test_a_vehicle_that_does_not_land_is_told_beside_what_went_wrong_before(lab: Lab) -> None:
+def test_landing_that_fails_is_reported_beside_the_earlier_problem(lab: Lab) -> None:
     fleet, vehicles = lab
     vehicles["h1"].refusals["land"] = "cannot"
 
@@ -233,7 +233,7 @@ def flying(fleet: Fleet, say: Say, wait: Wait) -> None:
     fleet.wait_for_phase("flying")
 
 
-def test_what_a_fleet_cannot_fly_is_told_with_the_reason(lab: Lab) -> None:
+def test_manoeuvre_that_a_fleet_cannot_fly_has_a_reason(lab: Lab) -> None:
     fleet, _ = lab
     assert reason_not_to_fly(manoeuvre(flying), fleet) == "made for the fleet trio; lab has no h3"
     row = replace(manoeuvre(flying), fleet="trio")

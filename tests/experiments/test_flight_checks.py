@@ -116,7 +116,7 @@ def test_offsets_in_the_heading_frame_are_judged_in_it(truth: bool) -> None:
     assert not flight.judged(checks.formation_held(1.0, 1.0))[0]
 
 
-def test_a_formation_nobody_flew_is_not_held() -> None:
+def test_formation_without_followers_is_not_held() -> None:
     assert Flight(0).judged(checks.formation_held()) == (False, {})
 
 

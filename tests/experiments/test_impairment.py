@@ -1,4 +1,4 @@
-"""A bad network loses, delays, doubles and reorders the shares that it is told to."""
+"""A bad network loses, delays, doubles and reorders the given shares of messages."""
 
 from support.waiting import FakeClock, wait_for
 

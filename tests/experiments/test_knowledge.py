@@ -22,7 +22,7 @@ PERIOD_S = 0.02
 
 
 @pytest.mark.parametrize("seed", [0, 3, 7])
-def test_exact_model_foretells_the_flight_of_a_drawn_helicopter(seed: int) -> None:
+def test_exact_model_predicts_the_flight_of_a_drawn_helicopter(seed: int) -> None:
     drawn = helicopter_of("h1", HELICOPTERS, seed)
     lag_s = sum(drawn.servo_lag_s) / 2
     straight = replace(drawn, servo_step=0.0, servo_lag_s=(lag_s, lag_s), trim=(0.0, 0.0, 0.0, 0.0))
@@ -35,7 +35,7 @@ def test_exact_model_foretells_the_flight_of_a_drawn_helicopter(seed: int) -> No
 
     tilt = model.tilt.dynamics()
     core, servo, velocity = np.zeros(tilt.size), np.zeros(2), np.zeros(2)
-    flown, foretold = [], []
+    flown, predicted = [], []
     for step in range(600):
         servo = servo + STEP_S / lag_s * (stick - servo)
         demand = heading_matrix(plant.motion[3]) @ (model.b[:2] * servo)  # the gyro lets it turn a little
@@ -43,27 +43,27 @@ def test_exact_model_foretells_the_flight_of_a_drawn_helicopter(seed: int) -> No
         core = core + STEP_S * (tilt.a @ core + tilt.b @ demand)
         plant.advance(STEP_S)
         if step % 100 == 99:
-            foretold.append(velocity)
+            predicted.append(velocity)
             flown.append(plant.state[3:5])
-    assert np.abs(np.array(flown) - foretold).max() < 0.08 * np.abs(flown).max()
+    assert np.abs(np.array(flown) - predicted).max() < 0.08 * np.abs(flown).max()
 
 
 @pytest.mark.parametrize("seed", [0, 3, 7])
-def test_exact_model_foretells_how_thrust_and_yaw_stick_turn_a_drawn_helicopter(seed: int) -> None:
+def test_exact_model_predicts_how_thrust_and_yaw_stick_turn_a_drawn_helicopter(seed: int) -> None:
     drawn = replace(helicopter_of("h1", HELICOPTERS, seed), trim=(0.0, 0.0, 0.0, 0.0))
     model, calm = exact_model(drawn), replace(IDEAL, transport_delay_s=0.0)
     hover = model.hover_input
     plant = Helicopter("h1", COAXIAL, calm, 0, Pose((0.0, 0.0, 5.0)), drawn)
     plant.set_input(tuple(hover.tolist()))
     plant.advance(1.0)
-    foretold = Estimate(np.array(plant.motion), hover, np.zeros(4))
+    predicted = Estimate(np.array(plant.motion), hover, np.zeros(4))
     rates = []
     for step in range(40):
         stick = hover + np.array([0.0, 0.0, 0.05, 0.02 if step >= 20 else 0.0])
         plant.set_input(tuple(stick.tolist()))
         plant.advance(PERIOD_S)
-        foretold = predict(model, foretold, stick, PERIOD_S)
-        rates.append((plant.motion[YAW_RATE], foretold.motion[YAW_RATE]))
+        predicted = predict(model, predicted, stick, PERIOD_S)
+        rates.append((plant.motion[YAW_RATE], predicted.motion[YAW_RATE]))
     flown, expected = np.array(rates).T
     assert np.abs(flown).max() > 0.2
     assert np.abs(flown - expected).max() < 0.12 * np.abs(flown).max()
