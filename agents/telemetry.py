@@ -8,7 +8,6 @@ import msgspec
 
 from rcopterx.agents.following.leader_plans import LeaderPlans
 from rcopterx.agents.following.links import present_link, target_link
-from rcopterx.agents.following.plan_arrays import packed
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.bus.message import FloatArray, Setting
@@ -16,6 +15,7 @@ from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink,
 from rcopterx.bus.rounding import all_rounded, rounded
 from rcopterx.bus.subscription import Received
 from rcopterx.bus.timing import CommandTiming
+from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
 from rcopterx.vehicles.tuples import three
 
@@ -108,7 +108,7 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, l
         period_s=flight.plan.period_s,
         start_s=flight.start_s,
         airborne=pilot.guidance.rotor_on,
-        trajectory=packed(flight.plan.samples, flight.plan.period_s),
+        trajectory=TrajectoryArray.of(flight.plan.samples),
         reference=reference,
         following=_following(pilot) if pilot.guidance.follows else (),
         followable=pilot.guidance.followable,

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 MAX_POSITION_M = 100.0
 MAX_MAGNITUDE = 1e6
 """Of any number of a trajectory, and of headings, which count turns; more would overflow in a controller."""

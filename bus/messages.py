@@ -28,14 +28,13 @@ from rcopterx.bus.message import (
     Three,
 )
 from rcopterx.bus.timing import CommandTiming
-from rcopterx.bus.trajectory_array import TrajectoryArray
+from rcopterx.bus.trajectory_array import PLAN_COLUMNS, TrajectoryArray
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
 MAX_STAGES = 200
-PLAN_COLUMNS = 12
 MAX_NEXT_INPUTS = 90
 """Enough for the time that planned inputs bridge, at the shortest control period."""
 MAX_KNOTS = 600
@@ -140,8 +139,8 @@ class Plan(Message, frozen=True, kw_only=True):
             raise InvalidMessageError(f"start_s: {self.start_s}, allowed is -1 to 1")
 
     def samples(self) -> "NDArray[np.float64]":
-        """The trajectory as an array, shape (stages, 12); unpacked anew by every call."""
-        return self.trajectory.to_numpy(self.period_s)
+        """Unpack the trajectory, shape (stages, 12)."""
+        return self.trajectory.to_numpy()
 
 
 class Command(Message, frozen=True, kw_only=True):

@@ -19,7 +19,6 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import CHANNELS
 from rcopterx.bus.message import SCHEMA_VERSION, FloatArray, Message
 from rcopterx.bus.requests import VERBS, Reply, Request
-from rcopterx.bus.trajectory_array import TrajectoryArray
 
 UNITS: Final = {
     "_m_s": "m/s",
@@ -36,7 +35,7 @@ UNITS: Final = {
 """Units by the end of a field's name; the first that fits counts."""
 
 EXAMPLE: Final[dict[str, Any]] = {
-    "schema_version": 1,
+    "schema_version": SCHEMA_VERSION,
     "epoch": 1700000000000,
     "frame": 4711,
     "lease": 1,
@@ -65,15 +64,8 @@ Zenoh *client* to the router of its host, put and subscribe to the keys below.
 - A name is `{name}`; every number is finite. A message is at most {size} bytes.
   Whatever breaks a rule is refused, counted, and shown in the status of the receiver.
 - A matrix is a map of `shape` (rows, columns) and `data`: 64-bit little-endian floats, row by row.
-- A trajectory is a map of `shape` (stages, 12) and `data`: whole numbers n in three blocks, each stage by
-  stage for x, y, z and yaw: the rates r, then the positions p, then the accelerations a. Signs are folded in
-  (n is sent as 2n, or as -2n - 1 if it is negative). The lowest bytes of all numbers come first, then the
-  next ones, up to the highest that are not all zero. With the period T, the unit a of the accelerations
-  (0.02, for z 0.005) and the unit u of the rates, a T within 1e-5 and 1e-3 (m, rad, s): sum the numbers of
-  the rates up twice and multiply by u. The first number of a position is p0; stage k is at
-  1e-4 (p0 + n[k]) + T (r[0] + ... + r[k-1]), where n[0] counts as 0. Accelerations are
-  a n[k] + (r[k+1] - r[k]) / T; the last stage takes the difference of the one before it. Plans of our
-  controllers have zeros for all of both but p0 and the last acceleration.
+- The trajectory of a plan is 16-bit integers with a scale and an offset for each of 12 columns. In Python:
+  `np.frombuffer(data, "<i2").reshape(12, -1).T * scale + offset`, shape (stages, 12).
 - `epoch` and `frame` come from the newest pose: the Tracker's frame number is the fleet's clock. No clocks of
   two hosts are ever compared.
 - Put with congestion control *drop*, not express, priority as in the table.
@@ -245,8 +237,6 @@ def _type(kind: Any, structures: dict[str, type]) -> str:
             return f"map of {_type(kind.key_type, structures)} to {_type(kind.value_type, structures)}"
         case types.StructType() if kind.cls is FloatArray:
             return "matrix"
-        case types.StructType() if kind.cls is TrajectoryArray:
-            return "trajectory"
         case types.StructType():
             if not issubclass(kind.cls, Message):
                 structures[kind.cls.__name__] = kind.cls

@@ -1,10 +1,8 @@
-"""Kernels of plans as they are made, travel and are compared (`rcopterx.agents`)."""
+"""Kernels of plans as they are made and compared (`rcopterx.agents`)."""
 
 from typing import Final
 
 import numpy as np
-from numba import types
-from numpy.typing import NDArray
 
 from rcopterx.compiling.compiled import (
     ANY_MATRIX,
@@ -13,117 +11,11 @@ from rcopterx.compiling.compiled import (
     NUMBER,
     Array,
     compiled,
-    read,
 )
 from rcopterx.native.bounds import cut_rows
 
-MOST = 2**31 - 1
-OCTETS = types.uint8[:, ::1]
 JOINING: Final = NUMBER, NUMBER, ANY_VECTOR, ANY_VECTOR, NUMBER
 """Types of what `join_plans` knows of a vehicle, from `coupling` to `period_s`."""
-
-
-@compiled(ANY_MATRIX, MATRIX, NUMBER, NUMBER, OCTETS)
-def packed_plan(
-    values: Array, layout: Array, largest: float, tolerance: float, octets: NDArray[np.uint8]
-) -> int:
-    """Round and pack a trajectory as `rcopterx.bus.trajectory_array` says.
-
-    Parameters
-    ----------
-    values
-        Shape (stages, 12), at least two stages.
-    layout
-        Units of positions, velocities and accelerations; then how far a velocity moves in a period, and its
-        acceleration by a difference, in units: shape (5, 4).
-    largest
-        Values are cut off beyond it.
-    tolerance
-        What differs by so many units from what the velocities say is not told.
-    octets
-        Becomes the lowest bytes of all numbers, then the next ones, shape (4, 12 stages).
-
-    Returns
-    -------
-    int
-        How many rows of `octets` are needed.
-    """
-    stages = values.shape[0]
-    block = 4 * stages
-    units, scales = layout[:3], layout[3:]
-    highest = 0
-    for axis in range(4):
-        start = moved = before = earlier = by_rates = 0.0
-        for stage in range(stages):
-            rate = np.rint(min(max(values[stage, 4 + axis], -largest), largest) / units[1, axis])
-            position = np.rint(min(max(values[stage, axis], -largest), largest) / units[0, axis])
-            if stage == 0:
-                start = place = position
-            else:
-                moved += before
-                place = np.rint(position - (moved * scales[0, axis] + start))
-                if abs(place) <= tolerance:
-                    place = 0.0
-            if stage + 1 < stages:
-                after = np.rint(min(max(values[stage + 1, 4 + axis], -largest), largest) / units[1, axis])
-                by_rates = (after - rate) * scales[1, axis]
-            acceleration = np.rint(min(max(values[stage, 8 + axis], -largest), largest) / units[2, axis])
-            push = np.rint(acceleration - by_rates)
-            if abs(push) <= tolerance:
-                push = 0.0
-            # The second difference of the velocities, which begin at rest.
-            second = rate - before - (before - earlier)
-            earlier, before = before, rate
-            at = 4 * stage + axis
-            for whole in (second, place, push):
-                number = int(min(max(whole, -MOST), MOST))
-                folded = 2 * number if number >= 0 else -2 * number - 1
-                highest = max(highest, folded)
-                for octet in range(4):
-                    octets[octet, at] = (folded >> (8 * octet)) & 255
-                at += block
-    rows = 1
-    while rows < 4 and highest >> (8 * rows):
-        rows += 1
-    return rows
-
-
-@compiled(read(1, types.uint8), MATRIX, NUMBER, MATRIX)
-def unpacked_plan(octets: NDArray[np.uint8], layout: Array, largest: float, values: Array) -> None:
-    """Set a trajectory, shape (stages, 12), from its bytes; arguments of `packed_plan`."""
-    stages = len(values)
-    block = 4 * stages
-    rows = len(octets) // (3 * block)
-    units, scales = layout[:3], layout[3:]
-    for axis in range(4):
-        rate, place, push = 4 + axis, axis, 8 + axis
-        velocity = step = 0.0
-        for stage in range(stages):
-            at = 4 * stage + axis
-            for column in (rate, place, push):
-                folded = np.int64(0)
-                for row in range(rows):
-                    folded |= np.int64(octets[3 * row * block + at]) << (8 * row)
-                # Whole numbers, but floats: exact up to 2^53.
-                values[stage, column] = ((folded >> 1) & MOST) ^ -(folded & 1)
-                at += block
-            # Second differences become velocities.
-            step += values[stage, rate]
-            velocity += step
-            values[stage, rate] = velocity
-        moved, start = 0.0, values[0, place]
-        for stage in range(stages):
-            if stage > 0:
-                moved += values[stage - 1, rate]
-                values[stage, place] = moved * scales[0, axis] + values[stage, place] + start
-            # The last stage accelerates like the one before it.
-            last = min(stage, stages - 2)
-            values[stage, push] += (values[last + 1, rate] - values[last, rate]) * scales[1, axis]
-        for stage in range(stages):
-            for kind in range(3):
-                column = 4 * kind + axis
-                value = values[stage, column] * units[kind, axis]
-                values[stage, column] = min(max(value, -largest), largest)
 
 
 @compiled(NUMBER, NUMBER, NUMBER, ANY_VECTOR)

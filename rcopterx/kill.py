@@ -20,7 +20,7 @@ from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT, KILL_TOPIC, ROOT, TRANSMI
 from rcopterx.deploy.hosts.running import RunningFleet, running_fleets
 
 SOURCE = "operator"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 REPEAT_S = 0.05
 """Between two copies of a kill; a lost copy costs a vehicle this much time."""
 CONFIRM_S = 2.0

@@ -14,11 +14,13 @@ from typing import cast
 
 from msgspec import Struct
 
+from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.transmitter_gateway.inputs import Cause, CommandInput, Input, PoseStamp
 from rcopterx.transmitter_gateway.leases import Leases
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
-LONGEST_PLAN = 64
+LONGEST_PLAN = 1 + MAX_NEXT_INPUTS
+"""Planned inputs of a command, the first one included."""
 
 
 class Rejection(StrEnum):

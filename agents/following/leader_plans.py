@@ -6,7 +6,6 @@ from types import MappingProxyType
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.followed import LeaderPlan
-from rcopterx.agents.following.plan_arrays import samples_of
 from rcopterx.bus.messages import Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.references.trajectory import Trajectory
@@ -15,7 +14,7 @@ from rcopterx.control.references.trajectory import Trajectory
 def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:
     """A plan on a vehicle's own clock; of the same epoch."""
     ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
-    trajectory = Trajectory(samples_of(plan), plan.period_s)
+    trajectory = Trajectory(plan.samples(), plan.period_s)
     return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable)
 
 

@@ -2,8 +2,8 @@
 
     python ros2_bridge.py --fleet trio --rcopterx tcp/127.0.0.1:7447 --ros tcp/192.168.1.20:7447
 
-needs eclipse-zenoh, msgpack and pycdr2. Reads the fleet's bus and writes to the Zenoh router of ROS 2: that
-of `rmw_zenoh` (default), or `zenoh-bridge-ros2dds` with `--keys ros2dds`. Nothing goes from ROS 2 to the
+needs eclipse-zenoh, msgpack, numpy and pycdr2. Reads the fleet's bus and writes to the Zenoh router of ROS 2:
+that of `rmw_zenoh` (default), or `zenoh-bridge-ros2dds` with `--keys ros2dds`. Nothing goes from ROS 2 to the
 fleet.
 """
 
@@ -13,9 +13,9 @@ import math
 import threading
 import time
 import uuid
-from itertools import accumulate
 
 import msgpack
+import numpy as np
 import zenoh
 from ros_messages import Header, Joy, Path, Point, Pose, PoseStamped, Quaternion, Time
 from zenoh.ext import z_serialize
@@ -24,8 +24,6 @@ FRAME_ID = "world"
 TOPICS = {"pose": PoseStamped, "plan": Path, "command": Joy}
 """Topic of the fleet's bus and message of ROS 2; the topic in ROS 2 is /FLEET/VEHICLE/TOPIC."""
 NODE = "rcopterx"
-RESOLUTION = 1e-4
-"""Unit of positions [m] and headings [rad] in a plan."""
 BEST_EFFORT_KEEP_LAST_1 = "2::,1:,:,:,,"
 
 
@@ -43,33 +41,17 @@ def ros_plan(message, now_s):
     Times count from the arrival of the plan, which is some milliseconds after the capture that it means.
     """
     poses = []
-    for number, (x, y, z, yaw_rad) in enumerate(
-        positions_and_headings(message["trajectory"], message["period_s"])
-    ):
+    for number, (x, y, z, yaw_rad) in enumerate(positions_and_headings(message["trajectory"])):
         header = Header(Time.at(now_s + message["start_s"] + number * message["period_s"]), FRAME_ID)
         orientation = Quaternion(0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
         poses.append(PoseStamped(header, Pose(Point(x, y, z), orientation)))
     return Path(Header(Time.at(now_s), FRAME_ID), poses)
 
 
-def positions_and_headings(trajectory, period_s):
-    """x, y, z [m] and yaw [rad] of every stage: what the rates move, and what differs from that.
-
-    See docs/messages.md: rates are sent as second differences, the lowest bytes of all numbers first.
-    """
-    stages, columns = trajectory["shape"]
-    data, count = trajectory["data"], stages * columns
-    folded = [int.from_bytes(data[i::count], "little") for i in range(8 * stages)]
-    whole = [number >> 1 if number % 2 == 0 else -(number >> 1) - 1 for number in folded]
-    axes = []
-    for axis, acceleration in enumerate((0.02, 0.02, 0.005, 0.02)):
-        step = min(max(acceleration * period_s, 1e-5), 1e-3) * period_s / RESOLUTION
-        rates = accumulate(accumulate(whole[axis : 4 * stages : 4]))
-        first, *others = whole[4 * stages + axis :: 4]
-        moved = (step * travelled for travelled in accumulate(rates))
-        places = [first, *(first + way + other for way, other in zip(moved, others, strict=False))]
-        axes.append([RESOLUTION * place for place in places])
-    return zip(*axes, strict=True)
+def positions_and_headings(trajectory):
+    """x, y, z [m] and yaw [rad] of every stage; see docs/messages.md."""
+    counts = np.frombuffer(trajectory["data"], "<i2").reshape(12, -1).T
+    return (counts * trajectory["scale"] + trajectory["offset"])[:, :4].tolist()
 
 
 def ros_command(message, now_s):

@@ -1,5 +1,6 @@
-"""Promises of packed trajectories: what is sent arrives, rounded once, and plans take few bytes."""
+"""Promises of packed trajectories: samples arrive within their resolution, and quiet ones take few bytes."""
 
+import math
 import zlib
 
 import numpy as np
@@ -9,109 +10,104 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from rcopterx.bus.message import InvalidMessageError
-from rcopterx.bus.messages import PLAN_COLUMNS
-from rcopterx.bus.trajectory_array import TrajectoryArray
+from rcopterx.bus.message import MAX_MAGNITUDE, InvalidMessageError
+from rcopterx.bus.trajectory_array import MAX_COUNT, PLAN_COLUMNS, TrajectoryArray, Twelve
 
-LARGEST = TrajectoryArray.LARGEST
-PERIOD_S = 0.02
-UNIT = TrajectoryArray.rate_units(PERIOD_S)[0]
+RESOLUTION = np.array(TrajectoryArray.RESOLUTION)
+LARGEST = 0.3 * MAX_MAGNITUDE
 
-periods = st.floats(1e-3, 1.0)
-trajectories = st.integers(2, 30).flatmap(
-    lambda stages: arrays(np.float64, (stages, PLAN_COLUMNS), elements=st.floats(-1e3, 1e3))
+stages = st.integers(2, 30)
+slow = stages.flatmap(lambda rows: arrays(np.float64, (rows, PLAN_COLUMNS), elements=st.floats(-1.0, 1.0)))
+fast = stages.flatmap(
+    lambda rows: arrays(np.float64, (rows, PLAN_COLUMNS), elements=st.floats(-LARGEST, LARGEST))
 )
 
 
-def planned(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Trajectory through positions, shape (N + 2, 4), whose rates and accelerations are their differences."""
-    rates = np.diff(positions, axis=0) / PERIOD_S
-    accelerations = np.diff(rates, axis=0) / PERIOD_S
-    return np.hstack((positions[:-2], rates[:-1], accelerations))
+def twelve(value: float) -> Twelve:
+    return (value,) * PLAN_COLUMNS  # type: ignore[return-value]
+
+
+def checked(packed: TrajectoryArray) -> TrajectoryArray:
+    packed.check("trajectory", max_stages=200, min_stages=2)
+    return packed
 
 
 @settings(deadline=None)
-@given(trajectories, periods)
-def test_trajectories_arrive_within_a_unit_and_a_half(values: NDArray[np.float64], period_s: float) -> None:
-    packed = TrajectoryArray.of(values, period_s)
-    packed.check("x", max_stages=30, min_stages=2)
-    rates, accelerations = TrajectoryArray.rate_units(period_s), TrajectoryArray.ACCELERATION_UNITS
-    units = np.hstack((np.full(4, 1.5e-4), np.multiply(0.5, rates), np.multiply(1.5, accelerations)))
-    assert np.all(np.abs(packed.to_numpy(period_s) - values) <= units + 1e-9)
+@given(slow)
+def test_samples_arrive_within_half_the_resolution(values: NDArray[np.float64]) -> None:
+    packed = checked(TrajectoryArray.of(values))
+    assert packed.scale == TrajectoryArray.RESOLUTION
+    assert np.all(np.abs(packed.to_numpy() - values) <= 0.5 * RESOLUTION + 1e-12)
 
 
 @settings(deadline=None)
-@given(trajectories, periods)
-def test_a_trajectory_that_was_rounded_once_travels_unchanged(
-    values: NDArray[np.float64], period_s: float
-) -> None:
-    once = TrajectoryArray.of(values, period_s)
-    assert TrajectoryArray.of(once.to_numpy(period_s), period_s) == once
+@given(slow)
+def test_a_trajectory_that_was_rounded_once_travels_unchanged(values: NDArray[np.float64]) -> None:
+    once = TrajectoryArray.of(values)
+    assert TrajectoryArray.of(once.to_numpy()) == once
 
 
 @settings(deadline=None)
-@given(st.floats(LARGEST, 1e300), st.integers(0, PLAN_COLUMNS - 1))
-def test_values_beyond_the_largest_are_cut_off_when_a_trajectory_is_packed(value: float, column: int) -> None:
-    values = np.zeros((2, PLAN_COLUMNS))
-    values[:, column] = -value, value
-    packed = TrajectoryArray.of(values, PERIOD_S)
-    packed.check("x", max_stages=2, min_stages=2)
-    assert packed.to_numpy(PERIOD_S)[:, column] == pytest.approx([-LARGEST, LARGEST])
+@given(fast)
+def test_nothing_is_cut_off_however_large_the_range_of_a_column(values: NDArray[np.float64]) -> None:
+    packed = checked(TrajectoryArray.of(values))
+    ranges = np.ptp(values, axis=0)
+    assert np.all(np.abs(packed.to_numpy() - values) <= RESOLUTION + ranges / MAX_COUNT)
 
 
-def test_what_follows_from_the_rates_is_not_sent() -> None:
-    time_s = PERIOD_S * np.arange(52)
-    smooth = np.column_stack((np.sin(time_s), np.cos(2.0 * time_s), 1.0 + 0.1 * time_s, 0.5 * time_s**2))
-    samples = planned(smooth)
-    packed = TrajectoryArray.of(samples, PERIOD_S)
-    blocks = np.frombuffer(packed.data, dtype=np.uint8).reshape(-1, 3, 50, 4)
-    assert not blocks[:, 1, 1:].any()
-    assert not blocks[:, 2, :-1].any()
-    assert len(zlib.compress(packed.data)) < 200
-    assert packed.to_numpy(PERIOD_S)[:, :4] == pytest.approx(samples[:, :4], abs=1.5e-4)
+def test_a_quiet_trajectory_takes_few_bytes() -> None:
+    values = np.tile(np.arange(PLAN_COLUMNS, dtype=float), (50, 1))
+    packed = TrajectoryArray.of(values)
+    assert not any(packed.data)
+    assert len(zlib.compress(packed.data)) < 30
+    assert np.array_equal(packed.to_numpy(), values)
 
 
-def test_trajectories_travel_as_folded_differences_of_their_rates() -> None:
-    values = np.zeros((3, PLAN_COLUMNS))
-    values[:, 0] = 1.0, 1.0, 1.0
-    values[:, 4] = 0.0, 300 * UNIT, 300 * UNIT
-    values[:, 8] = 300 * UNIT / PERIOD_S, 0.0, 0.0
-    values[2, 0] = 1.0 + 300 * UNIT * PERIOD_S
-    packed = TrajectoryArray.of(values, PERIOD_S)
-    rate = [0, 0, 0, 0, 600, 0, 0, 0, 599, 0, 0, 0]
-    words = [*rate, 20_000, *23 * [0]]
-    assert packed.data == bytes(word & 255 for word in words) + bytes(word >> 8 for word in words)
-    assert TrajectoryArray.of(np.asfortranarray(values), PERIOD_S) == packed
+def test_another_program_unpacks_a_trajectory_in_one_line() -> None:
+    values = np.random.default_rng(0).normal(size=(50, PLAN_COLUMNS))
+    for order in (values, np.asfortranarray(values)):
+        packed = TrajectoryArray.of(order)
+        data, scale, offset = packed.data, packed.scale, packed.offset
+        assert np.array_equal(
+            np.frombuffer(data, "<i2").reshape(12, -1).T * scale + offset, packed.to_numpy()
+        )
 
 
+@pytest.mark.parametrize("size", [0, 1, 24, 47, 49, 24 * 201, 2**20])
+def test_data_of_another_length_is_refused(size: int) -> None:
+    with pytest.raises(InvalidMessageError, match=r"trajectory: .* bytes"):
+        checked(TrajectoryArray(twelve(0.0), twelve(1e-3), bytes(size)))
+
+
+@pytest.mark.parametrize("column", [0, 11])
 @pytest.mark.parametrize(
-    ("shape", "size", "told"),
+    ("offset", "scale", "reason"),
     [
-        ((1, 12), 12, "shape"), ((201, 12), 201 * 12, "shape"), ((2, 11), 22, "shape"),
-        ((2, 12), 23, "needs 1 to 4 times 24"), ((2, 12), 0, "needs"), ((2, 12), 120, "needs"),
-        ((2**40, 12), 12, "shape"), ((-2, 12), 24, "shape"),
+        (0.0, 0.0, "scale"), (0.0, -1e-3, "scale"), (0.0, math.nan, "scale"), (0.0, math.inf, "up to"),
+        (math.nan, 1e-3, "up to"), (-math.inf, 1e-3, "up to"), (0.0, 31.0, "up to"), (-1e6, 1e-3, "up to"),
     ],
 )  # fmt: skip
-def test_trajectories_that_lie_about_their_shape_are_refused(
-    shape: tuple[int, int], size: int, told: str
+def test_scales_and_offsets_of_absurd_samples_are_refused(
+    column: int, offset: float, scale: float, reason: str
 ) -> None:
-    with pytest.raises(InvalidMessageError, match=told):
-        TrajectoryArray(shape, bytes(size)).check("trajectory", max_stages=200, min_stages=2)
-
-
-@given(st.binary(min_size=96, max_size=96), st.floats(min_value=0.0, max_value=1.0, exclude_min=True))
-def test_whatever_arrives_is_finite_and_bounded(data: bytes, period_s: float) -> None:
-    packed = TrajectoryArray((2, PLAN_COLUMNS), data)
-    packed.check("trajectory", max_stages=2, min_stages=2)
-    assert np.abs(packed.to_numpy(period_s)).max() <= LARGEST
+    offsets, scales = list(twelve(0.0)), list(twelve(1e-3))
+    offsets[column], scales[column] = offset, scale
+    with pytest.raises(InvalidMessageError, match=f"trajectory: .*{reason}"):
+        checked(TrajectoryArray(tuple(offsets), tuple(scales), bytes(48)))  # type: ignore[arg-type]
 
 
 @settings(deadline=None)
 @given(
-    arrays(np.float64, (6, PLAN_COLUMNS), elements=st.floats(-1e300, 1e300)),
-    st.floats(min_value=0.0, max_value=1.0, exclude_min=True),
+    st.binary(min_size=48, max_size=48),
+    st.lists(st.floats(), min_size=12, max_size=12),
+    st.lists(st.floats(), min_size=12, max_size=12),
 )
-def test_absurd_trajectories_travel_bounded(values: NDArray[np.float64], period_s: float) -> None:
-    packed = TrajectoryArray.of(values, period_s)
-    packed.check("trajectory", max_stages=6, min_stages=6)
-    assert np.abs(packed.to_numpy(period_s)).max() <= LARGEST
+def test_whatever_is_accepted_unpacks_to_bounded_samples(
+    data: bytes, offset: list[float], scale: list[float]
+) -> None:
+    packed = TrajectoryArray(tuple(offset), tuple(scale), data)  # type: ignore[arg-type]
+    try:
+        checked(packed)
+    except InvalidMessageError:
+        return
+    assert np.abs(packed.to_numpy()).max() <= MAX_MAGNITUDE * (1 + 1e-9)

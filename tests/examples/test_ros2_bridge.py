@@ -71,7 +71,7 @@ def test_an_occluded_pose_is_not_sent() -> None:
 @given(wire_maps(Plan))
 def test_a_plan_is_a_path_with_a_time_for_every_stage(plan: dict[str, Any]) -> None:
     path = decoded(ros2_bridge.ros_plan(plan, NOW_S))
-    stages = msgspec.convert(plan["trajectory"], TrajectoryArray).to_numpy(plan["period_s"])
+    stages = msgspec.convert(plan["trajectory"], TrajectoryArray).to_numpy()
     assert len(path.poses) == len(stages)
     for number, (pose, stage) in enumerate(zip(path.poses, stages, strict=True)):
         expected_s = NOW_S + plan["start_s"] + number * plan["period_s"]

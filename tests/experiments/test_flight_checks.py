@@ -70,7 +70,7 @@ class Flight:
         following = (self.link,) if name == "h2" else ()
         plan = Plan(
             epoch=1, frame=frame, source=name, ancestors=(), period_s=0.02, start_s=0.02,
-            trajectory=TrajectoryArray.of(np.zeros((2, 12)), 0.02), reference=(0.0, 0.0, 1.0, 0.0),
+            trajectory=TrajectoryArray.of(np.zeros((2, 12))), reference=(0.0, 0.0, 1.0, 0.0),
             following=following,
         )  # fmt: skip
         late_s = self.late_s if frame >= 50 else 0.0

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rcopterx.bus import channels, requests
 from rcopterx.bus.log_messages import AgentSteps
 from rcopterx.bus.message import FloatArray, Message
-from rcopterx.bus.messages import MAX_NEXT_INPUTS, PLAN_COLUMNS, Plan, Pose
-from rcopterx.bus.trajectory_array import TrajectoryArray
+from rcopterx.bus.messages import MAX_NEXT_INPUTS, Pose
+from rcopterx.bus.trajectory_array import PLAN_COLUMNS, TrajectoryArray
 
 MESSAGE_TYPES: tuple[type[Message], ...] = (
     *(channel.message for channel in channels.CHANNELS),
@@ -32,7 +32,6 @@ COLUMNS = {
     "path": (2, 6, requests.KNOT_COLUMNS),
 }
 """Fewest rows, most rows and columns of the matrices, by field."""
-PACKED_PERIOD_S = 0.02
 
 
 def wire_maps(message_type: type[Message]) -> st.SearchStrategy[dict[str, Any]]:
@@ -44,8 +43,6 @@ def wire_maps(message_type: type[Message]) -> st.SearchStrategy[dict[str, Any]]:
         return maps.map(_as_fly)
     if message_type is AgentSteps:
         return maps.map(_as_steps)
-    if message_type is Plan:
-        return maps.map(_as_plan)
     return maps
 
 
@@ -86,16 +83,9 @@ def _as_steps(plain: dict[str, Any]) -> dict[str, Any]:
     return plain | inputs_of | {"counts": counts, "overtime": overtime}
 
 
-def _as_plan(plain: dict[str, Any]) -> dict[str, Any]:
-    """Packed for the period of the plan."""
-    packed = msgspec.convert(plain["trajectory"], TrajectoryArray)
-    samples = packed.to_numpy(PACKED_PERIOD_S)
-    return plain | {"trajectory": _packed(samples, plain["period_s"])}
-
-
-def _packed(samples: NDArray[np.float64], period_s: float) -> dict[str, Any]:
-    packed = TrajectoryArray.of(samples, period_s)
-    return {"shape": list(packed.shape), "data": packed.data}
+def _packed(samples: NDArray[np.float64]) -> dict[str, Any]:
+    packed = TrajectoryArray.of(samples)
+    return {"offset": list(packed.offset), "scale": list(packed.scale), "data": packed.data}
 
 
 def _struct(kind: Any) -> st.SearchStrategy[dict[str, Any]]:
@@ -135,9 +125,8 @@ def _matrix(rows: int, columns: int) -> st.SearchStrategy[dict[str, Any]]:
 
 
 def _trajectory(stages: int) -> st.SearchStrategy[dict[str, Any]]:
-    shape = (stages, TrajectoryArray.COLUMNS)
-    values = arrays(np.float64, shape, elements=st.floats(-1e3, 1e3))
-    return values.map(lambda samples: _packed(samples, PACKED_PERIOD_S))
+    values = arrays(np.float64, (stages, PLAN_COLUMNS), elements=st.floats(-1e3, 1e3))
+    return values.map(_packed)
 
 
 def _value(kind: Any) -> st.SearchStrategy[Any]:

@@ -71,7 +71,7 @@ def plan_of(
         start_s=start_s,
         airborne=airborne,
         followable=followable,
-        trajectory=TrajectoryArray.of(samples, 0.02),
+        trajectory=TrajectoryArray.of(samples),
         reference=None if reference_m is None else (*reference_m, yaw_rad),
         following=following,
     )

@@ -91,7 +91,7 @@ def _longer(plan: Plan, seed: int) -> Plan:
     rates = np.cumsum(np.random.default_rng(seed).normal(scale=0.01, size=(HORIZON, 4)), axis=0)
     values[:, 4:8] = rates
     values[:, :4] = np.cumsum(PERIOD_S * rates, axis=0)
-    trajectory = TrajectoryArray.of(values, PERIOD_S)
+    trajectory = TrajectoryArray.of(values)
     fields = {name: getattr(plan, name) for name in Plan.__struct_fields__}
     return Plan(**(fields | {"trajectory": trajectory, "period_s": PERIOD_S}))
 

@@ -80,7 +80,7 @@ def test_a_good_command_is_accepted_and_kept() -> None:
         {"next_u": None},
         {"next_u": (0.1, 0.1, 0.5, 0.0)},
         {"next_u": ((0.1, 0.1, 0.5),)},
-        {"next_u": ((0.0, 0.0, 0.5, 0.0),) * 64},
+        {"next_u": ((0.0, 0.0, 0.5, 0.0),) * 91},
         {"period_s": "0.02"},
         {"period_s": None},
         {"period_s": True},

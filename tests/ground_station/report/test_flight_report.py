@@ -120,7 +120,7 @@ def flown(frames: list[int]) -> FlightFigures:
         )  # fmt: skip
         plan = Plan(
             epoch=1, frame=frame, source="h1", ancestors=(), period_s=0.02, start_s=0.0,
-            trajectory=TrajectoryArray.of(np.zeros((2, 12)), 0.02), reference=(1.0, 0.0, 1.0, 0.0),
+            trajectory=TrajectoryArray.of(np.zeros((2, 12))), reference=(1.0, 0.0, 1.0, 0.0),
         )  # fmt: skip
         records += [record(channels.POSE, "h1", pose, 0.0), record(channels.PLAN, "h1", plan, 0.0)]
     return FlightFigures(Recording(records), ["h1"])

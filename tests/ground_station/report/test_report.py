@@ -59,7 +59,7 @@ class Flight:
     def plan(
         self, unit: str, frame: int, reference: Four | None, *following: LeaderLink, start_s: float = 0.02
     ) -> None:
-        trajectory = TrajectoryArray.of(np.zeros((2, 12)), 0.02)
+        trajectory = TrajectoryArray.of(np.zeros((2, 12)))
         self.add(
             channels.PLAN,
             unit,
