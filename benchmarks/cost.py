@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rcopterx.benchmarks.memory import descendants, memory_of
+from rcopterx.benchmarks.processes import descendants, memory_of
 from rcopterx.benchmarks.programs import Show
 
 OWN: Final = Path(__file__).resolve().parents[1]

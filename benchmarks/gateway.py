@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from rcopterx.benchmarks.processes import cpu_s
 from rcopterx.benchmarks.programs import Show
-from rcopterx.benchmarks.scale import cpu_s
 from rcopterx.bus import channels
 from rcopterx.bus.message import FloatArray
 from rcopterx.bus.messages import Command, LeaseBid, Pose

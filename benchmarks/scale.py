@@ -5,7 +5,6 @@ a real flight; the leader flies from set point to set point, so that all plans c
 """
 
 import math
-import os
 import tempfile
 import time
 from collections import Counter
@@ -15,6 +14,7 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any, Final
 
+from rcopterx.benchmarks.processes import cpu_s
 from rcopterx.benchmarks.programs import Show
 from rcopterx.bus import channels
 from rcopterx.deploy.hosts.launcher import Launcher
@@ -205,12 +205,6 @@ def cpu_of_roles(launcher: Launcher) -> dict[str, float]:
         if pid is not None:
             total[child.spec.role] += cpu_s(pid)
     return total
-
-
-def cpu_s(pid: int) -> float:
-    """Processor time of a process [s] (proc(5), fields 14 and 15 of stat)."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def scale_table(document: dict[str, Any]) -> str:

@@ -2,8 +2,8 @@
 
 Fleets fly in real time and leave much of two cores unused. The unit tests run in what they leave, at the
 lowest priority, so that they delay no fleet. Lines of both are printed as they come, the tests that failed
-once more at the end; the exit code is 1 if either fails. A run that hangs tells where and has failed, and so
-has one that leaves processes behind.
+once more at the end; the exit code is 1 if either fails. A run that hangs shows where and fails, and so
+does one that leaves processes behind.
 """
 
 import os
@@ -74,7 +74,7 @@ class Run:
         return self._process.returncode == 0 and not self._thread.is_alive()
 
     def _end(self) -> None:
-        """End a run that hangs; it tells where each of its threads is."""
+        """End a run that hangs; it prints where each of its threads is."""
         self.broken.append(f"ERROR not ended after {LIMIT_S / 60:.0f} min")
         self._process.send_signal(signal.SIGABRT)
         try:
@@ -110,7 +110,7 @@ def _holds(process: Path, pipe: int) -> bool:
 
 
 def main() -> int:
-    """Run both and tell how long each took."""
+    """Run both and show their durations."""
     # A background job of a shell ignores Ctrl-C, and what it starts inherits that; some tests press it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Fleets would wait for unit tests that compile the kernels at the lowest priority.

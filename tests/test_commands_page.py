@@ -1,4 +1,4 @@
-"""Promises of the page of all commands: it has every command with every option, as the commands tell them."""
+"""Promises of the page of all commands: it has every command with every option, as in their help."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Promises of pages: parts of fleet files are accepted, figures are described, it is told what made them."""
+"""Promises of pages: parts of fleet files are accepted, figures are described with their commands."""
 
 import re
 import tomllib

@@ -27,7 +27,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
     assert first_cycle(imports) == []
 
 
-def test_a_cycle_is_told_in_the_direction_of_the_imports() -> None:
+def test_cycle_is_reported_in_the_direction_of_the_imports() -> None:
     assert first_cycle({"a": {"b"}, "b": {"c"}, "c": set()}) == []
     cycle = first_cycle({"a": {"b"}, "b": {"c"}, "c": {"d"}, "d": {"b"}})
     assert cycle[0] == cycle[-1]

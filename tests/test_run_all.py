@@ -21,7 +21,7 @@ def test_either_failure_is_one(
     assert run_all.main() == code
 
 
-def test_every_line_has_its_name_and_the_end_tells_what_failed(
+def test_every_line_has_its_name_and_failures_are_listed_at_the_end(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(run_all, "RUNS", {"fleets": PASSES, "units": FAILS})
@@ -31,7 +31,7 @@ def test_every_line_has_its_name_and_the_end_tells_what_failed(
     assert lines[4:] == ["fleets: passed, 0.0 min", "FAILED a", "units: FAILED, 0.0 min"]
 
 
-def test_a_run_that_hangs_tells_where_and_fails(
+def test_run_that_hangs_shows_where_and_fails(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(run_all, "RUNS", {"units": HANGS})

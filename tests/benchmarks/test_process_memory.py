@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rcopterx.benchmarks.memory import descendants, memory_of
+from rcopterx.benchmarks.processes import descendants, memory_of
 
 
 def played(proc: Path, process: int, parent: int, pss_kb: int) -> None:

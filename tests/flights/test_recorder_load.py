@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 from support.bus import Child
-from support.traffic import Traffic, processor_s
+from support.traffic import Traffic
 from support.waiting import wait_for
 from test_recorder import RECORDER_CODE, heard, recorded, recorder
 
+from rcopterx.benchmarks.processes import cpu_s
 from rcopterx.bus import channels
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.session import BusAddress, Session
@@ -62,9 +63,9 @@ def test_twelve_vehicles_are_recorded_whole_at_little_cost_and_a_kill_costs_litt
         wait_for(lambda: status() is not None, "no recorder")
         traffic.start()
         wait_for(lambda: traffic.sent > 50, "no traffic")
-        began_s, used_s, sent = time.monotonic(), processor_s(process.pid), traffic.sent
+        began_s, used_s, sent = time.monotonic(), cpu_s(process.pid), traffic.sent
         wait_for(lambda: traffic.sent > sent + 750, "traffic too slow", 120.0)
-        share = (processor_s(process.pid) - used_s) / (time.monotonic() - began_s)
+        share = (cpu_s(process.pid) - used_s) / (time.monotonic() - began_s)
         rate = (traffic.sent - sent) / (time.monotonic() - began_s)
     finally:
         killed_s = time.monotonic()

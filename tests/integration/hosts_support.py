@@ -1,4 +1,4 @@
-"""A fleet over network namespaces as hosts, started as a user starts it, and what its gateway did."""
+"""A fleet over network namespaces as hosts, started as by a user, and the commands its gateway applied."""
 
 import os
 import signal
@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -30,10 +30,9 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 ROUTER_PORT = 7447
 TRACKER_PORT = 8010
 FIRST_ROUTER_S = 180.0
-"""Kernels may have to be compiled first."""
+"""Limit that includes compiling the kernels."""
 START_S = 120.0
-"""The processes of all hosts start on the same few cores, beside whatever else runs there."""
-HEARING_PRIORITY = 1
+RECEIVING_PRIORITY = 1
 STEADY_S = 3.0
 LONGEST_POSE_GAP_S = 0.1
 NEAR_S = 0.1
@@ -51,13 +50,9 @@ def fleet_on_hosts(
 ) -> Iterator[tuple[Network, Flying]]:
     """Start a trio over hosts, the first one with its gateways, the second one with its agents.
 
-    Each host runs its daemon, and the fleet is started through them: what a laboratory does, and no host
-    hears more than it needs.
-
-    `RCOPTERX_RUN` has to be that of the first host; the others have theirs beside it. With certificates,
-    they are made first, and everything between the hosts is encrypted. The test itself is on no host: it uses
-    the Unix socket of the router of the first one. The processes of all hosts start on the same few cores;
-    what a host has to itself is waited for.
+    Each host runs its daemon, and the fleet is started through them, as in a laboratory. `RCOPTERX_RUN` is
+    that of the first host; the others have theirs beside it. The test itself uses the Unix socket of the
+    router of the first host. The processes of all hosts share a few cores, so the fleet needs time to settle.
     """
     with ExitStack() as stack:
         net = stack.enter_context(network(names))
@@ -77,8 +72,8 @@ def fleet_on_hosts(
             stack.enter_context(net.running(host, words, environment_of(host), output))
         fleet = Fleet(load_fleet(path), host=names[0], timeout_s=FIRST_ROUTER_S)
         stack.callback(fleet.close)
-        stack.callback(hear_like_other_programs)
-        hear_before_other_programs()
+        stack.callback(restore_thread_priority)
+        raise_thread_priority()
         fleet.wait_until(lambda: fleet.launchers().keys() == set(names), FIRST_ROUTER_S, "no daemons")
         daemons = Daemons(fleet)
         fleet.wait_until(lambda: not daemons.find(), START_S, "the hosts are not linked")
@@ -123,17 +118,17 @@ def trio_in_flight(
         yield net, flying
 
 
-def hear_before_other_programs() -> None:
-    """Let the threads that this process has now run before other programs, but after those of fleets.
+def raise_thread_priority() -> None:
+    """Schedule the present threads of this process before other programs, but after those of fleets.
 
-    A router drops what a client is too slow to take. On a busy computer a test without this misses up to
-    seconds of what happens, and takes it for silence of the fleet.
+    A router drops messages of a slow client. On a busy computer a test would miss up to seconds without this,
+    and mistake it for silence of the fleet.
     """
-    _schedule_threads(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, HEARING_PRIORITY)
+    _schedule_threads(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, RECEIVING_PRIORITY)
 
 
-def hear_like_other_programs() -> None:
-    """Undo `hear_before_other_programs`."""
+def restore_thread_priority() -> None:
+    """Undo `raise_thread_priority`."""
     _schedule_threads(os.SCHED_OTHER, 0)
 
 
@@ -154,7 +149,7 @@ def environment_of(host: str) -> dict[str, str]:
 
 
 def kill_host(net: Network, host: str) -> None:
-    """Let a host die: nothing of it is heard any more, and nothing of it runs."""
+    """Cut the link of a host and kill its processes."""
     net.cut(host)
     listed = subprocess.run(
         ["ip", "netns", "pids", net.namespace(host)], capture_output=True, text=True, check=True
@@ -180,7 +175,7 @@ class Steady:
 
 
 class Change(NamedTuple):
-    """From the last command of one agent to the first one of its successor, both obeyed.
+    """From the last applied command of one agent to the first one of its successor.
 
     Attributes
     ----------
@@ -195,37 +190,36 @@ class Change(NamedTuple):
 
 
 class Obeyed:
-    """Which commands the transmitter gateway obeyed, by vehicle.
+    """Commands that the transmitter gateway applied, by vehicle.
 
-    It has a seat on the bus of its own, so that nothing else that a test hears can make it miss frames, and
-    it counts those that it has missed nevertheless.
+    Its own session keeps other subscriptions from making it lose messages; it counts lost ones.
     """
 
     def __init__(self, flying: Flying, names: tuple[str, ...]) -> None:
-        self._heard: dict[str, deque[RawMessage]] = {name: deque() for name in names}
+        self._waiting: dict[str, deque[RawMessage]] = {name: deque() for name in names}
         self._frames: dict[str, list[Received[Applied]]] = {name: [] for name in names}
         self._numbers: dict[str, int] = {}
         self._lost = 0
         self._session = Session(flying.fleet.session.address)
-        hear_before_other_programs()
-        self._session.tap(lambda heard: self._heard[heard.unit].append(heard), channels.APPLIED.topic)
+        raise_thread_priority()
+        self._session.tap(lambda raw: self._waiting[raw.unit].append(raw), channels.APPLIED.topic)
 
     def frames(self, name: str) -> list[Received[Applied]]:
         """Everything that was written to the radio so far."""
-        waiting = self._heard[name]
+        waiting = self._waiting[name]
         while waiting:
-            heard = waiting.popleft()
-            last = self._numbers.get(name, heard.number - 1)
+            raw = waiting.popleft()
+            last = self._numbers.get(name, raw.number - 1)
             # A gateway that took over counts from one again.
-            self._lost += max(0, heard.number - last - 1)
-            self._numbers[name] = heard.number
-            message = decode(heard.payload, Applied)
-            self._frames[name].append(Received(message, heard.arrived_s))
+            self._lost += max(0, raw.number - last - 1)
+            self._numbers[name] = raw.number
+            message = decode(raw.payload, Applied)
+            self._frames[name].append(Received(message, raw.arrived_s))
         return self._frames[name]
 
     def lost(self) -> int:
-        """Frames of all vehicles that were written and not heard here: figures are true if there are none."""
-        for name in self._heard:
+        """Number of lost frames of all vehicles; figures are exact if it is zero."""
+        for name in self._waiting:
             self.frames(name)
         return self._lost
 
@@ -268,19 +262,13 @@ class Obeyed:
 
     def leases(self, name: str) -> list[int]:
         """Leases that flew a vehicle, in order."""
-        told: list[int] = []
-        for frame in self.frames(name):
-            if frame.message.fresh and (not told or told[-1] != frame.message.lease):
-                told.append(frame.message.lease)
-        return told
+        fresh = (frame.message.lease for frame in self.frames(name) if frame.message.fresh)
+        return [lease for lease, _ in groupby(fresh)]
 
     def states(self, name: str, from_s: float) -> list[str]:
         """States of the arbiter after a moment, without repetitions."""
-        told: list[str] = []
-        for frame in self.frames(name):
-            if frame.arrived_s > from_s and (not told or told[-1] != frame.message.state):
-                told.append(frame.message.state)
-        return told
+        states = (frame.message.state for frame in self.frames(name) if frame.arrived_s > from_s)
+        return [state for state, _ in groupby(states)]
 
 
 def _missed(commands: Sequence[Applied]) -> int:

@@ -1,4 +1,4 @@
-"""What integration tests share: fleet files on free ports, process ids, and the truth of the laboratory."""
+"""Fleet files on free ports, process ids, and true states of the laboratory, for integration tests."""
 
 import math
 import os
@@ -138,7 +138,7 @@ host = "{gateway_host}"
 
 
 def cut(fleet: Fleet) -> None:
-    """Cut all motors, as far as there is still somebody to do it, and leave the fleet."""
+    """Cut all motors, as far as gateways still run, and leave the fleet."""
     with suppress(*FLIGHT_ERRORS):
         fleet.kill()
     fleet.close()
@@ -146,7 +146,7 @@ def cut(fleet: Fleet) -> None:
 
 @contextmanager
 def fleets(directory: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Flying]]:
-    """Start fleets; whatever still flies is cut at the end, so that nobody waits for it to land."""
+    """Start fleets; vehicles that still fly are cut at the end, which saves the time of a landing."""
     with ExitStack() as stack:
         # A short path, because the router's socket lives in it.
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
@@ -183,14 +183,14 @@ class Truth:
         return None if received is None else received.message.vehicles.get(name)
 
     def start_watch(self) -> None:
-        """From now on nobody may touch the floor, and rest counts."""
+        """Count touchdowns and rest from now on."""
         self._slow_since_s = time.monotonic()
         for name in NAMES:
             vehicle = self(name)
             assert vehicle is not None
             self._touchdowns[name] = vehicle.touchdowns
 
-    def assert_nobody_touched_down(self) -> None:
+    def assert_none_touched_down(self) -> None:
         for name in NAMES:
             vehicle = self(name)
             assert vehicle is not None
@@ -198,7 +198,7 @@ class Truth:
             assert vehicle.touchdowns == self._touchdowns[name], name
 
     def rested(self) -> bool:
-        """Whether all have been slow for a while: the arbiters have learnt what a hover needs."""
+        """Whether all have been slow for a while, so that the arbiters know the thrust of hover."""
         vehicles = [self(name) for name in NAMES]
         if any(v is None or math.hypot(*v.velocity_m_s) > SLOW_M_S for v in vehicles):
             self._slow_since_s = time.monotonic()
@@ -215,7 +215,7 @@ def transmitter_state(flying: Flying, name: str) -> str:
 
 
 def land_gently(flying: Flying, truth: Truth) -> None:
-    """Land the trio by request; everybody touches down softly and its transmitter knows."""
+    """Land the trio by request; all touch down softly and their transmitters are disarmed."""
     flying.fleet.land()
     flying.fleet.wait_until(
         lambda: all(on_floor(truth, name) for name in NAMES) and all_states(flying, "disarmed"),
@@ -273,7 +273,7 @@ def at(truth: Truth, name: str, position_m: tuple[float, float, float], toleranc
 
 
 def in_formation(flying: Flying, truth: Truth, tolerance_m: float = 0.1) -> bool:
-    """Whether everybody that the file lets follow the leader is truly at its place beside it."""
+    """Whether the true places of both followers are those of the fleet file."""
     leader = truth("h1")
     for name in ("h2", "h3"):
         follower = truth(name)
@@ -287,9 +287,9 @@ def in_formation(flying: Flying, truth: Truth, tolerance_m: float = 0.1) -> bool
 
 
 def fly_to(flying: Flying, truth: Truth, position_m: tuple[float, float, float]) -> None:
-    """Send the leader somewhere; everybody really gets there in formation.
+    """Send the leader to a set point and wait for the true formation there.
 
-    A transmitter gateway that had to hold the leader makes it stay where it is, so it is told again.
+    A transmitter gateway that holds the leader discards its set point, which is then repeated.
     """
     leader = flying.fleet["h1"]
 
@@ -313,7 +313,7 @@ def fallbacks(flying: Flying, name: str, kind: str) -> int:
 
 
 def flown_by(flying: Flying, name: str) -> int | None:
-    """Process that flies a vehicle now, None while nobody does."""
+    """Process that flies a vehicle now, None without one."""
     status = flying.fleet.state_of(name).agent
     flies = status is not None and status.phase == "flying" and transmitter_state(flying, name) == "armed"
     return status.diagnostics.process if status is not None and flies else None

@@ -19,13 +19,13 @@ CELL = re.compile(r"`(rcopterx [^`]+)`")
 LASTS = re.compile(
     r"rcopterx (up|host|ground|top|tracker|replay-tracker|demo$|logs .*--follow)|python http_bridge.py|.*&$"
 )
-"""These go on until Ctrl-C, in a terminal of their own."""
+"""Commands that run until Ctrl-C, in a terminal of their own."""
 ENDS_THE_FLEET = re.compile(r"rcopterx (demo|up (?!.*--host)|(fly|experiment) |(bind|range-check)|replay$)")
-"""These want no fleet to be up: a reader ends it with Ctrl-C."""
+"""Commands that need the fleet to be down: a reader ends it with Ctrl-C."""
 DAEMON, PART_OF_A_FLEET = re.compile("^rcopterx host "), re.compile("^rcopterx up .*--host ")
-"""Part of a fleet wants no other fleet to be up than the other parts."""
+"""Parts of one fleet, beside which no other fleet may be up."""
 MAY_END_WITH_1 = re.compile(r"rcopterx replay .*--agent")
-"""A step that a busy machine gave up for time cannot be repeated; the command says so and ends with 1."""
+"""It ends with 1 if a busy machine aborted a step, which cannot be replayed."""
 TYPED_S, READY_S, END_S = 420.0, 180.0, 40.0
 """Kernels may have to be compiled before the first fleet is ready."""
 
@@ -45,7 +45,7 @@ def lines_of(text: str) -> list[str]:
 
 
 def cells_of(text: str) -> list[str]:
-    """Commands in the tables of a page that says by task what to type, in their order."""
+    """Commands in the tables of a page of tasks, in their order."""
     rows = [line for line in text.splitlines() if line.startswith("| ")]
     return [command for row in rows for command in CELL.findall(row)]
 
@@ -70,7 +70,7 @@ class Reader:
         self._lasting: list[tuple[str, subprocess.Popen[bytes], Path]] = []
 
     def type(self, command: str) -> str:
-        """What a command prints. It ends with 0, or goes on until `interrupt`."""
+        """Run a command to its end, or until `interrupt`; returns its output."""
         if ENDS_THE_FLEET.search(command):
             self.interrupt(but=DAEMON)
         elif PART_OF_A_FLEET.search(command):
@@ -83,10 +83,10 @@ class Reader:
             cwd=self.directory, env=self._environment, stdin=subprocess.DEVNULL,
             capture_output=True, text=True, timeout=TYPED_S,
         )  # fmt: skip
-        said = done.stdout + done.stderr
+        output = done.stdout + done.stderr
         allowed = (0, 1) if MAY_END_WITH_1.search(command) else (0,)
-        assert done.returncode in allowed, f"{command}: {said}"
-        assert "Traceback" not in said, f"{command}: {said}"
+        assert done.returncode in allowed, f"{command}: {output}"
+        assert "Traceback" not in output, f"{command}: {output}"
         return done.stdout
 
     def _begin(self, command: str) -> None:
@@ -102,7 +102,7 @@ class Reader:
             self._wait_until_ready(process, log)
 
     def _wait_until_ready(self, up: subprocess.Popen[bytes], log: Path) -> None:
-        """A reader looks at `check` until nothing blocks take-off."""
+        """Repeat `check` until nothing blocks take-off."""
         end_s = time.monotonic() + READY_S
         while True:
             done = subprocess.run(
@@ -122,7 +122,7 @@ class Reader:
         return sorted((str(path) for path in (self.directory / "flights").glob("*")), reverse=True)
 
     def interrupt(self, but: re.Pattern[str] | None = None) -> None:
-        """Press Ctrl-C in every terminal but those of these commands; all ends without complaint."""
+        """Press Ctrl-C in every terminal but those of these commands; all end without an error."""
         kept = [one for one in self._lasting if but is not None and but.search(one[0])]
         for command, process, log in reversed([one for one in self._lasting if one not in kept]):
             if process.poll() is None:
@@ -133,7 +133,7 @@ class Reader:
         self._lasting = kept
 
     def end(self) -> None:
-        """Leave nothing behind, whatever happened."""
+        """Kill all that still runs."""
         for _, process, _ in self._lasting:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)

@@ -1,7 +1,6 @@
-"""A program that says on the bus what it is given, from a computer of its own: `python rogue.py JSON`.
+"""A foreign program that publishes and serves given keys with plain Zenoh: `python rogue.py JSON`.
 
-It knows Zenoh and no rules of the project. It prints `refused` where the router does not let it in, else how
-many requests it was asked.
+It prints `refused` if the router rejects it, otherwise the number of requests it got.
 """
 
 import json
@@ -19,7 +18,7 @@ def main() -> None:
     shown = Credentials(*order["shown"]) if order["shown"] else None
     config = client_config([order["endpoint"]], order["namespace"], 1.0, shown)
     if order["endpoint"].startswith(TLS) and shown is None:
-        # It encrypts, knows whom it wants to talk to, and shows nothing.
+        # It encrypts and trusts the authority, but has no certificate.
         config.insert_json5("transport/link/protocols", json.dumps(["tls"]))
         config.insert_json5("transport/link/tls/root_ca_certificate", json.dumps(order["authority"]))
     try:
@@ -27,10 +26,10 @@ def main() -> None:
     except zenoh.ZError:
         print("refused")
         return
-    asked: list[str] = []
+    requests: list[str] = []
 
     def take(query: zenoh.Query) -> None:
-        asked.append(str(query.key_expr))
+        requests.append(str(query.key_expr))
         with query:
             query.reply(query.key_expr, b"")
 
@@ -43,7 +42,7 @@ def main() -> None:
             said += 1
         if not order["flood"]:
             time.sleep(0.02)
-    print(json.dumps({"asked": len(asked), "said_hz": said / order["for_s"], "served": len(served)}))
+    print(json.dumps({"asked": len(requests), "said_hz": said / order["for_s"], "served": len(served)}))
     session.close()
 
 

@@ -75,7 +75,7 @@ class Place:
 
 
 def watched(flying: Flying, truth: Truth, name: str) -> list[float]:
-    """How far a vehicle is from its place in each of so many times while nothing is asked of it [m]."""
+    """Distances of a vehicle from its place at several times without requests [m]."""
     places = [Place(flying, truth, name) for _ in range(MOVES)]
     for place in places:
         place.watch_for(WATCHED_S + WARM_S)
@@ -128,7 +128,7 @@ def test_an_agent_moves_to_another_host_and_back_in_flight(
     fleet.wait_for_formation()
     assert fleet["h1"].state.agent is not None
     assert fleet["h1"].state.agent.set_point.position_m == (0.1, 0.0, 1.0)
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     fleet.land()
 
 
@@ -146,7 +146,7 @@ def test_agents_run_again_on_another_host_when_theirs_dies(on_four_hosts: tuple[
     again_s = {name: (obeyed.since(name, died_s + 0.3) or math.inf) - died_s for name in NAMES}
     print(f"flying again after {again_s}; states {[obeyed.states(name, died_s) for name in NAMES]}")
     fleet.wait_for_formation()
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     assert {fleet[name].state.host for name in NAMES} == {"compute2"}
     assert all(seconds < 3 * FLYING_AGAIN_S for seconds in again_s.values())
     fleet.land()

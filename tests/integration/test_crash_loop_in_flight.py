@@ -1,4 +1,4 @@
-"""A controller of somebody else's that ends its process at once does not bring its vehicle down."""
+"""A foreign controller that ends its process at once does not bring its vehicle down."""
 
 import os
 import time

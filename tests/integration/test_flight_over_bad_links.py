@@ -1,4 +1,4 @@
-"""Flights over hosts whose link delays, stalls and loses its connections: nobody falls."""
+"""Flights over hosts whose link delays, stalls and loses its connections: no vehicle falls."""
 
 import signal
 import time
@@ -36,7 +36,7 @@ def test_a_fleet_flies_over_a_link_that_delays_stalls_and_resets(
     truth.start_watch()
 
     def flown_again_s(what: str, disturb: Callable[[], object]) -> float:
-        """Disturb the link; how long until everybody is commanded again after the longest silence."""
+        """Disturb the link; returns the time until all are commanded again after the longest silence."""
         began_s = time.monotonic()
         disturb()
         time.sleep(2.0)
@@ -60,5 +60,5 @@ def test_a_fleet_flies_over_a_link_that_delays_stalls_and_resets(
     fleet.wait_for_formation()
     for _ in range(TIMES):
         assert flown_again_s("reset", lambda: net.reset("compute1")) < FLYING_AGAIN_S
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     fleet.land()

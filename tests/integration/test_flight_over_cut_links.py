@@ -1,4 +1,4 @@
-"""Flights over four hosts whose links are cut: nobody falls, and agents fly again when a link is back."""
+"""Flights over four hosts whose links are cut: no vehicle falls, and agents fly again when a link is back."""
 
 import time
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ def cut_for(net: Network, host: str, seconds: float) -> tuple[float, float]:
 
 
 def flown_again_s(flying: Flying, obeyed: Obeyed, restored_s: float) -> float:
-    """How long after a moment everybody is commanded by an agent again; formation is reached then."""
+    """Time until all are commanded by agents again; formation is reached then."""
     flying.fleet.wait_until(
         lambda: all(obeyed.since(name, restored_s) for name in NAMES), 30, "agents are not obeyed again"
     )
@@ -78,7 +78,7 @@ def test_links_are_cut_and_everybody_flies_again_when_they_are_back(
         print(f"{host} cut off for 1 s: flown again {again_s:.3f} s after it is back")
         assert again_s < FLYING_AGAIN_S
         assert all("cut" not in obeyed.states(name, began_s) for name in NAMES)
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     assert all(missed <= MOST_MISSED for missed, _ in short)
     assert not any("cut" in told for _, states in short for told in states)
     cut_for(net, "compute1", 10.0)

@@ -77,6 +77,6 @@ def test_every_promise_of_the_table_is_kept(path: Path, tmp_path: Path, environm
 @pytest.mark.campaign
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("seed", range(3))
-def test_nobody_comes_down_in_chaos(path: Path, seed: int, environment: dict[str, str]) -> None:
+def test_no_vehicle_comes_down_in_chaos(path: Path, seed: int, environment: dict[str, str]) -> None:
     done = fly(path, environment, "chaos", "--seconds", "180", "--seed", str(seed), "--json", "--no-record")
     assert json.loads(done.stdout)["verdict"] == "passed", done.stderr

@@ -1,4 +1,4 @@
-"""Daemons keep a fleet flying whoever started it: `up` is a client that may come and go."""
+"""Daemons keep a fleet flying: `up` is a client that may come and go."""
 
 import os
 import signal

@@ -39,5 +39,5 @@ def test_a_leader_is_identified_while_its_follower_flies_on(launch: Launch) -> N
     written = model_of(load_fleet(flying.path), "h1")
     assert written.uncertainty == IDENTIFIED
     assert written.input_gain != COAXIAL.input_gain
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     fleet.land()

@@ -15,10 +15,10 @@ pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 BUMPLESS = 0.02
 """By so much may a step of a stick between two commands be larger around a change of leaders than before.
 
-Yaw makes steps of 0.01 all the time, and of 0.02 now and then, whoever leads.
+Yaw makes steps of 0.01 all the time, and of 0.02 now and then, under any leader.
 """
 CALM_FRAMES = 50
-"""Before a change is asked for; what sticks do then they would do without it, too."""
+"""Before a change is requested, for comparison."""
 PLACE_M = 0.08
 HOME_M = (0.0, 0.0, 0.8)
 SOON = 25
@@ -80,7 +80,7 @@ def bump(recording: Recording, name: str, change: int) -> float:
 
 
 def settled(flying: Flying, truth: Truth) -> None:
-    """Wait until everybody hovers where its plan ends."""
+    """Wait until all hover where their plans end."""
 
     def still() -> bool:
         vehicles = [truth(name) for name in NAMES]
@@ -129,7 +129,7 @@ def test_new_leader_is_followed_soon_and_without_a_bump(flying: Flying, truth: T
     assert asked.frame < first_frame <= asked.frame + SOON
     assert all(names == ("h2",) for frame, names in seen if frame > first_frame)
     assert bump(recording, "h3", first_frame) < BUMPLESS
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
 
 
 def test_promoted_follower_leads_and_everybody_keeps_its_place(flying: Flying, truth: Truth) -> None:
@@ -166,4 +166,4 @@ def test_promoted_follower_leads_and_everybody_keeps_its_place(flying: Flying, t
         "the formation does not follow its new leader",
     )
     assert sorted(flying.fleet.swap("h1", "h2")) == ["h1 leads", "h2 follows h1", "h3 follows h1"]
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()

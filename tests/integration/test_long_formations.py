@@ -1,4 +1,4 @@
-"""Five vehicles in a chain, with real processes: everybody stays at its place, however long the line is."""
+"""Five vehicles in a chain, with real processes: all keep their places along the line."""
 
 from collections.abc import Callable
 
@@ -33,7 +33,7 @@ transmitter = {{ port = "radio-{name}", model_match = {number} }}
 
 
 @pytest.mark.campaign
-def test_a_chain_of_five_follows_its_head_and_tells_the_whole_line(launch: Launch) -> None:
+def test_chain_of_five_follows_its_head_and_publishes_the_whole_line(launch: Launch) -> None:
     starts = ", ".join(f"{name} = [{0.8 - 0.4 * number}, 0, 0, 0]" for number, name in enumerate(CHAIN))
     text = fleet_text(
         free_port(),

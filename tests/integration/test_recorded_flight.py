@@ -134,14 +134,14 @@ def test_gateway_that_reads_through_the_library_publishes_the_same_poses(tmp_pat
     assert len(both) > 50
     for pose in both:
         assert near(pose, places[rounded(pose)])
-        # Latencies are told to 2^-20 s.
+        # Latencies have a resolution of 2^-20 s.
         assert pose.latency_s == pytest.approx(0.004, abs=2.0**-21)
         assert (pose.period_s, pose.occluded) == (0.02, False)
     assert {name for name, _ in poses} == {"h1", "h2"}
 
 
 def rounded(pose: Pose) -> tuple[float, ...]:
-    """Position as the library tells it: in single precision, rounded to 10 um."""
+    """Position as in the library: in single precision, rounded to 10 um."""
     assert pose.position_m is not None
     return tuple(round(float(np.float32(value)), 5) for value in pose.position_m)
 

@@ -84,8 +84,8 @@ class Laboratory:
         return received.message
 
     def assert_flies_on(self, from_s: float) -> None:
-        """Nobody noticed anything: every arbiter obeyed its agent all the time."""
-        self.truth.assert_nobody_touched_down()
+        """The fleet was not disturbed: every arbiter applied its agent's commands all the time."""
+        self.truth.assert_none_touched_down()
         assert [self.obeyed.states(name, from_s) for name in NAMES] == [["armed"]] * len(NAMES)
 
 
@@ -134,7 +134,7 @@ def test_doctor_has_no_findings_on_any_host(laboratory: Laboratory) -> None:
         assert "what it refuses was not tried" not in done.stdout
 
 
-def test_who_has_no_certificate_that_counts_is_not_let_in_and_told(laboratory: Laboratory) -> None:
+def test_client_without_valid_certificate_is_rejected_and_reported(laboratory: Laboratory) -> None:
     directory, file = laboratory.certificates, laboratory.fleet.file
     issue(read_authority(directory), directory, "operator.gone", [], datetime.now(UTC), days=-1)
     logs = ProcessLogs(_fleet_directory("main", laboratory) / "log", ["router"])
@@ -232,5 +232,5 @@ def test_a_flood_from_a_permitted_host_is_borne_and_counted(laboratory: Laborato
         f"{said_hz:.0f} messages a second, {rejected()} rejected; states {states}, "
         f"longest silence of commands {max(silences.values()):.2f} s"
     )
-    laboratory.truth.assert_nobody_touched_down()
+    laboratory.truth.assert_none_touched_down()
     assert all("cut" not in told for told in states.values())

@@ -36,7 +36,7 @@ RADIOS = {"h1": "dsm2_serial", "h2": "dsmp", "h3": "ppm"}
 
 
 def trio_text(radios: dict[str, str] | None = None, **options: str) -> str:
-    """Fleet of three vehicles that follow nobody, with the radio of each."""
+    """Fleet of three vehicles without leaders, with the radio of each."""
     kinds = dict.fromkeys(NAMES, "multi") | (radios or {})
     vehicles = "\n".join(
         f"""
@@ -69,7 +69,7 @@ def test_vehicles_with_different_radios_fly_together(launch: Launch) -> None:
     flying.fleet.wait_until(
         lambda: all(at(truth, name, place) for name, place in places.items()), 30, "not all have arrived"
     )
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     land_gently(flying, truth)
 
 

@@ -21,4 +21,4 @@ def test_trio_flies_spread_over_two_hosts_with_a_router_each(launch: Callable[..
     flying.fleet["h1"].go_to((0.2, 0.0, 0.7))
     flying.fleet.wait_until(lambda: at(truth, "h1", (0.2, 0.0, 0.7)), 30, "h1 does not obey")
     flying.fleet.wait_until(lambda: in_formation(flying, truth), 30, "no formation")
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()

@@ -31,5 +31,5 @@ def build_all(directory: Path) -> None:
 
 
 def outside_environment() -> dict[str, str]:
-    """Environment of somebody who knows nothing of this tree."""
+    """Environment without this source tree."""
     return {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}

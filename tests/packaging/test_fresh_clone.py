@@ -1,4 +1,4 @@
-"""Promises to somebody who has just cloned the repository: `make` installs and flies, and builds the site."""
+"""Promises of a fresh clone: `make` installs and flies, and builds the site."""
 
 import shutil
 import subprocess

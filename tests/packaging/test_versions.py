@@ -1,4 +1,4 @@
-"""Promises of a release: all files that tell the version tell the same one."""
+"""Promises of a release: all files have the same version."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""A bus of their own for tests: a router on a free port, a namespace nobody else uses."""
+"""A bus of their own for tests: a router on a free port, a namespace of its own."""
 
 import json
 import secrets
@@ -24,10 +24,7 @@ LOWEST_PORT, PORTS = 20_000, 12_000
 
 
 def free_port(address: str = "127.0.0.1") -> int:
-    """A TCP port that nobody listens on at this moment.
-
-    It is below those that Linux gives to whoever asks for any, so that no test beside this one is given it.
-    """
+    """A TCP port that is free at this moment, below the ephemeral ports of Linux."""
     while True:
         port = LOWEST_PORT + secrets.randbelow(PORTS)
         with socket.socket() as probe, suppress(OSError):
@@ -129,7 +126,7 @@ def answering(server: Session, reply: Callable[[Request], Reply]) -> Iterator[No
 
 
 def asked(session: Session, unit: str, request: Request) -> Reply:
-    """The answer of somebody who serves the request, or is just about to."""
+    """Reply of a process that serves the request, or is about to."""
     return session.request(unit, request, timeout_s=DEADLINE_S, patience_s=DEADLINE_S)
 
 

@@ -1,4 +1,4 @@
-"""Controllers and estimators that fail in every way that somebody else's may."""
+"""Controllers and estimators that fail in every way that foreign ones may."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -47,15 +47,7 @@ FAILURES: dict[str, Callable[[ControlStep], object]] = {
 
 
 class FailingController:
-    """Does what another controller does, and fails as it is told.
-
-    Parameters
-    ----------
-    sound
-        The other controller.
-    course
-        Failure of each step, again from the beginning when it is over; None for none.
-    """
+    """Wraps a sound controller, with the failures of `course` in its steps, cyclically; None for none."""
 
     def __init__(self, sound: Controller, course: Sequence[str | None]) -> None:
         self._sound = sound

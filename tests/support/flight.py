@@ -100,7 +100,7 @@ class ExactEstimator:
 
 
 class NotedController:
-    """Plays given inputs and notes what it was asked."""
+    """Plays given inputs and records its calls."""
 
     def __init__(self, inputs: Array, period_s: float = 0.02, horizon: int = 8) -> None:
         self._inputs = inputs

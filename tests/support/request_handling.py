@@ -1,4 +1,4 @@
-"""A request handler with a pilot that never has to fly, and requests that remember their answers."""
+"""A request handler with a pilot that does not fly, and requests that record their replies."""
 
 from dataclasses import dataclass, field
 
@@ -41,7 +41,7 @@ UP = (0.1, 0.2, 1.0)
 
 @dataclass
 class Asked:
-    """A request that remembers its answers."""
+    """A request that records its replies."""
 
     request: Request
     verb: str = "verb"
@@ -60,7 +60,7 @@ class Asked:
 
 
 class HandlerBench:
-    """A request handler with a pilot that never has to fly."""
+    """A request handler with a pilot that does not fly."""
 
     def __init__(self) -> None:
         self.clock = FakeClock()

@@ -1,4 +1,4 @@
-"""A fleet without helicopters: its vehicles answer requests and tell their status as a test wants it."""
+"""A fleet without helicopters: its vehicles reply and publish statuses as a test requires."""
 
 import threading
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ def fleet_file_text(address: BusAddress, vehicles: tuple[str, ...] = ("h1", "h2"
 
 
 class ScriptedVehicle:
-    """What one vehicle says and does; change the attributes while it runs."""
+    """Behaviour of one vehicle; change the attributes while it runs."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -166,7 +166,7 @@ def patient_fleet(file: FleetFile, host: str | None = None, timeout_s: float = D
 
 @contextmanager
 def scripted(session: Session, *names: str, tracker: str = "up") -> Iterator[dict[str, ScriptedVehicle]]:
-    """Vehicles that live on a session until the block is left."""
+    """Vehicles that use a session until the block is left."""
     vehicles = {name: ScriptedVehicle(name) for name in names}
     for name in names:
         session.serve(name, VERBS)

@@ -26,7 +26,7 @@ ATTEMPTS = 4
 
 
 def secured_fleet(directory: Path) -> FleetFile:
-    """Gateways and h1 on `main`, h2 on `second`, from which nobody steers; a fleet that does not fly."""
+    """Gateways and h1 on `main`, h2 on `second`, which is not for steering; a fleet that does not fly."""
     port = free_port()
     return parse_fleet(
         f'''
@@ -51,14 +51,14 @@ def secured_fleet(directory: Path) -> FleetFile:
 
 
 class SecuredBus:
-    """Routers of both hosts, and a listener on `main` that hears what gets through."""
+    """Routers of both hosts, and a listener on `main` that collects what passes."""
 
     def __init__(self, stack: ExitStack, directory: Path) -> None:
         self.directory = directory
         self.fleet = secured_fleet(directory / "certificates")
         make_certificates(self.fleet, datetime.now(UTC), days=100)
         self._stack = stack
-        self._heard: list[str] = []
+        self._passed: list[str] = []
         self._changed = threading.Condition()
         for host in self.fleet.hosts:
             earlier = [self.fleet.endpoint("main")] if host == "second" else []
@@ -66,7 +66,7 @@ class SecuredBus:
             router = self._open(router_config(endpoints, earlier, None, protection_of(self.fleet, host)))
             self._serve(router, request_key("lab", host, "identify"))
         self.local = {host: self.client(self.socket(host)) for host in self.fleet.hosts}
-        self.local["main"].declare_subscriber("rcopterx/**", Callback(self._hear, indirect=False))
+        self.local["main"].declare_subscriber("rcopterx/**", Callback(self._receive, indirect=False))
         self._wait_linked()
 
     def socket(self, host: str) -> str:
@@ -96,13 +96,13 @@ class SecuredBus:
     def passes(self, sender: zenoh.Session, on_key: str) -> bool:
         """Whether what a client publishes reaches the host `main`."""
         with self._changed:
-            self._heard.clear()
+            self._passed.clear()
         sender.put(on_key, b"")
-        # Whoever asks after it published is answered after that; a mark sent then comes last.
+        # The router answers a later request after it has forwarded the sample; the mark comes last.
         assert identified(sender)
         self._wait_for_mark()
         with self._changed:
-            return on_key in self._heard
+            return on_key in self._passed
 
     def serve(self, server: zenoh.Session, on_key: str) -> None:
         """Let a client answer requests; its router knows when this returns."""
@@ -114,11 +114,11 @@ class SecuredBus:
         mark = key("lab", "second", LAUNCHER_EVENT.topic)
         self.local["second"].put(mark, b"")
         with self._changed:
-            assert self._changed.wait_for(lambda: mark in self._heard, DEADLINE_S), "the mark is lost"
+            assert self._changed.wait_for(lambda: mark in self._passed, DEADLINE_S), "the mark is lost"
 
-    def _hear(self, sample: zenoh.Sample) -> None:
+    def _receive(self, sample: zenoh.Sample) -> None:
         with self._changed:
-            self._heard.append(str(sample.key_expr))
+            self._passed.append(str(sample.key_expr))
             self._changed.notify_all()
 
     def _serve(self, session: zenoh.Session, on_key: str) -> None:
@@ -138,7 +138,7 @@ class SecuredBus:
 
 
 def identified(session: zenoh.Session) -> list[str]:
-    """Who answers when everybody is asked who he is."""
+    """Keys of the processes that answer an identification request."""
     replies = session.get(request_key("*", "*", "identify"), timeout=DEADLINE_S, target=zenoh.QueryTarget.ALL)
     return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 

@@ -1,4 +1,4 @@
-"""Statuses of agents that fly, for tests of those who read them."""
+"""Statuses of agents that fly."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ def flying_status(**changes: Any) -> AgentStatus:
 
 
 def hovering(position_m: tuple[float, float, float], *following: LeaderLink, **changes: Any) -> AgentStatus:
-    """The status of a vehicle that is where it shall be, heading 0, its leaders as they were assigned."""
+    """The status of a vehicle at its set point, heading 0, with its assigned leaders."""
     fields: dict[str, Any] = {
         "set_point": SetPoint(position_m=position_m, yaw_rad=0.0),
         "position_m": position_m,

@@ -1,6 +1,5 @@
-"""What a large fleet says on its bus, without the fleet: messages of the reference flight."""
+"""Traffic of a large fleet, from messages of the reference flight."""
 
-import os
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -28,16 +27,7 @@ STATUS_PERIODS = 10
 class Traffic(threading.Thread):
     """Vehicles `h1`, `h2` and so on, with plans over fifty stages.
 
-    Parameters
-    ----------
-    session
-        Publishes.
-    vehicles
-        How many.
-    control
-        Channels on which every vehicle speaks in every control period.
-    statuses
-        What it says five times a second, by channel.
+    They publish on the channels `control` in every control period, and `statuses` five times a second.
     """
 
     def __init__(
@@ -61,18 +51,18 @@ class Traffic(threading.Thread):
         while not self._end.wait(max(0.0, due_s - time.monotonic())):
             due_s += PERIOD_S
             for number, name in enumerate(self.names):
-                self._speak(self._control, name, self.sent + 7 * number)
+                self._publish(self._control, name, self.sent + 7 * number)
                 if (self.sent + number) % STATUS_PERIODS == 0:
-                    self._speak(self._statuses, name, self.sent // STATUS_PERIODS + 7 * number)
+                    self._publish(self._statuses, name, self.sent // STATUS_PERIODS + 7 * number)
             self.sent += 1
             self.last_s = time.monotonic()
 
-    def _speak(self, said: Mapping[Channel[Any], Sequence[Message]], name: str, number: int) -> None:
-        for channel, messages in said.items():
+    def _publish(self, messages_of: Mapping[Channel[Any], Sequence[Message]], name: str, number: int) -> None:
+        for channel, messages in messages_of.items():
             self._session.publish(channel, name, messages[number % len(messages)])
 
     def end(self) -> None:
-        """Be silent."""
+        """Stop."""
         self._end.set()
         self.join()
 
@@ -94,9 +84,3 @@ def _longer(plan: Plan, seed: int) -> Plan:
     trajectory = TrajectoryArray.of(values)
     fields = {name: getattr(plan, name) for name in Plan.__struct_fields__}
     return Plan(**(fields | {"trajectory": trajectory, "period_s": PERIOD_S}))
-
-
-def processor_s(process_id: int) -> float:
-    """Processor time that a process has used so far."""
-    fields = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -31,12 +31,9 @@ class FakeClock:
 
 
 class PatientClock:
-    """Monotonic time without what the machine stalls, for whoever gives up after a time that is under test.
+    """Monotonic time that advances by at most `longest_s` per reading, without stalls of the machine.
 
-    Parameters
-    ----------
-    longest_s
-        What passes at most from one reading to the next. Threads may share the clock.
+    Threads may share it.
     """
 
     def __init__(self, longest_s: float) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from support.fleets import PAIR
 from support.waiting import wait_for
 
-from rcopterx.benchmarks.memory import descendants
+from rcopterx.benchmarks.processes import descendants
 from rcopterx.deploy.hosts import capacity
 from rcopterx.deploy.hosts.capacity import AGENT, CapacityMeasurement, may_be_crowded, vehicles_flown
 from rcopterx.deploy.processes.forking import ForkServer

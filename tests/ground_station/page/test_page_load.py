@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 from support.bus import free_port
 from support.scripted import fleet_file_text
-from support.traffic import Traffic, flown, processor_s
+from support.traffic import Traffic, flown
 from support.waiting import wait_for
 
+from rcopterx.benchmarks.processes import cpu_s
 from rcopterx.bus import channels
 from rcopterx.bus.messages import TransmitterStatus
 from rcopterx.bus.session import BusAddress, Session
@@ -69,10 +70,10 @@ def test_the_page_of_twelve_vehicles_takes_little_of_a_processor(
             wait_for(lambda: received[0] > 0, "the page says nothing", 30.0)
             sent = traffic.sent
             wait_for(lambda: traffic.sent > sent + 100, "no traffic", 60.0)
-            began_s, used_s, sent, before = time.monotonic(), processor_s(page.pid), traffic.sent, received[0]
+            began_s, used_s, sent, before = time.monotonic(), cpu_s(page.pid), traffic.sent, received[0]
             wait_for(lambda: traffic.sent > sent + MEASURED_PERIODS, "traffic too slow", 120.0)
             lasted_s = time.monotonic() - began_s
-            share = (processor_s(page.pid) - used_s) / lasted_s
+            share = (cpu_s(page.pid) - used_s) / lasted_s
     finally:
         page.terminate()
         page.wait(10)

@@ -1,7 +1,7 @@
-"""One fleet for all tests of this folder: everybody is in formation when a test begins.
+"""One fleet for all tests of this folder: which is in formation when a test begins.
 
-A test may leave vehicles on the floor, killed, or without their processes; `bring_up` repairs that. What it
-changes otherwise, such as leaders or controllers, it puts back itself. A new fleet follows a failed test, and
+A test may leave vehicles on the floor, killed, or without their processes; `bring_up` repairs that. Other
+changes, such as leaders or controllers, it reverts itself. A new fleet follows a failed test, and
 one after which vehicles stand too close to each other to take off.
 """
 
@@ -36,7 +36,7 @@ class Hangar:
         self._present: tuple[Flying, Truth] | None = None
 
     def fleet(self) -> tuple[Flying, Truth]:
-        """The fleet, and what is true of it."""
+        """The fleet, and its true states."""
         if self._present is None:
             patch = self._stack.enter_context(pytest.MonkeyPatch.context())
             start = self._stack.enter_context(fleets(self._directory, patch))
@@ -110,7 +110,7 @@ def flying(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
 
 @pytest.fixture
 def grounded(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
-    """The fleet on the floor, for tests that start there: nobody has to take off for it."""
+    """The fleet on the floor, for tests that start there."""
     with closed_on_failure(hangar, request):
         flying, _ = hangar.fleet_with_room()
         restore(flying)
@@ -120,7 +120,7 @@ def grounded(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]
 
 @pytest.fixture
 def truth(flying: Flying, hangar: Hangar) -> Truth:
-    """What is true of the fleet; from now on nobody may touch the floor."""
+    """True states of the fleet, with touchdowns counted from now on."""
     return hangar.fleet()[1]
 
 
@@ -142,7 +142,7 @@ def restore(flying: Flying) -> None:
     for launcher in flying.launchers.values():
         for child in launcher.supervisor.children.values():
             child.wanted = True
-    fleet.wait_until(lambda: fleet.present() == list(NAMES), 30, "not everybody takes part", NAMES)
+    fleet.wait_until(lambda: fleet.present() == list(NAMES), 30, "not all vehicles take part", NAMES)
     for name in NAMES:
         fleet.wait_until(lambda name=name: not_killed(flying, name), 30, "not reset", [name])  # type: ignore[misc]
     fleet.wait_ready(timeout_s=30)
@@ -150,7 +150,7 @@ def restore(flying: Flying) -> None:
 
 
 def bring_up(flying: Flying, truth: Truth) -> None:
-    """Let everybody fly in formation, whoever was on the floor before."""
+    """Have all vehicles fly in formation."""
     restore(flying)
     fleet = flying.fleet
     grounded = [name for name in NAMES if not fleet.state_of(name).airborne]

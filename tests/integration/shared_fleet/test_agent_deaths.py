@@ -46,7 +46,7 @@ def test_leader_and_fleet_fly_on_when_its_agent_is_killed(flying: Flying, truth:
     kill_and_wait(flying, "h1")
     flying.fleet.wait_until(lambda: in_formation(flying, truth), 30, "no formation after the restart")
     fly_to(flying, truth, (0.2, 0.0, 0.9))
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     assert flying.restarts("agent-h1") == restarts + 1
 
 
@@ -58,7 +58,7 @@ def test_follower_keeps_its_task_when_its_agent_is_killed(flying: Flying, truth:
     kill_and_wait(flying, "h2")
     fleet.wait_until(lambda: offset_m(flying, "h2") == asked_m, 30, "task forgotten", ["h2"])
     fleet.wait_for_formation(["h2"])
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     fleet["h2"].follow("h1", file_offset_m)
 
 
@@ -72,7 +72,7 @@ def test_agent_goes_by_its_name_and_so_does_the_spare_that_takes_over(flying: Fl
     wait_for_successor(flying, "h2", pid)
     flying.fleet.wait_until(lambda: flying.pid("agent-h2") in pids_named(example[1]), 30, "no name")
     flying.fleet.wait_for_formation()
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
 
 
 def pids_named(title: str) -> set[int]:
@@ -127,7 +127,7 @@ def test_vehicles_whose_agents_hang_for_two_seconds_are_flown_again(flying: Flyi
         "not flown again",
         NAMES,
     )
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
 
 
 def test_vehicles_whose_agents_never_come_back_land_where_they_were(flying: Flying, truth: Truth) -> None:

@@ -11,7 +11,7 @@ from rcopterx.ground_station.scripting.state import VehicleState
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
 TURNED_RAD = 2 * math.pi
-"""A turn, which a motion capture cannot tell from none."""
+"""A turn, which a motion capture cannot distinguish from none."""
 
 
 def heading_rad(state: VehicleState) -> float:
@@ -40,7 +40,7 @@ def test_a_leader_that_has_turned_does_not_turn_back_when_its_agent_is_killed(
     assert heading_rad(fleet.state_of("h1")) == pytest.approx(TURNED_RAD, abs=0.5)
     fleet["h1"].go_to((0.0, 0.0, 0.8), 0.0)
     fleet.wait_for_arrival(["h1"], timeout_s=40)
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
 
 
 def test_a_trajectory_is_flown_to_its_end_when_the_agent_is_killed(flying: Flying, truth: Truth) -> None:
@@ -48,7 +48,7 @@ def test_a_trajectory_is_flown_to_its_end_when_the_agent_is_killed(flying: Flyin
     # trajectory; that shows nothing here, so it is flown again.
     assert any(flown_to_its_end(flying) for _ in range(3)), "held every time"
     flying.fleet.wait_for_formation()
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
 
 
 def flown_to_its_end(flying: Flying) -> bool:

@@ -83,7 +83,7 @@ def flies_until_silent(flying: Flying, truth: Truth, command: list[str], name: s
                 lambda: at(truth, "h1", place_m, 0.15), 30, "the program does not fly h1 to its set point"
             )
             assert client_of(flying) == name
-            truth.assert_nobody_touched_down()
+            truth.assert_none_touched_down()
         finally:
             client.kill()
     fleet.wait_until(
@@ -92,7 +92,7 @@ def flies_until_silent(flying: Flying, truth: Truth, command: list[str], name: s
         "h1 does not fly by itself again",
     )
     fleet.wait_until(lambda: at(truth, "h1", place_m, 0.15), 30, "h1 has left its place")
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
 
 
 def test_a_program_outside_flies_a_vehicle_until_it_falls_silent(flying: Flying, truth: Truth) -> None:

@@ -27,7 +27,7 @@ def test_trio_takes_off_flies_in_formation_and_lands(flying: Flying, truth: Trut
     recorder = Recorder(flying.fleet.session)
     recorder.start()
     fly_to(flying, truth, (0.3, 0.1, 0.9))
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     figures = FlightFigures(recorder.stop(), NAMES)
     for name in NAMES:
         table = figures.vehicle(name)
@@ -40,7 +40,7 @@ def test_trio_takes_off_flies_in_formation_and_lands(flying: Flying, truth: Trut
     assert min(truth.height_m(name) for name in NAMES) > 0.3
 
 
-def test_kill_latches_until_it_is_reset_and_nobody_follows_who_is_on_the_floor(flying: Flying) -> None:
+def test_kill_latches_until_reset_and_vehicles_on_the_floor_are_not_followed(flying: Flying) -> None:
     fleet = flying.fleet
     fleet.kill(["h2"])
     fleet.wait_until(lambda: transmitter_state(flying, "h2") == "killed", 30, "not killed", ["h2"])
@@ -56,7 +56,7 @@ def test_kill_latches_until_it_is_reset_and_nobody_follows_who_is_on_the_floor(f
     fleet.wait_until(lambda: transmitter_state(flying, "h2") == "disarmed", 30, "not reset", ["h2"])
 
 
-def test_leaders_that_make_no_sense_are_refused_with_the_reason_and_nobody_changes_his(
+def test_invalid_leaders_are_refused_with_the_reason_and_no_leader_changes(
     flying: Flying, truth: Truth
 ) -> None:
     fleet = flying.fleet
@@ -85,4 +85,4 @@ def test_second_fleet_on_the_same_addresses_is_refused_and_the_first_is_undistur
         Launcher(load_fleet(flying.path), "main")
     with Fleet(flying.fleet.file) as another:
         assert another.session.connected()
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()

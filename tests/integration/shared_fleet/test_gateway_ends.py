@@ -51,7 +51,7 @@ def test_vehicles_fly_on_when_their_transmitter_gateway_is_killed(flying: Flying
         NAMES,
     )
     fly_to(flying, truth, (0.2, 0.1, 0.9))
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     for name in NAMES:
         assert min(log.throttles(name, killed_s)) > THROTTLE_LOW_US + 100
 
@@ -199,7 +199,7 @@ def test_gateway_brings_vehicles_down_by_itself_when_the_bus_is_lost(
         if how is signal.SIGSTOP:
             with flying.unwatched():
                 os.kill(pid, how)
-                flying.fleet.wait_until(lambda: not heard_lately(flying, 4.0), 30, "the bus is not lost")
+                flying.fleet.wait_until(lambda: not received_lately(flying, 4.0), 30, "the bus is not lost")
                 os.kill(pid, signal.SIGCONT)
         else:
             os.kill(pid, how)
@@ -214,6 +214,6 @@ def test_gateway_brings_vehicles_down_by_itself_when_the_bus_is_lost(
     )
 
 
-def heard_lately(flying: Flying, limit_s: float) -> bool:
+def received_lately(flying: Flying, limit_s: float) -> bool:
     ages = [flying.fleet.state_of(name).agent_age_s for name in NAMES]
     return any(age is not None and age < limit_s for age in ages)

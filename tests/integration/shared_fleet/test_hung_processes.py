@@ -1,4 +1,4 @@
-"""A process that hangs in flight is replaced like one that died, and nobody has to come down for it."""
+"""A process that hangs in flight is replaced like one that died, and no vehicle comes down for it."""
 
 import os
 import re
@@ -14,7 +14,7 @@ VICTIMS = ("agent-h2", "transmitters")
 
 
 def hang(flying: Flying, process: str) -> None:
-    """Stop a process for good and wait until everybody is flown again."""
+    """Stop a process for good and wait until all vehicles are flown again."""
     children = flying.launcher_of(process).supervisor.children
     flying.wait_for_spare(process)
     before = children[process].hung, children[process].restarts
@@ -55,12 +55,12 @@ def hang_spare(flying: Flying) -> None:
     )
 
 
-def test_everybody_flies_on_whichever_process_hangs_and_hangs_are_told(flying: Flying, truth: Truth) -> None:
+def test_all_fly_on_whichever_process_hangs_and_hangs_are_reported(flying: Flying, truth: Truth) -> None:
     for victim in VICTIMS:
         hang(flying, victim)
     hang_spare(flying)
     fly_to(flying, truth, (0.2, 0.0, 0.9))
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     told = "; ".join(flying.launcher_of("router").events)
     assert all(f"{victim}: hung: no progress for" in told for victim in VICTIMS)
     flying.fleet.wait_until(

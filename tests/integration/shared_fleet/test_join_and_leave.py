@@ -1,4 +1,4 @@
-"""Vehicles join and leave a fleet that flies; one that is absent keeps nobody on the floor."""
+"""Vehicles join and leave a fleet that flies; an absent one does not block take-off."""
 
 import pytest
 from integration_support import Flying, Truth

@@ -15,7 +15,7 @@ from rcopterx.bus.subscription import Inbox
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
 TYPED_TO_CUT_S = 5.0
-"""Very loose, for a busy machine that starts the command; docs/safety.md tells what was measured."""
+"""Very loose, for a busy machine that starts the command; docs/safety.md has measured times."""
 
 
 def typed(*words: str) -> subprocess.CompletedProcess[str]:
@@ -25,7 +25,7 @@ def typed(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def first_killed_s(flying: Flying, name: str, applied: Inbox[Applied]) -> float:
-    """When the motors were first cut: the answer to the kill may overtake the message that tells it."""
+    """When the motors were first cut: the reply to the kill may overtake its message."""
     written_s: list[float] = []
 
     def told() -> bool:

@@ -1,4 +1,4 @@
-"""Malformed commands in great number are counted and disturb nobody."""
+"""Malformed commands in great number are counted and do not disturb the flight."""
 
 import time
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ BURST, BURST_PERIOD_S = 50, 0.01
 
 
 @pytest.mark.parametrize("count", [10_000, pytest.param(100_000, marks=pytest.mark.campaign)])
-def test_thousands_of_malformed_commands_are_counted_and_disturb_nobody(
+def test_thousands_of_malformed_commands_are_counted_and_do_not_disturb(
     flying: Flying, truth: Truth, count: int
 ) -> None:
     before = refused_commands(flying, "h2")
@@ -34,7 +34,7 @@ def test_thousands_of_malformed_commands_are_counted_and_disturb_nobody(
         lambda: refused_commands(flying, "h2") - before > 0.8 * count, 30, "rejections are not counted"
     )
     fly_to(flying, truth, (0.2, 0.1, 0.9))
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
 
 
 def paced(period_s: float) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""Processes that everybody depends on are killed in flight, and nobody has to come down for it."""
+"""Shared processes are killed in flight, and no vehicle comes down for it."""
 
 import time
 
@@ -11,7 +11,7 @@ pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
 
 def kill_and_wait(flying: Flying, process: str) -> None:
-    """Kill a process; the supervisor starts another one, with which everybody flies."""
+    """Kill a process; the supervisor starts another one, with which all fly."""
     restarts = flying.restarts(process)
     flying.wait_for_spare(process)
     flying.kill(process)
@@ -36,7 +36,7 @@ def test_the_fleet_flies_on_when_its_router_or_vicon_gateway_is_killed(
 ) -> None:
     kill_and_wait(flying, victim)
     fly_to(flying, truth, (0.2, 0.0, 0.9))
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
 
 
 def test_a_broken_save_of_the_fleet_file_changes_nothing_in_flight(flying: Flying, truth: Truth) -> None:
@@ -51,7 +51,7 @@ def test_a_broken_save_of_the_fleet_file_changes_nothing_in_flight(flying: Flyin
             fleet.wait_for_formation()
     finally:
         flying.path.write_text(text)
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
 
 
 def test_killed_laboratory_is_found_again_and_the_fleet_takes_off_anew(flying: Flying, truth: Truth) -> None:

@@ -1,4 +1,4 @@
-"""A listener that does not read disturbs nobody: a ground station that hangs, a notebook put to sleep."""
+"""A slow listener, such as a ground station that hangs, does not disturb the fleet."""
 
 import os
 import signal
@@ -46,7 +46,7 @@ def test_a_listener_that_hangs_does_not_delay_the_fleet(flying: Flying, truth: T
             assert in_formation(flying, truth, 0.2)
         finally:
             listener.kill()
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     for name in NAMES:
         assert flown_by(flying, name) is not None
         delayed = fallbacks(flying, name, "pose_extrapolated") - late[name]

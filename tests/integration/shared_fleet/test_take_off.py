@@ -11,9 +11,7 @@ from rcopterx.simulator.faults import Silence
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
 
-def test_a_climb_without_frames_for_a_moment_ends_at_the_height_that_was_asked_for(
-    flying: Flying, truth: Truth
-) -> None:
+def test_climb_without_frames_for_a_moment_ends_at_the_requested_height(flying: Flying, truth: Truth) -> None:
     fleet = flying.fleet
     fleet.land(["h1"])
     held = counter(flying, "h1", "entered HOLD")

@@ -47,7 +47,7 @@ class Laboratory:
         return received.message
 
     def wait_for_problem(self, words: str) -> None:
-        """Wait until the fleet tells of what keeps vehicles on the floor."""
+        """Wait until the fleet shows what blocks take-off."""
         self.fleet.wait_until(
             lambda: any(words in line for line in self.fleet.problems()), 30, f"{words} is not reported"
         )
@@ -111,7 +111,7 @@ HARMLESS: tuple[Fault, ...] = (
 )
 
 
-def test_faults_that_are_short_or_harmless_bring_nobody_down(laboratory: Laboratory) -> None:
+def test_short_or_harmless_faults_bring_no_vehicle_down(laboratory: Laboratory) -> None:
     for fault in HARMLESS:
         frames = laboratory.tracker.counters["frames"]
         laboratory.inject(fault)
@@ -125,7 +125,7 @@ def test_faults_that_are_short_or_harmless_bring_nobody_down(laboratory: Laborat
         laboratory.fleet.wait_until(
             lambda: all(laboratory.settled(name) for name in NAMES), 5, fault_text(fault), NAMES
         )
-        laboratory.truth.assert_nobody_touched_down()
+        laboratory.truth.assert_none_touched_down()
     laboratory.fleet.wait_for_formation()
     laboratory.assert_flies_on(*NAMES)
 
@@ -138,7 +138,7 @@ def test_formation_flies_on_when_frame_numbers_begin_anew(laboratory: Laboratory
     laboratory.fleet["h1"].go_to((0.3, 0.1, 0.9))
     laboratory.fleet.wait_for_arrival(["h1"])
     laboratory.fleet.wait_for_formation()
-    laboratory.truth.assert_nobody_touched_down()
+    laboratory.truth.assert_none_touched_down()
     assert {name: laboratory.counter(name, "entered DESCEND") for name in NAMES} == descents
 
 

@@ -35,4 +35,4 @@ def test_a_formation_flies_an_eight_and_bad_trajectories_are_refused(flying: Fly
         table = figures.vehicle(name)
         assert table["ticks"] > 150
         assert table["tracking_error_mm"]["rms"] < ERROR_MM
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()

@@ -25,7 +25,7 @@ def test_everything_can_be_tuned_in_flight_and_survives_a_restart_of_the_agent(
         fleet["h2"].tune(input_weights=(-1.0, 1.0, 1.0, 1.0))
     with pytest.raises(RefusedError, match="allowed are cascade"):
         fleet["h2"].tune(controller="autopilot")
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
 
     flying.wait_for_spare("agent-h2")
     killed = flying.kill("agent-h2")
@@ -40,7 +40,7 @@ def test_everything_can_be_tuned_in_flight_and_survives_a_restart_of_the_agent(
         )
 
     fleet.wait_until(restored, 30, "h2 does not fly with what was tuned", ["h2"])
-    truth.assert_nobody_touched_down()
+    truth.assert_none_touched_down()
     # Another controller takes nothing but the horizon over: weights of the next tests are the usual ones.
     for controller in ("pid", "cascade"):
         fleet["h2"].tune(controller=controller, horizon=30)

@@ -1,5 +1,6 @@
-"""Processes that a process has started, and the memory that they use (proc(5))."""
+"""Processes that a process has started, and their memory and processor time (proc(5))."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -31,3 +32,9 @@ def memory_of(processes: Sequence[int], proc: Path = Path("/proc")) -> float:
             continue
         total_kb += sum(int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:"))
     return total_kb / 1000
+
+
+def cpu_s(pid: int) -> float:
+    """Processor time of a process [s] (proc(5), fields 14 and 15 of stat)."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
