@@ -48,6 +48,15 @@ def test_the_architecture_names_every_folder_and_every_part_of_an_agent() -> Non
             assert f"`{part.stem}`" in ARCHITECTURE
 
 
+@pytest.mark.parametrize(
+    ("heading", "most"),
+    [("One pose from socket to radio", 12), ("One goto from the command line to the plan", 15)],
+)
+def test_a_path_through_the_code_names_few_files(heading: str, most: int) -> None:
+    section = ARCHITECTURE.partition(f"## {heading}\n")[2].partition("\n## ")[0]
+    assert 5 < len(re.findall(r"`[\w/]+\.py`", section)) <= most
+
+
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 
