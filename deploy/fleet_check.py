@@ -1,30 +1,38 @@
-"""Makes sure that every process of a fleet can be set up before any of them is started.
+"""Checks that every process of a fleet can be set up before any of them is started.
 
-`python -m rcopterx.deploy.fleet_check SNAPSHOT DIRECTORY`; see `checking`.
+`python -m rcopterx.deploy.fleet_check SNAPSHOT DIRECTORY` checks a snapshot of the fleet file.
 """
 
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
 
-from rcopterx.deploy.checking import EXIT_WRONG
-from rcopterx.deploy.roles.agent import check_period, pilot_of
-from rcopterx.deploy.roles.simulator import simulator_settings
-from rcopterx.deploy.roles.tracker import tracker_settings
-from rcopterx.deploy.roles.transmitters import gateway_settings
-from rcopterx.fleet.arbiter_limits import limits_of
-from rcopterx.fleet.formation_check import check_formation
+from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.snapshot import read_snapshot
+from rcopterx.fleet.snapshot import read_snapshot, write_snapshot
+
+MODULE: Final = "rcopterx.deploy.fleet_check"
+EXIT_WRONG: Final = 3
+"""Exit code for a fleet with a wrong field."""
 
 
 def check_fleet(fleet: FleetFile, directory: Path) -> None:
-    """Build the settings of every process, so that nothing is started from a file with a wrong field.
+    """Build the settings of every process of a fleet with this run directory.
 
     Raises
     ------
     FleetError
-        Names the field.
+        Names the field that is wrong.
     """
+    # Imported here: the launcher imports this module, and needs none of the libraries of agents.
+    from rcopterx.deploy.roles.agent import check_period, pilot_of
+    from rcopterx.deploy.roles.simulator import simulator_settings
+    from rcopterx.deploy.roles.tracker import tracker_settings
+    from rcopterx.deploy.roles.transmitters import gateway_settings
+    from rcopterx.fleet.arbiter_limits import limits_of
+    from rcopterx.fleet.formation_check import check_formation
+
     for name in fleet.vehicles:
         check_period(fleet, name)
         pilot_of(fleet, name)
@@ -37,8 +45,29 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
         simulator_settings(fleet, directory)
 
 
+def check_in_process(fleet: FleetFile, directory: Path, forks: ForkServer) -> None:
+    """As `check_fleet`, in a process that ends: what only agents need does not stay in this one.
+
+    Raises
+    ------
+    FleetError
+        Names the field that is wrong.
+    OSError
+        The check failed for another reason.
+    """
+    with TemporaryDirectory(prefix="rcopterx-") as place:
+        snapshot, log = Path(place) / "fleet.json", Path(place) / "log"
+        write_snapshot(fleet, snapshot)
+        code = forks.start([sys.executable, "-m", MODULE, str(snapshot), str(directory)], log).wait()
+        output = log.read_text(encoding="utf-8", errors="replace").strip()
+    if code == EXIT_WRONG:
+        raise FleetError(output)
+    if code:
+        raise OSError(f"the fleet cannot be checked, exit code {code}: {output}")
+
+
 def main() -> int:
-    """Check a snapshot for a run directory; what is wrong goes to the standard error."""
+    """Check a snapshot for a run directory; print what is wrong to the standard error."""
     snapshot, directory = map(Path, sys.argv[1:])
     try:
         check_fleet(read_snapshot(snapshot), directory)

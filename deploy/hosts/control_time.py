@@ -1,8 +1,9 @@
 """Processor time of an agent's control period on this computer.
 
-`python -m rcopterx.deploy.hosts.control_time SNAPSHOT VEHICLE` prints it in seconds; see `capacity`.
+`python -m rcopterx.deploy.hosts.control_time SNAPSHOT VEHICLE` prints it in seconds, for `capacity`.
 """
 
+import os
 import statistics
 import sys
 import time
@@ -14,44 +15,41 @@ import numpy as np
 
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.control.interfaces import Measurement
-from rcopterx.deploy.processes.background import step_behind_others
-from rcopterx.deploy.processes.prepared import fleet_of
+from rcopterx.deploy.processes.background import move_to_background
 from rcopterx.deploy.roles.agent import ready_pilot
 from rcopterx.deploy.roles.run import end_with_parent, name_process
+from rcopterx.fleet.reading import load_fleet
 
 PERIODS: Final = 60
 SKIPPED: Final = 20
-"""Periods in the beginning, in which what is kept for later ones is computed."""
+"""First periods, which compute what later ones reuse."""
 PLACE_M: Final = (0.0, 0.0, 1.0)
 
 
 def control_time_s(
     pilot: Pilot, period_s: float, wait: Callable[[float], None], processor_clock: Callable[[], float]
 ) -> float:
-    """Median of the processor time of a control period of a vehicle that is held where it should be.
+    """Return the median processor time [s] of a control period of a vehicle that hovers at its set point.
 
     Parameters
     ----------
     pilot
-        New; it sees the vehicle in the air.
-    period_s
-        Control period.
+        A new one.
     wait
-        Called before each period with how long to wait: in flight others use the processor in between, and
-        their memory is in its caches then.
+        Called with `period_s` before each period: in flight others use the processor and its caches between.
     processor_clock
         Processor time [s].
     """
     times_s = []
     for frame in range(PERIODS):
         wait(period_s)
-        begun_s = processor_clock()
+        start_s = processor_clock()
         pilot.observe(StampedMeasurement(1, frame, period_s, Measurement(np.array(PLACE_M), 0.0)))
         if frame == 0:
             pilot.note_applied("armed", -1, pilot.model.hover_input)
-        told = pilot.control({})
-        pilot.note_applied("armed", pilot.sequence, told.input)
-        times_s.append(processor_clock() - begun_s)
+        command = pilot.control({})
+        pilot.note_applied("armed", pilot.sequence, command.input)
+        times_s.append(processor_clock() - start_s)
     return statistics.median(times_s[SKIPPED:])
 
 
@@ -59,8 +57,8 @@ def main() -> int:
     """Print the processor time of a control period [s] of a vehicle of a fleet."""
     end_with_parent()
     name_process("capacity")
-    step_behind_others()
-    fleet, vehicle = fleet_of(Path(sys.argv[1])), sys.argv[2]
+    move_to_background(os.getpid())
+    fleet, vehicle = load_fleet(Path(sys.argv[1])), sys.argv[2]
     _, pilot = ready_pilot(fleet, vehicle)
     period_s = fleet.vehicles[vehicle].control.period_s
     print(control_time_s(pilot, period_s, time.sleep, time.thread_time))

@@ -1,4 +1,4 @@
-"""Starts and stops a host and its vehicles' agents by request, and tells what processes do and log."""
+"""Serves requests to a launcher: start and stop the host or agents, read logs; publishes its status."""
 
 import threading
 from collections import deque
@@ -21,7 +21,7 @@ from rcopterx.bus.requests import (
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.hosts.capacity import AGENT, may_be_crowded
 from rcopterx.deploy.processes.child import Child
-from rcopterx.deploy.processes.log_reading import answer_of
+from rcopterx.deploy.processes.log_reading import read_page
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ROUTER
 
@@ -30,35 +30,19 @@ MAX_TEXT = 400
 
 
 class MembershipService:
-    """Answers what a launcher serves for a host in a thread of its own, but `recall`.
-
-    `start_host` and `stop_host` are for hosts with a daemon.
+    """Answers the requests to a launcher, except `recall`, in a thread of its own.
 
     Parameters
     ----------
-    address
-        The bus.
-    host
-        Name of the host.
-    supervisor
-        Keeps the agents running.
-    news
-        What happened to processes; it is published and removed.
+    events
+        Events to publish; they are removed.
     home
         Vehicles whose agents run on this host from the start.
     logs
         Directory of the logs of the processes.
     begin
-        Called before the processes of a host with a daemon are started; None for a host without one.
-
-    Attributes
-    ----------
-    started
-        Whether the processes of the host run, and not only its daemon.
-    flies
-        About how many vehicles the host flies; None if that is not known.
-    measuring
-        Whether that is being found out, and may be less than what runs here.
+        Called before the processes of a host with a daemon are started. None for a host without a daemon,
+        which does not serve `start_host` and `stop_host`.
     """
 
     def __init__(
@@ -66,19 +50,22 @@ class MembershipService:
         address: BusAddress,
         host: str,
         supervisor: Supervisor,
-        news: deque[str],
+        events: deque[str],
         home: Collection[str],
         logs: Path,
         begin: Callable[[], None] | None = None,
     ) -> None:
-        self._news = news
+        self._events = events
         self._logs = logs
         self._home = frozenset(home)
         self.started = begin is None
+        """Whether the processes of the host run, and not only its daemon."""
         self.flies: int | None = None
+        """About how many vehicles the host can fly, if that is known."""
         agents = [child for child in supervisor.children.values() if child.spec.role == AGENT]
-        # From the first status on, so that no take-off is before it.
         self.measuring = may_be_crowded(sum(child.wanted for child in agents))
+        """Whether `flies` is being measured and may be less than what runs here; published from the first
+        status on, so that no vehicle takes off before."""
         self._begin = begin
         self._supervisor = supervisor
         self._agents: Mapping[str, Child] = {child.spec.unit: child for child in agents}
@@ -102,13 +89,13 @@ class MembershipService:
                 incoming.answer(self._answer(incoming.request))
                 report_at_s = 0.0
             if self._session.clock() >= report_at_s:
-                self._publish_news()
+                self._publish_events()
                 self._session.publish(channels.LAUNCHER, self._host, self._status())
                 report_at_s = self._session.clock() + REPORT_PERIOD_S
 
-    def _publish_news(self) -> None:
-        while self._news:
-            event = LauncherEvent(text=self._news.popleft()[:MAX_TEXT])
+    def _publish_events(self) -> None:
+        while self._events:
+            event = LauncherEvent(text=self._events.popleft()[:MAX_TEXT])
             self._session.publish(channels.LAUNCHER_EVENT, self._host, event)
 
     def _answer(self, request: object) -> Reply:
@@ -117,7 +104,7 @@ class MembershipService:
         if isinstance(request, StopHost):
             return self._stop_host()
         if isinstance(request, ReadLogs):
-            return answer_of(self._logs, request)
+            return read_page(self._logs, request)
         if isinstance(request, StartVehicle | StopVehicle | TakeVehicle):
             child = self._agents.get(request.vehicle)
             if child is None:
@@ -150,9 +137,9 @@ class MembershipService:
     def _answer_for_vehicle(self, request: StartVehicle | StopVehicle | TakeVehicle, child: Child) -> Reply:
         vehicle = request.vehicle
         if isinstance(request, StartVehicle):
-            news = f"{vehicle} takes part already" if child.wanted else f"{vehicle} is started"
+            reason = f"{vehicle} takes part already" if child.wanted else f"{vehicle} is started"
             child.wanted = True
-            return Reply(accepted=True, reason=news)
+            return Reply(accepted=True, reason=reason)
         if isinstance(request, StopVehicle):
             phase = self._phase(vehicle)
             if phase in AIRBORNE and not self._flies_elsewhere(vehicle):
@@ -167,14 +154,14 @@ class MembershipService:
         return Reply(accepted=True, reason=f"the agent of {vehicle} starts on {self._host}")
 
     def _phase(self, vehicle: str) -> str:
-        told = self._told(vehicle)
-        return "unknown" if told is None else told.phase
+        status = self._last_status(vehicle)
+        return "unknown" if status is None else status.phase
 
     def _flies_elsewhere(self, vehicle: str) -> bool:
-        told = self._told(vehicle)
-        return told is not None and told.diagnostics.host not in (None, self._host)
+        status = self._last_status(vehicle)
+        return status is not None and status.diagnostics.host not in (None, self._host)
 
-    def _told(self, vehicle: str) -> AgentStatus | None:
+    def _last_status(self, vehicle: str) -> AgentStatus | None:
         inbox = self._statuses.inboxes.get(vehicle)
         received = None if inbox is None or not inbox.alive(self._session.clock()) else inbox.latest()
         return None if received is None else received.message
@@ -197,11 +184,11 @@ class MembershipService:
         )
 
     def close(self) -> None:
-        """Answer no more."""
+        """Stop answering."""
         self._stopping = True
         self._wake.set()
         self._thread.join()
-        # What ends by order is not missed: no other host has to start these agents.
+        # Other hosts need not start these agents: they end on purpose.
         self._session.publish(
             channels.LAUNCHER, self._host, LauncherStatus(running=(), absent=tuple(self._home))
         )

@@ -1,4 +1,4 @@
-"""Keeps what agents last reported and gateways last wrote, for the processes that replace them."""
+"""Remembers the last reports of agents and gateways, for the processes that replace them."""
 
 import threading
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -17,7 +17,7 @@ M = TypeVar("M", bound=Message)
 
 
 FIRST_ROUTER_S = 30.0
-"""All processes of a fleet start at once; the router of a large one takes its time on a small computer."""
+"""For the first start of the router, while all processes of the fleet start."""
 
 
 class RecallService:
@@ -25,18 +25,15 @@ class RecallService:
 
     Parameters
     ----------
-    address
-        The bus.
     agents
         Vehicles whose agents run on this host.
     transmitters
         Vehicles whose transmitter gateways run on this host.
     quick_deaths
-        How often in a row the agent of a vehicle has died shortly after its start.
+        Number of deaths of a vehicle's agent in a row that came shortly after its start.
     guarded
-        Vehicles that this host watches, because their agents may have to be started here. Of others that
-        have their transmitters elsewhere nothing is heard: frames of a whole fleet cost every host more than
-        an agent.
+        Vehicles whose agents this host may have to start. The service subscribes to frames of these and of
+        `transmitters` only: frames of a whole fleet cost a host more than an agent.
     """
 
     def __init__(
@@ -52,7 +49,7 @@ class RecallService:
         self._stopping = False
         self._session = Session(address, wake=self._wake.set, timeout_s=FIRST_ROUTER_S)
         self._intents = {vehicle: self._session.subscribe(channels.INTENT, vehicle) for vehicle in agents}
-        # Fifty messages a second and vehicle: they wake nobody and are read only when somebody asks.
+        # Fifty messages per second and vehicle: they wake no thread and are read on request.
         self._applied = self._of_each(channels.APPLIED, {*transmitters, *guarded})
         self._transmitters = self._of_each(channels.TRANSMITTER_STATUS, {*transmitters, *guarded})
         self._leases = self._of_each(channels.LEASE, transmitters)
@@ -93,10 +90,12 @@ class RecallService:
         applied = _newest(self._applied.get(vehicle))
         status = _newest(self._transmitters.get(vehicle))
         lease = _newest(self._leases.get(vehicle))
-        known = [(told.arrived_s, told.message.state) for told in (applied, status) if told is not None]
+        known = [
+            (report.arrived_s, report.message.state) for report in (applied, status) if report is not None
+        ]
         if not known:
             return RecallTransmitterReply(accepted=False, reason=f"nothing is known of {vehicle} yet")
-        # A kill is told as soon as it holds; what could not be written is not among what was applied.
+        # Only the status shows a kill whose frame could not be written.
         newest_s, state = max(known)
         return RecallTransmitterReply(
             accepted=True,
@@ -110,36 +109,36 @@ class RecallService:
         )
 
     def frames(self, vehicles: Iterable[str]) -> dict[str, LastFrame]:
-        """Newest serial frame of those of the vehicles that were heard of."""
+        """Return the newest serial frame of each of these vehicles, as far as one has arrived."""
         newest = {vehicle: _newest(self._applied.get(vehicle)) for vehicle in vehicles}
         return {
             vehicle: LastFrame(
-                told.message.state, (told.message.lease, told.message.sequence), told.arrived_s
+                frame.message.state, (frame.message.lease, frame.message.sequence), frame.arrived_s
             )
-            for vehicle, told in newest.items()
-            if told is not None
+            for vehicle, frame in newest.items()
+            if frame is not None
         }
 
     def on_floor(self, vehicles: Iterable[str]) -> dict[str, OnFloor]:
-        """Those of the vehicles that stand on the floor, as a gateway that is there says."""
+        """Return those of these vehicles that a live gateway reports to be on the floor."""
         for host, launcher in tuple(self._launchers.items()):
-            said = launcher.latest()
-            if said is not None:
-                self._runners.hear(host, said.message.running, said.arrived_s)
+            status = launcher.latest()
+            if status is not None:
+                self._runners.update(host, status.message.running, status.arrived_s)
         now_s, known = self._session.clock(), {}
         for vehicle in vehicles:
             inbox = self._transmitters.get(vehicle)
-            status = None if inbox is None or not inbox.alive(now_s) else inbox.latest()
+            report = None if inbox is None or not inbox.alive(now_s) else inbox.latest()
             runner = self._runners.of(vehicle)
-            if status is None or runner is None or status.message.state in FLYING:
+            if report is None or runner is None or report.message.state in FLYING:
                 continue
-            age_s = status.message.command_age_s
+            age_s = report.message.command_age_s
             if age_s is not None:
-                known[vehicle] = OnFloor(status.arrived_s - age_s, runner)
+                known[vehicle] = OnFloor(report.arrived_s - age_s, runner)
         return known
 
     def close(self) -> None:
-        """Answer no more."""
+        """Stop answering."""
         self._stopping = True
         self._wake.set()
         self._thread.join()

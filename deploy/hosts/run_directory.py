@@ -1,4 +1,4 @@
-"""Where a running fleet keeps its logs and its simulated serial ports."""
+"""Directories and files of a running fleet on this host."""
 
 import errno
 import os
@@ -10,10 +10,9 @@ LONGEST_SOCKET_PATH = 100
 
 
 def base_directory() -> Path:
-    """Directory of all fleets on this host.
+    """Return the directory of all fleets on this host.
 
-    `RCOPTERX_RUN` overrides the place; else `XDG_RUNTIME_DIR` is used where it exists, else the directory for
-    temporary files.
+    It is `RCOPTERX_RUN` if set, else lies in `XDG_RUNTIME_DIR` if writable, else in the temporary directory.
     """
     base = os.environ.get("RCOPTERX_RUN")
     if base is None:
@@ -26,14 +25,14 @@ def base_directory() -> Path:
 
 
 def run_directory(fleet_name: str, namespace: str | None) -> Path:
-    """Directory of a fleet on this host, created if missing; it lies in `base_directory`.
+    """Return the directory of a fleet in `base_directory`, created if missing.
 
-    Only its owner may look into it: whoever reaches the router's socket in it can steer.
+    Only its owner has access: any program that reaches the router's socket in it can steer.
 
     Raises
     ------
     OSError
-        It cannot be created, or belongs to another user; says where, why, and how to choose another place.
+        It cannot be created or belongs to another user; says how to choose another place.
     """
     path = base_directory() / (fleet_name if namespace is None else f"{fleet_name}-{namespace}")
     try:
@@ -49,7 +48,7 @@ def run_directory(fleet_name: str, namespace: str | None) -> Path:
 
 
 def check_owner(path: Path) -> None:
-    """Refuse a directory that somebody else has put in the place of ours, for instance in `/tmp`.
+    """Refuse a directory that another user has put in the place of ours, for instance in `/tmp`.
 
     Raises
     ------
@@ -64,24 +63,24 @@ def check_owner(path: Path) -> None:
 
 
 def serial_path(port: str, directory: Path) -> Path:
-    """Serial device of a transmitter: relative ones live in the run directory."""
+    """Return the serial device of a transmitter; relative paths are in the run directory."""
     return Path(port) if Path(port).is_absolute() else directory / port
 
 
 def snapshot_path(host: str, directory: Path) -> Path:
-    """Where the snapshot of the fleet file lies that the processes of a host go by."""
+    """Return the path of the snapshot of the fleet file that the processes of a host read."""
     return directory / f"fleet-{host}.json"
 
 
 def flight_path(host: str, directory: Path) -> Path:
-    """File with the name of the flight under way, by which a recorder that is restarted goes on with it."""
+    """Return the file with the name of the current flight, which a restarted recorder continues."""
     return directory / f"flight-{host}.txt"
 
 
 def router_socket(host: str, directory: Path) -> str | None:
-    """Zenoh endpoint of a host's router for processes of the same host, faster than TCP.
+    """Return the Zenoh endpoint of a router for processes of its host, faster than TCP.
 
-    None where the path would be longer than the operating system allows for a socket.
+    None if the path is longer than the operating system allows for a socket.
     """
     path = directory / f"router-{host}.sock"
     return f"unixsock-stream/{path}" if len(str(path)) <= LONGEST_SOCKET_PATH else None

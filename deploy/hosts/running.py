@@ -1,7 +1,7 @@
-"""Which fleets are up on this computer: every router keeps a record of its fleet, locked while it runs.
+"""Records of the fleets that are up on this computer: each router keeps one, locked while it runs.
 
-The lock ends with the process, however it ends, so that a record of a fleet that is down misleads nobody.
-`rcopterx kill` reads records before it does anything else: nothing here takes long to import.
+The lock ends with the process, so that records of fleets that are down are ignored. `rcopterx kill` reads
+records first: this module imports quickly.
 """
 
 import fcntl
@@ -21,49 +21,34 @@ LOCK_RETRY_S = 0.01
 
 
 class RunningFleet(NamedTuple):
-    """What a router says of its fleet.
-
-    Attributes
-    ----------
-    fleet
-        Name of the fleet.
-    digest
-        Digest of its fleet file.
-    namespace
-        Of the bus.
-    host
-        Host of the fleet file that this computer is.
-    endpoints
-        Where the router of this host listens.
-    others
-        Endpoints of the routers of the other hosts.
-    vehicles
-        All vehicles of the fleet file.
-    snapshot
-        Snapshot of the fleet file.
-    credentials
-        Fields of `rcopterx.bus.endpoints.Credentials`, for routers that ask for a certificate.
-    """
+    """Record of a running fleet."""
 
     fleet: str
     digest: str
+    """Digest of the fleet file."""
     namespace: str | None
+    """Namespace of the bus."""
     host: str
+    """Host of the fleet file that this computer is."""
     endpoints: list[str]
+    """Endpoints of the router of this host."""
     others: list[str]
+    """Endpoints of the routers of the other hosts."""
     vehicles: list[str]
     snapshot: str
+    """Path of the snapshot of the fleet file."""
     credentials: list[str] | None = None
+    """Fields of `rcopterx.bus.endpoints.Credentials`, for routers that require a certificate."""
 
 
 @contextmanager
 def recorded(directory: Path, running: RunningFleet) -> Iterator[None]:
-    """Keep the record of a running fleet in its run directory.
+    """Keep the record of a running fleet in its run directory while the context lasts.
 
     Raises
     ------
     OSError
-        Another router keeps it already.
+        Another router of this fleet is running.
     """
     path = directory / f"up-{running.host}.json"
     descriptor = _locked(path)
@@ -82,7 +67,7 @@ def _locked(path: Path) -> int:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            # The one before may have removed the file between opening and locking it.
+            # A predecessor may have removed the file between opening and locking it.
             if path.exists() and os.stat(path).st_ino == os.fstat(descriptor).st_ino:
                 return descriptor
         except BlockingIOError:
@@ -94,13 +79,7 @@ def _locked(path: Path) -> int:
 
 
 def running_fleets(base: Path | None = None) -> list[RunningFleet]:
-    """Fleets that are up on this computer, by their run directories.
-
-    Parameters
-    ----------
-    base
-        Where to look; by default `base_directory`.
-    """
+    """Return the fleets that are up, from their run directories in `base` (default `base_directory`)."""
     found = []
     for path in sorted((base or base_directory()).glob("*/up-*.json")):
         running = _read(path)
@@ -110,7 +89,7 @@ def running_fleets(base: Path | None = None) -> list[RunningFleet]:
 
 
 def _read(path: Path) -> RunningFleet | None:
-    """The record of a router that runs, else None."""
+    """Return the record of a running router, else None."""
     try:
         with path.open("rb") as file:
             try:
@@ -118,6 +97,6 @@ def _read(path: Path) -> RunningFleet | None:
             except BlockingIOError:
                 return RunningFleet(**json.load(file))
     except (OSError, ValueError, TypeError):
-        # Removed, or not written completely, in this very moment: its fleet is just going down or coming up.
+        # The fleet is just going down or coming up: its record is removed or incomplete.
         return None
     return None

@@ -1,4 +1,4 @@
-"""Starts programs that nobody waits for, behind all that people and vehicles wait for."""
+"""Programs in the background, which get the processor time that people and vehicles leave."""
 
 import os
 import subprocess
@@ -10,11 +10,11 @@ from typing import Final
 from rcopterx.deploy.processes.forking import child_environment
 
 NICE: Final = 5
-"""About a quarter of a processor that another program wants as well, and all of one that nobody wants."""
+"""About a quarter of a processor that an ordinary program uses as well."""
 
 
-def begun_behind_others(command: Sequence[str]) -> "subprocess.Popen[bytes]":
-    """Start a program in a session of its own, with pipes for its standard streams; Ctrl-C is not for it.
+def start_in_background(command: Sequence[str]) -> "subprocess.Popen[bytes]":
+    """Start a program with pipes for its standard streams, in a session of its own: Ctrl-C does not end it.
 
     Raises
     ------
@@ -25,17 +25,12 @@ def begun_behind_others(command: Sequence[str]) -> "subprocess.Popen[bytes]":
     process = subprocess.Popen(
         command, stdin=pipe, stdout=pipe, stderr=pipe, env=child_environment(), start_new_session=True
     )
-    _set_back(process.pid)
+    move_to_background(process.pid)
     return process
 
 
-def step_behind_others() -> None:
-    """Set this process and its session back, as one that is begun behind others."""
-    _set_back(os.getpid())
-
-
-def _set_back(process: int) -> None:
-    # It may have ended already, or another kernel may know no such groups.
+def move_to_background(process: int) -> None:
+    """Lower the priority of a process and of its session, if it still runs."""
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, process, NICE)
         # Linux shares processors among sessions first (autogroups), whose nice values are their own.

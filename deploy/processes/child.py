@@ -1,10 +1,8 @@
 """One process that a supervisor keeps running, and when it is started again."""
 
 import signal
-from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from rcopterx.bus.heartbeat import HeartbeatPage
 from rcopterx.deploy.processes.forking import ForkedProcess
 from rcopterx.deploy.processes.table import ProcessSpec
 from rcopterx.deploy.watchdog.watchdog import Hung
@@ -14,10 +12,9 @@ MAX_PAUSE_S = 5.0
 
 
 def restart_pause_s(quick_deaths: int) -> float:
-    """Pause before a restart, by the number of deaths shortly after a start in a row.
+    """Pause before a restart, by the number of deaths in a row that came shortly after a start.
 
-    The first few restarts are immediate, for a crash in flight; a process that cannot even start is not
-    retried at full speed.
+    The first restarts are immediate, for a crash in flight; a process that cannot start is retried slowly.
     """
     if quick_deaths < QUICK_RESTARTS:
         return 0.0
@@ -30,27 +27,26 @@ class Child:
 
     spec: ProcessSpec
     process: ForkedProcess | None = None
-    page: HeartbeatPage | None = None
     started_s: float = 0.0
     restart_at_s: float = 0.0
+    """When it is started again; 0 if no restart is due."""
     restarts: int = 0
     hung: int = 0
-    """How often it was ended because it made no progress."""
+    """How often it was killed because it made no progress."""
     quick_deaths: int = 0
     last_exit: int | None = None
     wanted: bool = True
-    """Whether it shall run; may be changed at any time, from any thread."""
+    """Whether it shall run; any thread may change it at any time."""
     take_over: bool = False
-    """Whether it begins by taking over from an agent that flies its vehicle elsewhere."""
+    """Whether it starts by taking over from an agent that flies its vehicle elsewhere."""
     leaving_since_s: float | None = None
-    """When it was asked to end, if it was; infinite once it is killed."""
+    """When it received SIGTERM; infinite once it is killed."""
     verdict: Hung | None = None
-    """Why the watchdog ended it, until that is told."""
-    events: Counter[str] = field(default_factory=Counter)
+    """Why the watchdog killed it, until its death is reported."""
 
 
 def signal_name(number: int) -> str:
-    """Name of a signal, as far as it has one."""
+    """Return the name of a signal, or its number if it has no name."""
     try:
         return signal.Signals(number).name
     except ValueError:

@@ -1,15 +1,14 @@
-"""Starts the processes of a host by forking.
+"""The fork server of a host: starts the host's processes by forking.
 
-Starting an interpreter and importing numerical libraries takes longer than a vehicle can wait, and every
-process that does so keeps its own copy. This process imports once, has a single thread, and forks on order;
-what it has imported and prepared is shared memory of all of them. A forked process is handed to the
-supervisor as its own child: the intermediate process that forked it ends at once, and the supervisor adopts
-orphans.
+Starting an interpreter and importing numerical libraries takes longer than a vehicle can wait. The fork
+server imports once, has a single thread, and forks on order; forked processes share what it has imported and
+prepared. It forks twice and ends the process between, so that the supervisor, which adopts orphans, becomes
+the parent.
 
-Orders are datagrams in JSON over a Unix socket. One that starts a process comes with four descriptors:
-standard input, log, heartbeat page, and a pipe on which the forked process waits for permission. It is
-answered by a process id or an error. The supervisor gives permission when it knows the process; one that
-nobody knows ends. The other kind of order names a fleet to prepare.
+Orders and answers are JSON datagrams over a Unix socket. An order that starts a process comes with four
+descriptors: standard input, log, heartbeat page, and a pipe on which the forked process waits for permission.
+The supervisor gives permission once it knows the process id; a process that gets none ends. Other orders name
+a fleet to prepare.
 """
 
 import errno
@@ -29,16 +28,14 @@ from rcopterx.bus.realtime import leave_realtime, request_realtime
 from rcopterx.deploy.roles.run import name_process
 
 LARGEST_BYTES: Final = 1 << 20
-"""Room for a datagram, more than the kernel passes at once."""
+"""Size of the receive buffer: more than the kernel passes in a datagram."""
 DESCRIPTORS: Final = 4
 PERMISSION: Final = b"!"
 PID_BYTES: Final = 4
-PREPARE: Final = "--prepare"
-"""On the command line: snapshot, host and vehicles follow, as in an order."""
 
 
 class Order(TypedDict, total=False):
-    """What to start, a command line and the environment it runs in; or the arguments of `prepare`."""
+    """A command line and its environment; or snapshot, host and vehicles of the pilots to prepare."""
 
     command: list[str]
     environment: dict[str, str]
@@ -46,36 +43,69 @@ class Order(TypedDict, total=False):
 
 
 class Answer(TypedDict, total=False):
-    """Which process runs now, or why none does; empty when a fleet is prepared."""
+    """Process id of the process that was started, or an error; empty when pilots are prepared."""
 
     pid: int
     error: str
 
 
 def main() -> None:
-    """Entry point: arguments DESCRIPTOR PRIORITY MODULE... [--prepare WORD...].
+    """Entry point: DESCRIPTOR PRIORITY MODULE,MODULE,... [SNAPSHOT HOST VEHICLE...].
 
-    Imports the modules, prepares the fleet if one is named, tells that orders may come, and forks until the
-    supervisor closes its end.
+    Imports the modules, prepares the pilots, and serves until the supervisor closes its end of the socket.
     """
-    descriptor, priority, *modules = sys.argv[1:]
-    words: list[str] = []
-    if PREPARE in modules:
-        position = modules.index(PREPARE)
-        modules, words = modules[:position], modules[position + 1 :]
+    descriptor, priority, modules, *pilots = sys.argv[1:]
     name_process("fork server")
-    for module in modules:
+    for module in filter(None, modules.split(",")):
         importlib.import_module(module)
-    problem = _prepare(words) if words else ""
+    problem = _prepare(pilots) if pilots else ""
     if problem:
         print(f"fork server: prepares nothing: {problem}", file=sys.stderr)
     _freeze()
     request_realtime(int(priority))
     connection = socket.socket(fileno=int(descriptor))
-    connection.send(_told({"pid": os.getpid()}))
+    _answer(connection, {"pid": os.getpid()})
     run = serve(connection, int(priority))
     if run is not None:
         run()
+
+
+def serve(connection: socket.socket, priority: int) -> Callable[[], None] | None:
+    """Carry out orders until the supervisor closes the connection.
+
+    Returns
+    -------
+    callable or None
+        In a forked process what it shall do, with an empty call stack below; None in the server itself.
+    """
+    while True:
+        message, descriptors, _, _ = socket.recv_fds(connection, LARGEST_BYTES, DESCRIPTORS)
+        if not message:
+            return None
+        order: Order = json.loads(message)
+        if "prepare" in order:
+            # Vehicles of other fleets may fly meanwhile.
+            leave_realtime()
+            problem = _prepare(order["prepare"])
+            _freeze()
+            request_realtime(priority)
+            _answer(connection, {"error": problem} if problem else {})
+            continue
+        try:
+            pid = _fork_twice()
+        except OSError as error:
+            _answer(connection, {"error": str(error)})
+        else:
+            if pid is None:
+                connection.close()
+                return _become(order, descriptors)
+            _answer(connection, {"pid": pid})
+        for descriptor in descriptors:
+            os.close(descriptor)
+
+
+def _answer(connection: socket.socket, answer: Answer) -> None:
+    connection.send(json.dumps(answer).encode())
 
 
 def _freeze() -> None:
@@ -85,67 +115,22 @@ def _freeze() -> None:
 
 
 def _prepare(words: Sequence[str]) -> str:
-    """Prepare a fleet; what is wrong with it, if anything.
+    """Prepare pilots; return what is wrong, if anything.
 
-    Whatever that is, processes start all the same: they prepare for themselves and tell what they find.
+    Processes are started in any case: they build for themselves what is not prepared, and report errors.
     """
-    from rcopterx.deploy.processes.preloading import prepare
+    from rcopterx.deploy.processes.prepared import prepare
 
     snapshot, host, *vehicles = words
     try:
         prepare(Path(snapshot), host, vehicles)
-    except Exception as error:  # noqa: BLE001 - nothing that a pilot does may end the fork server
+    except Exception as error:  # noqa: BLE001 - no error in a pilot may end the fork server
         return str(error) or type(error).__name__
     return ""
 
 
-def serve(connection: socket.socket, priority: int = 0) -> Callable[[], None] | None:
-    """Fork on every order to start something.
-
-    Parameters
-    ----------
-    connection
-        To the supervisor.
-    priority
-        That of this process, which it leaves while it prepares: vehicles of others may fly.
-
-    Returns
-    -------
-    callable or None
-        In a forked process what it shall do, with an empty call stack below; None in the server itself, after
-        the other end was closed.
-    """
-    while True:
-        message, descriptors, _, _ = socket.recv_fds(connection, LARGEST_BYTES, DESCRIPTORS)
-        if not message:
-            return None
-        order: Order = json.loads(message)
-        if "prepare" in order:
-            leave_realtime()
-            problem = _prepare(order["prepare"])
-            _freeze()
-            request_realtime(priority)
-            connection.send(_told({"error": problem} if problem else {}))
-            continue
-        try:
-            pid = _forked()
-        except OSError as error:
-            connection.send(_told({"error": str(error)}))
-        else:
-            if pid is None:
-                connection.close()
-                return _begin(order, descriptors)
-            connection.send(_told({"pid": pid}))
-        for descriptor in descriptors:
-            os.close(descriptor)
-
-
-def _told(answer: Answer) -> bytes:
-    return json.dumps(answer).encode()
-
-
-def _forked() -> int | None:
-    """Process id of a forked process that is no child of this one; None in that process.
+def _fork_twice() -> int | None:
+    """Return the process id of a forked process that is no child of this one; None in that process.
 
     Raises
     ------
@@ -170,10 +155,10 @@ def _forked() -> int | None:
 
 
 def _fork_and_end(writing: int) -> None:
-    """Of the intermediate process: returns only in its child.
+    """Fork in the intermediate process, report the child's id, and end; return in the child only.
 
-    The server waits for the intermediate process, which therefore is in its real-time class: where other
-    programs want the processor all the time, it would otherwise answer too late. Its child is ordinary.
+    The intermediate process stays in the real-time class, because the server waits for it: on a busy computer
+    the answer would otherwise be late. Its child is an ordinary process.
     """
     try:
         child = os.fork()
@@ -185,8 +170,8 @@ def _fork_and_end(writing: int) -> None:
     leave_realtime()
 
 
-def _begin(order: Order, descriptors: Sequence[int]) -> Callable[[], None]:
-    """Make a forked process what it would be if it had been started by its command line."""
+def _become(order: Order, descriptors: Sequence[int]) -> Callable[[], None]:
+    """Make a forked process what its command line would have started; return what it shall do."""
     standard_input, log, page, permission = descriptors
     if os.read(permission, len(PERMISSION)) != PERMISSION:
         os._exit(0)
@@ -203,9 +188,8 @@ def _begin(order: Order, descriptors: Sequence[int]) -> Callable[[], None]:
     if command[:2] != [sys.executable, "-m"]:
         os.set_inheritable(page, True)
         return lambda: os.execvp(command[0], command)
-    module = command[2]
     sys.argv = command[2:]
-    return lambda: _run_module(module)
+    return lambda: _run_module(command[2])
 
 
 def _run_module(module: str) -> None:

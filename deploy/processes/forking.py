@@ -1,4 +1,4 @@
-"""The supervisor's side of the fork server: processes of its own that need no start-up."""
+"""The supervisor's side of the fork server: children that need no start-up."""
 
 import ctypes
 import errno
@@ -14,31 +14,28 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import IO, Final, NamedTuple
+from typing import IO, Final
 
 from rcopterx.bus.heartbeat import HeartbeatPage
 from rcopterx.bus.realtime import ONE_THREAD
-from rcopterx.deploy.processes.fork_server import LARGEST_BYTES, PERMISSION, PREPARE, Answer, Order
+from rcopterx.deploy.processes.fork_server import LARGEST_BYTES, PERMISSION, Answer, Order
 
 SERVER: Final = "rcopterx.deploy.processes.fork_server"
 PR_SET_CHILD_SUBREAPER: Final = 36
 START_LIMIT_S: Final = 60.0
-"""Until a fork server has imported what it shall; a busy machine takes its time."""
+"""For the imports of a fork server, on a busy computer."""
 ANSWER_LIMIT_S: Final = 0.5
-"""A fork server that does not answer for so long is replaced. Nothing else is supervised meanwhile."""
+"""A fork server that takes longer to answer is replaced; nothing else is supervised meanwhile."""
 URGENT_NICE: Final = -10
-"""Of a process that starts. On a busy computer it gets its share of the processor ten times over, and the
-threads that launch it get theirs all the same, as they would not beside a real-time process."""
+"""Nice value of a process that starts: a large share of a busy processor, but, unlike a real-time priority,
+not all of what the launcher's threads need."""
 RETRY_S: Final = 1.0
-"""From one start of a fork server to the next."""
+"""Between two starts of a fork server."""
 
 
 def child_environment() -> dict[str, str]:
-    """Environment of supervised processes: one thread per numerical library, and who the parent is."""
-    return os.environ | {
-        **ONE_THREAD,
-        "RCOPTERX_PARENT": str(os.getpid()),
-    }
+    """Return the environment of supervised processes, with one thread for each numerical library."""
+    return os.environ | ONE_THREAD | {"RCOPTERX_PARENT": str(os.getpid())}
 
 
 class ForkedProcess:
@@ -46,76 +43,62 @@ class ForkedProcess:
 
     Parameters
     ----------
-    pid
-        Its process id.
+    page
+        Its heartbeat page.
     stdin
         Writing end of its standard input, if that is a pipe.
 
     Raises
     ------
     OSError
-        No descriptor is left to watch it; it was ended.
+        No descriptor is left to watch it; it was killed.
     """
 
-    def __init__(self, pid: int, stdin: IO[bytes] | None = None) -> None:
-        self.pid = pid
-        self.stdin = stdin
+    def __init__(self, pid: int, page: HeartbeatPage, stdin: IO[bytes] | None = None) -> None:
+        self.pid, self.page, self.stdin = pid, page, stdin
         self.returncode: int | None = None
         try:
             self.descriptor = os.pidfd_open(pid)
         except OSError:
-            # Nobody would notice its death.
+            # Its death would go unnoticed.
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
             raise
 
     def poll(self) -> int | None:
-        """Exit code, negative for a signal; None while it runs."""
-        return self._reaped(os.WNOHANG)
+        """Return the exit code, negative for a signal; None while it runs."""
+        return self._reap(os.WNOHANG)
 
     def wait(self, timeout_s: float | None = None) -> int:
-        """Wait for its end.
-
-        Raises
-        ------
-        subprocess.TimeoutExpired
-            It still runs.
-        """
+        """Wait for its end and return its exit code; raises `subprocess.TimeoutExpired`."""
         if timeout_s is not None and self.returncode is None:
             poller = select.poll()
             poller.register(self.descriptor, select.POLLIN)
             if not poller.poll(1e3 * timeout_s):
                 raise subprocess.TimeoutExpired(f"process {self.pid}", timeout_s)
-        code = self._reaped(0)
+        code = self._reap(0)
         assert code is not None
         return code
 
     def terminate(self) -> None:
-        """Ask it to end."""
+        """Send SIGTERM."""
         self._signal(signal.SIGTERM)
 
     def kill(self) -> None:
-        """End it."""
+        """Send SIGKILL."""
         self._signal(signal.SIGKILL)
 
     def _signal(self, number: signal.Signals) -> None:
         if self.returncode is None:
             os.kill(self.pid, number)
 
-    def _reaped(self, options: int) -> int | None:
+    def _reap(self, options: int) -> int | None:
         if self.returncode is None:
             pid, status = os.waitpid(self.pid, options)
             if pid:
                 self.returncode = os.waitstatus_to_exitcode(status)
                 os.close(self.descriptor)
         return self.returncode
-
-
-class Started(NamedTuple):
-    """A process and the page it beats into."""
-
-    process: ForkedProcess
-    page: HeartbeatPage
 
 
 class ForkServer:
@@ -126,7 +109,7 @@ class ForkServer:
     modules
         Imported once, for all processes it forks.
     priority
-        SCHED_FIFO priority of the fork server itself, 0 for none: orders come while vehicles wait.
+        SCHED_FIFO priority of the fork server itself, 0 for none: vehicles may wait for a process.
     clock
         Monotonic clock [s].
     """
@@ -137,8 +120,8 @@ class ForkServer:
         priority: int = 0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._words = (str(priority), *modules)
-        self._prepared: tuple[str, ...] = ()
+        self._words = (str(priority), ",".join(modules))
+        self._pilots: tuple[str, ...] = ()
         self._clock = clock
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: socket.socket | None = None
@@ -148,11 +131,11 @@ class ForkServer:
 
     @property
     def pid(self) -> int | None:
-        """Its process id, None while there is none."""
+        """Its process id; None while there is none."""
         return None if self._process is None else self._process.pid
 
-    def prepare(self) -> bool:
-        """Begin to start it, unless it runs or was started a moment ago; returns whether it is another one.
+    def ensure_running(self) -> bool:
+        """Start it if it does not run and was not started a moment ago; return whether it is a successor.
 
         Raises
         ------
@@ -171,7 +154,7 @@ class ForkServer:
         with other, ExitStack() as stack:
             stack.callback(own.close)
             self._process = subprocess.Popen(
-                [sys.executable, "-m", SERVER, str(other.fileno()), *self._words, *self._prepared],
+                [sys.executable, "-m", SERVER, str(other.fileno()), *self._words, *self._pilots],
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
                 pass_fds=[other.fileno()],
@@ -181,8 +164,8 @@ class ForkServer:
         self._connection = own
         return again
 
-    def start(self, command: Sequence[str], log: Path, *, piped: bool = False) -> Started:
-        """Start a supervised process with a heartbeat, before other programs if that is permitted.
+    def start(self, command: Sequence[str], log: Path, *, piped: bool = False) -> ForkedProcess:
+        """Start a supervised process, before other programs if that is permitted.
 
         Parameters
         ----------
@@ -197,66 +180,55 @@ class ForkServer:
         Raises
         ------
         OSError
-            It cannot be started, for instance for want of descriptors, or because the fork server has
-            just ended and its successor is not ready.
+            It cannot be started: no descriptors are left, or the fork server has just ended and its
+            successor is not ready.
         """
-        self.prepare()
+        self.ensure_running()
         self._wait_until_ready()
-        with ExitStack() as handed_over, ExitStack() as own:
+        with ExitStack() as inherited, ExitStack() as own:
             page = HeartbeatPage()
-            handed_over.callback(page.handed_over)
-            output = handed_over.enter_context(log.open("ab"))
-            stdin, writing = _standard_input(piped)
-            handed_over.callback(os.close, stdin)
+            inherited.callback(page.handed_over)
+            output = inherited.enter_context(log.open("ab"))
+            stdin, writing = os.pipe() if piped else (os.open(os.devnull, os.O_RDONLY), None)
+            inherited.callback(os.close, stdin)
             pipe = None if writing is None else own.enter_context(os.fdopen(writing, "wb"))
             permission, permit = os.pipe()
-            handed_over.callback(os.close, permission)
-            handed_over.callback(os.close, permit)
-            pid = self._ordered(command, [stdin, output.fileno(), page.descriptor, permission])
-            process = ForkedProcess(pid, pipe)
+            inherited.callback(os.close, permission)
+            inherited.callback(os.close, permit)
+            order: Order = {"command": list(command), "environment": child_environment()}
+            self._send(order, [stdin, output.fileno(), page.descriptor, permission])
+            pid = self._answer(ANSWER_LIMIT_S)["pid"]
+            process = ForkedProcess(pid, page, pipe)
             with suppress(OSError):
                 os.setpriority(os.PRIO_PROCESS, pid, URGENT_NICE)
             os.write(permit, PERMISSION)
             own.pop_all()
-        return Started(process, page)
+        return process
 
-    def prepare_fleet(self, snapshot: Path, host: str, vehicles: Sequence[str]) -> None:
-        """Have it read a fleet and build pilots before it forks their agents, now and when it starts again.
+    def prepare_pilots(self, snapshot: Path, host: str, vehicles: Sequence[str]) -> None:
+        """Let it build pilots before it forks their agents, now and whenever it is started again.
 
-        Parameters
-        ----------
-        snapshot, host, vehicles
-            See `deploy.preloading.prepare`.
+        This takes its time: call it before vehicles fly.
 
         Raises
         ------
         OSError
-            It cannot; processes that it forks do so themselves.
+            It cannot build them; the agents will do so themselves.
         """
-        self.prepare()
+        self.ensure_running()
         self._wait_until_ready()
-        words = (str(snapshot), host, *vehicles)
-        self._send({"prepare": list(words)}, [])
-        # Nothing of this host is in the air yet.
-        answer = self._answer(START_LIMIT_S)
-        if "error" in answer:
-            raise OSError(errno.EINVAL, answer["error"])
-        self._prepared = (PREPARE, *words)
+        pilots = (str(snapshot), host, *vehicles)
+        self._send({"prepare": list(pilots)})
+        self._answer(START_LIMIT_S)
+        self._pilots = pilots
 
     def _wait_until_ready(self) -> None:
-        """Only the first one is waited for: vehicles may fly when a later one starts."""
+        """Wait for the first fork server only: vehicles may fly when a later one starts."""
         if not self._ready:
             self._answer(self._patience_s)
             self._ready, self._patience_s = True, 0.0
 
-    def _ordered(self, command: Sequence[str], descriptors: Sequence[int]) -> int:
-        self._send({"command": list(command), "environment": child_environment()}, descriptors)
-        answer = self._answer(ANSWER_LIMIT_S)
-        if "error" in answer:
-            raise OSError(errno.EAGAIN, answer["error"])
-        return answer["pid"]
-
-    def _send(self, order: Order, descriptors: Sequence[int]) -> None:
+    def _send(self, order: Order, descriptors: Sequence[int] = ()) -> None:
         assert self._connection is not None
         try:
             socket.send_fds(self._connection, [json.dumps(order).encode()], descriptors)
@@ -264,15 +236,15 @@ class ForkServer:
             raise OSError(errno.ECHILD, "the fork server has ended") from None
 
     def _answer(self, limit_s: float) -> Answer:
-        """The next answer.
+        """Return the next answer.
 
         Raises
         ------
         OSError
-            It has ended; it is not ready yet; it does not answer, and was ended.
+            The answer is an error; it has ended or is not ready; it does not answer, and was killed.
         """
         if self._connection is None:
-            raise OSError(errno.EAGAIN, "the fork server has ended, another one is started soon")
+            raise OSError(errno.EAGAIN, "the fork server has ended, its successor is started soon")
         self._connection.settimeout(limit_s)
         try:
             message = self._connection.recv(LARGEST_BYTES)
@@ -284,10 +256,12 @@ class ForkServer:
             self.close()
             raise OSError(errno.ECHILD, "the fork server has ended or does not answer")
         answer: Answer = json.loads(message)
+        if "error" in answer:
+            raise OSError(errno.EAGAIN, answer["error"])
         return answer
 
     def close(self) -> None:
-        """End it; what it has started runs on."""
+        """End it; the processes it has started run on."""
         if self._connection is not None:
             self._connection.close()
             self._connection = None
@@ -298,14 +272,7 @@ class ForkServer:
         self._ready = False
 
 
-def _standard_input(piped: bool) -> tuple[int, int | None]:
-    """Descriptor to read from, and the one to write into if there is one."""
-    if piped:
-        return os.pipe()
-    return os.open(os.devnull, os.O_RDONLY), None
-
-
 def _adopt_orphans() -> None:
-    """Become the parent of processes whose parent has ended, if it descends from this one."""
+    """Become the parent of all descendants whose parent has ended."""
     if ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1) != 0:
         raise OSError(ctypes.get_errno(), "this process cannot adopt what a fork server starts")

@@ -1,4 +1,4 @@
-"""Reads the logs of the processes of a fleet, merged in time."""
+"""Reads the logs of the processes of a fleet, sorted by time."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -9,26 +9,18 @@ from rcopterx.bus.requests import MAX_LINE, MAX_LINES, LoggedLine, ReadLogs, Rea
 from rcopterx.deploy.processes.process_log import OLDER, SUFFIX
 
 PAGE_BYTES: Final = 16_000
-"""Of all logs together in one answer to a request; bytes that are no characters take three on the bus."""
+"""Size of all logs in one answer; undecodable bytes take three times their size on the bus."""
 _STAMP: Final = re.compile(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z ")
 
 
 class LogLine(NamedTuple):
-    """A line of a log; it sorts by its time.
-
-    Attributes
-    ----------
-    time
-        As it is written, UTC; that of the line before for lines without one, for instance of a traceback.
-    process
-        Whose it is.
-    text
-        The line without its time.
-    """
+    """A line of a log."""
 
     time: str
+    """UTC as written; lines without a time, for instance of a traceback, have that of the line before."""
     process: str
     text: str
+    """The line without its time."""
 
 
 class ProcessLogs:
@@ -36,17 +28,10 @@ class ProcessLogs:
 
     Parameters
     ----------
-    directory
-        Where they lie.
     names
         Processes or vehicles whose logs are read; none for all.
     positions
-        How many bytes of each file are known.
-
-    Attributes
-    ----------
-    positions
-        How many bytes of each file are known by now.
+        Number of bytes of each file that were read before.
     """
 
     def __init__(
@@ -55,20 +40,21 @@ class ProcessLogs:
         self._directory = directory
         self._names = set(names)
         self.positions = dict(positions or {})
+        """Number of bytes of each file that have been read."""
         self._times: dict[Path, str] = {}
 
     def processes(self) -> list[str]:
-        """Names of the processes that have a log."""
+        """Return the names of the processes that have a log."""
         return sorted({path.name.partition(SUFFIX)[0] for path in self._directory.glob(f"*{SUFFIX}*")})
 
     def new_lines(self) -> list[LogLine]:
-        """Lines that were not read before, in the order of their times."""
+        """Return all lines that were not read before, sorted by time."""
         lines = [line for path in self._files() for line in self._lines_of(path)]
         # Stable: lines of one log with the same time keep their order.
         return sorted(lines, key=lambda line: line.time)
 
     def page(self) -> tuple[list[LogLine], bool]:
-        """Some lines that were not read before, log by log, and whether there are more."""
+        """Return some lines that were not read before, log by log, and whether there are more."""
         lines: list[LogLine] = []
         room_bytes = PAGE_BYTES
         for path in self._files():
@@ -92,7 +78,7 @@ class ProcessLogs:
         try:
             with path.open("rb") as file:
                 start = self.positions.get(path.name, 0)
-                # A log that is shorter than before was put aside, and this is its successor.
+                # A log that is shorter than before is the successor of one that was renamed.
                 start = start if path.stat().st_size >= start else 0
                 file.seek(start)
                 data = file.read(most_bytes)
@@ -100,7 +86,7 @@ class ProcessLogs:
             return
         *whole, rest = data.split(b"\n")
         if not whole and len(rest) == most_bytes:
-            whole = [rest]  # What fits into no answer is cut.
+            whole = [rest]  # A line that does not fit into an answer is split.
         whole = whole[:most_lines]
         self.positions[path.name] = start + min(sum(len(line) + 1 for line in whole), len(data))
         for line in whole:
@@ -111,8 +97,8 @@ class ProcessLogs:
             yield LogLine(self._times.get(path, ""), process, text[stamp.end() :] if stamp else text)
 
 
-def answer_of(directory: Path, request: ReadLogs) -> ReadLogsReply:
-    """What the processes of a host have logged, for somebody on another one."""
+def read_page(directory: Path, request: ReadLogs) -> ReadLogsReply:
+    """Answer a request for the logs of the processes of this host."""
     logs = ProcessLogs(directory, request.names, request.positions)
     lines, more = logs.page()
     return ReadLogsReply(

@@ -1,72 +1,84 @@
-"""What a fork server prepares once for the processes that it forks: the fleet, and pilots of its agents.
+"""What the fork server imports and builds for the processes that it forks.
 
-A forked process shares the memory of the fork server: what was prepared there it neither waits for nor keeps
-a second time. Its copy is its own as soon as it changes it. Processes that were not forked find nothing
-prepared and read and build for themselves.
+Forked processes share the memory of the fork server until they change it. Processes that were not forked find
+nothing prepared and build for themselves. Controllers and estimators of other packages are imported and built
+in agents only.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from rcopterx.fleet.reading import load_fleet
-from rcopterx.fleet.schema import FleetFile
+from rcopterx.agents.tuning.configuration import DEFAULT_CONTROLLER, DEFAULT_ESTIMATOR
+from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.estimators.registry import ESTIMATORS
+from rcopterx.deploy.processes.table import ProcessSpec
+from rcopterx.fleet.schema import FleetFile, VehicleConfig
+from rcopterx.fleet.snapshot import read_snapshot
 
 if TYPE_CHECKING:
     from rcopterx.agents.pilot import Pilot
     from rcopterx.agents.settings import AgentSettings
 
-    Built = tuple[AgentSettings, Pilot]
 
-
-class Prepared(NamedTuple):
-    """A fleet and pilots of it.
-
-    Attributes
-    ----------
-    snapshot
-        Where the snapshot of the fleet file lies.
-    content
-        What it said.
-    fleet
-        What that means.
-    pilots
-        Settings and pilot by vehicle and host.
-    """
-
-    snapshot: Path
-    content: bytes
+class _Prepared(NamedTuple):
     fleet: FleetFile
-    pilots: "dict[tuple[str, str], Built]"
+    pilots: "dict[tuple[str, str], tuple[AgentSettings, Pilot]]"
+    """By vehicle and host."""
 
 
-_prepared: Final[list[Prepared]] = []
-"""At most one."""
+_prepared: _Prepared | None = None
 
 
-def keep(prepared: Prepared | None) -> None:
-    """Have this found from now on, instead of what was prepared before."""
-    _prepared.clear()
-    if prepared is not None:
-        _prepared.append(prepared)
+def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
+    """Modules that the fork server imports for these processes."""
+    modules = ["rcopterx.deploy.roles.run"]
+    for spec in specs:
+        modules.append(f"rcopterx.deploy.roles.{spec.role}")
+        if spec.role == "agent":
+            control = fleet.vehicles[spec.unit].control
+            modules += [
+                module
+                for module in (
+                    *map(CONTROLLERS.built_in_module, (DEFAULT_CONTROLLER, control.controller)),
+                    *map(ESTIMATORS.built_in_module, (DEFAULT_ESTIMATOR, control.estimator)),
+                )
+                if module is not None
+            ]
+    return list(dict.fromkeys(modules))
 
 
-def fleet_of(path: Path) -> FleetFile:
-    """As `load_fleet`; nothing is done if that very file was prepared and has not changed."""
-    for prepared in _prepared:
-        if path == prepared.snapshot and path.read_bytes() == prepared.content:
-            return prepared.fleet
-    return load_fleet(path)
+def prepare(snapshot: Path, host: str, vehicles: Iterable[str]) -> None:
+    """Build the pilots of vehicles on a host, in the place of those that were prepared before.
 
-
-def prepared_pilot(fleet: FleetFile, name: str, host: str | None = None) -> "Built | None":
-    """Settings and pilot of a vehicle on a host, by default that of the fleet file, if they were prepared.
-
-    Parameters
-    ----------
-    fleet
-        The very one that was prepared, from `fleet_of`.
+    Raises
+    ------
+    FleetError
+        The snapshot cannot be read, or a pilot cannot be built from it.
     """
-    for prepared in _prepared:
-        if fleet is prepared.fleet:
-            return prepared.pilots.get((name, host or fleet.vehicles[name].host))
-    return None
+    # Imported here, because the launcher imports this module and needs no agents.
+    from rcopterx.deploy.roles.agent import pilot_of
+
+    global _prepared
+    _prepared = None
+    fleet = read_snapshot(snapshot)
+    pilots = {
+        (name, host): pilot_of(fleet, name, host) for name in vehicles if _is_built_in(fleet.vehicles[name])
+    }
+    _prepared = _Prepared(fleet, pilots)
+
+
+def _is_built_in(vehicle: VehicleConfig) -> bool:
+    """Whether controller and estimator of a vehicle belong to this package."""
+    control = vehicle.control
+    modules = CONTROLLERS.built_in_module(control.controller), ESTIMATORS.built_in_module(control.estimator)
+    return None not in modules
+
+
+def prepared_pilot(
+    fleet: FleetFile, name: str, host: str | None = None
+) -> "tuple[AgentSettings, Pilot] | None":
+    """Return the prepared settings and pilot of a vehicle on a host (default: that of the file), if any."""
+    if _prepared is None or fleet != _prepared.fleet:
+        return None
+    return _prepared.pilots.get((name, host or fleet.vehicles[name].host))

@@ -1,6 +1,6 @@
-"""How the processes of a fleet log: one line per event, with its time, on standard error, which is a file.
+"""Logging of the processes of a fleet: a line per event to standard error, which is a file.
 
-A process that somebody runs by hand writes the same lines without the time.
+Supervised processes write the time before each line; processes that are run by hand do not.
 """
 
 import logging
@@ -13,14 +13,14 @@ from types import TracebackType
 from typing import Final
 
 LARGEST_BYTES: Final = 1_000_000
-"""A larger log is put aside when its process is started; one older log is kept."""
+"""A larger log is renamed when its process is started; one older log is kept."""
 SUFFIX: Final = ".log"
 OLDER: Final = ".1"
 TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%S"
 
 
 def set_up() -> None:
-    """Let what this process logs, its end by an exception included, go to standard error."""
+    """Log events of this process, and the exception that ends it, to standard error."""
     supervised = "RCOPTERX_PARENT" in os.environ
     handler = logging.StreamHandler(sys.stderr)
     form = "%(asctime)s.%(msecs)03dZ %(levelname)s %(message)s" if supervised else "%(message)s"
@@ -36,7 +36,7 @@ def _log_exception(kind: type[BaseException], error: BaseException, traceback: T
 
 
 def append(path: Path, lines: list[str]) -> None:
-    """Add lines to a log; a disk that fails is nobody's end."""
+    """Append lines to a log; ignore a failing disk."""
     now_s = time.time()
     stamp = f"{time.strftime(TIME_FORMAT, time.gmtime(now_s))}.{int(now_s * 1000) % 1000:03d}Z"
     with suppress(OSError), path.open("a", encoding="utf-8") as file:
@@ -44,12 +44,6 @@ def append(path: Path, lines: list[str]) -> None:
 
 
 def rotate(path: Path) -> None:
-    """Put a log aside that has become large.
-
-    Raises
-    ------
-    OSError
-        It cannot be renamed.
-    """
+    """Rename a log that has become large."""
     if path.exists() and path.stat().st_size > LARGEST_BYTES:
         path.replace(path.with_name(path.name + OLDER))

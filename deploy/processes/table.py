@@ -1,4 +1,4 @@
-"""The list of processes of a fleet, as data."""
+"""The processes of a fleet, as data."""
 
 import sys
 from dataclasses import dataclass
@@ -8,71 +8,54 @@ from typing import Final
 from rcopterx.fleet.schema import FleetError, FleetFile
 
 ROUTER: Final = "router"
-"""Name and role of the process that routes messages."""
+"""Name and role of the router."""
 EXIT_ELSEWHERE: Final = 4
-"""Exit code of an agent whose vehicle another agent flies; it is not started again."""
+"""Exit code of an agent whose vehicle another agent flies; the supervisor does not restart it."""
 TAKE_OVER: Final = "--take-over"
-"""Word of the command line of an agent that takes over from another one."""
+"""Option of an agent that takes over from another one."""
 RECORDER: Final = "recorder"
-"""Name and role of the process that writes the flight log."""
+"""Name and role of the recorder of the flight log."""
 
 
 @dataclass(frozen=True)
 class ProcessSpec:
-    """One process to keep running.
-
-    Attributes
-    ----------
-    name
-        Unique on its host; also the name of its log file.
-    role
-        `router`, `recorder`, `simulator`, `tracker`, `transmitters` or `agent`.
-    unit
-        What the role is for: a host, a gateway or a vehicle.
-    stop_order
-        Processes with lower numbers are stopped first.
-    host
-        Where it runs; empty for where the fleet file has it.
-    """
+    """One process to keep running."""
 
     name: str
+    """Unique on its host; also the name of its log file."""
     role: str
+    """`router`, `recorder`, `simulator`, `tracker`, `transmitters` or `agent`."""
     unit: str
+    """Host, gateway or vehicle that the process serves."""
     stop_order: int
+    """Processes with lower numbers are stopped first."""
     host: str = ""
+    """Host of an agent; empty for that of the fleet file."""
 
     def command(self, snapshot: Path, *, take_over: bool = False) -> list[str]:
-        """Command line that starts the process by the snapshot of a fleet file.
-
-        Parameters
-        ----------
-        snapshot
-            The snapshot.
-        take_over
-            Whether an agent shall take over from one that flies its vehicle.
-        """
+        """Return the command line of the process; with `take_over` an agent takes over from another one."""
         words = [self.role, self.unit, str(snapshot), self.host, TAKE_OVER if take_over else ""]
         return [sys.executable, "-m", "rcopterx.deploy.roles", *filter(None, words)]
 
 
 def recording_host(fleet: FleetFile) -> str:
-    """Host whose recorder writes the flight log."""
+    """Return the host that records the flight log."""
     return fleet.log.host or next(iter(fleet.hosts))
 
 
 def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
-    """Processes of one host in the order they are started.
+    """Return the processes of a host in starting order.
 
     Raises
     ------
     FleetError
-        Unknown host.
+        The host is unknown.
     """
     if host not in fleet.hosts:
         raise FleetError(f"hosts: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
     specs = [ProcessSpec(ROUTER, ROUTER, host, 5)]
     if host == recording_host(fleet):
-        # Started before those whose first words it shall hear, stopped after them.
+        # Started before the processes whose first messages it records, stopped after them.
         specs.append(ProcessSpec(RECORDER, RECORDER, host, 4))
     if fleet.simulator is not None and fleet.simulator.host == host:
         specs.append(ProcessSpec("simulator", "simulator", host, 3))
@@ -89,5 +72,5 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
 
 
 def agent_process(vehicle: str) -> str:
-    """Name of the process of a vehicle's agent."""
+    """Return the name of the process of a vehicle's agent."""
     return f"agent-{vehicle}"

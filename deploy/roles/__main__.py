@@ -1,4 +1,4 @@
-"""Runs one process of a fleet, as its supervisor.
+"""Runs one process of a fleet in the foreground, as its supervisor runs it.
 
 `python -m rcopterx.deploy.roles ROLE UNIT FLEET_FILE [HOST] [--take-over]`; by default the host of the file.
 """
@@ -6,9 +6,9 @@
 import sys
 from pathlib import Path
 
-from rcopterx.deploy.processes.prepared import fleet_of
 from rcopterx.deploy.processes.table import TAKE_OVER
 from rcopterx.deploy.roles.run import ROLES, end_with_parent, run_reporting, run_role
+from rcopterx.fleet.reading import load_fleet
 
 
 def main() -> None:
@@ -19,7 +19,9 @@ def main() -> None:
         sys.exit(f"usage: python -m rcopterx.deploy.roles {{{roles}}} UNIT FLEET_FILE [HOST] [{TAKE_OVER}]")
     role, unit, path, *host = words
     end_with_parent()
-    run_reporting(lambda: run_role(role, unit, fleet_of(Path(path)), *host, take_over=TAKE_OVER in sys.argv))
+    run_reporting(
+        lambda: run_role(role, unit, load_fleet(Path(path)), *host, take_over=TAKE_OVER in sys.argv)
+    )
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from rcopterx.fleet.schema import FleetFile
 
 
 def bus_address(fleet: FleetFile, host: str) -> BusAddress:
-    """Where processes of a host find their router: its socket, or its address if that is not there."""
+    """Return where processes of a host find their router: at its socket, else at its TCP address."""
     return BusAddress(
         endpoints=tuple(router_endpoints(fleet, host)),
         fleet=fleet.name,
@@ -18,6 +18,6 @@ def bus_address(fleet: FleetFile, host: str) -> BusAddress:
 
 
 def router_endpoints(fleet: FleetFile, host: str) -> list[str]:
-    """Endpoints the router of a host listens on, the fastest first."""
+    """Return the endpoints of the router of a host, the fastest first."""
     local = router_socket(host, run_directory(fleet.name, fleet.bus.namespace))
     return [fleet.endpoint(host)] if local is None else [local, fleet.endpoint(host)]

@@ -28,24 +28,24 @@ def run(fleet: FleetFile, vehicle: str, host: str | None = None, *, take_over: b
 
 
 def fly(settings: AgentSettings, pilot: Pilot, *, take_over: bool = False) -> None:
-    """Fly a vehicle; the exit code `EXIT_ELSEWHERE` says that another agent does."""
+    """Fly a vehicle; exit with `EXIT_ELSEWHERE` if another agent flies it."""
     if run_agent(replace(settings, take_over=take_over), pilot):
         logging.info("agent %s: another agent flies it", settings.vehicle)
         sys.exit(EXIT_ELSEWHERE)
 
 
 def ready_pilot(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:
-    """As `pilot_of`; nothing is built if a fork server has prepared the pilot."""
+    """As `pilot_of`, but return the pilot that the fork server has prepared, if any."""
     return prepared_pilot(fleet, name, host) or pilot_of(fleet, name, host)
 
 
 def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:
-    """Settings and pilot of a vehicle's agent on a host, by default that of the fleet file.
+    """Build settings and pilot of a vehicle's agent on a host, by default that of the fleet file.
 
     Raises
     ------
     FleetError
-        A field of the vehicle is wrong; controllers and estimators check their settings when they are built.
+        A field of the vehicle is wrong: controllers and estimators check their settings when they are built.
     """
     settings = agent_settings(fleet, name, host)
     try:
@@ -55,7 +55,7 @@ def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[Agen
 
 
 def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> AgentSettings:
-    """Settings of the agent of a vehicle on a host, by default that of the fleet file."""
+    """Return the settings of a vehicle's agent on a host, by default that of the fleet file."""
     vehicle = fleet.vehicles[name]
     control = vehicle.control
     links = links_of(fleet)
@@ -86,18 +86,18 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
 
 
 def separation_of(fleet: FleetFile) -> SeparationEllipsoid | None:
-    """What vehicles keep clear of each other; None for no avoidance."""
+    """Return the ellipsoid that other vehicles keep clear of; None without avoidance."""
     avoidance = fleet.avoidance
     return SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m) if avoidance.enabled else None
 
 
 def hover_thrust_limits_of(fleet: FleetFile, name: str) -> HoverThrustLimits:
-    """When the battery of a vehicle counts as empty.
+    """Return the limits of the thrust to hover, which show an empty battery.
 
     Raises
     ------
     FleetError
-        It would land before it warns.
+        The vehicle would land before it warns.
     """
     battery = fleet.vehicles[name].battery
     try:
@@ -110,7 +110,7 @@ def hover_thrust_limits_of(fleet: FleetFile, name: str) -> HoverThrustLimits:
 
 
 def succession_of(fleet: FleetFile, name: str) -> Succession:
-    """What a vehicle does about lost leaders, and the order of successors all vehicles agree on."""
+    """Return how a vehicle reacts to lost leaders, with the order of successors that all vehicles share."""
     promotable = [other for other, vehicle in fleet.vehicles.items() if vehicle.leader_lost.then == "promote"]
     lost = fleet.vehicles[name].leader_lost
     return Succession(
@@ -125,7 +125,7 @@ def succession_of(fleet: FleetFile, name: str) -> Succession:
 
 
 def check_period(fleet: FleetFile, name: str) -> None:
-    """Agents are paced by their poses, so a control period is a whole number of frames."""
+    """Check that a control period is a whole number of frames, because poses pace the agents."""
     if fleet.simulator is None:
         return
     period_s = fleet.vehicles[name].control.period_s

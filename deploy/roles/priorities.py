@@ -1,4 +1,4 @@
-"""Which processes of a fleet run before which others."""
+"""Real-time priorities of the processes of a fleet."""
 
 from enum import IntEnum
 
@@ -6,12 +6,10 @@ from rcopterx.fleet.schema import FleetFile
 
 
 class Priority(IntEnum):
-    """How far processes run above the fleet's real-time priority.
+    """Priority relative to the fleet's real-time priority.
 
-    What others wait for comes first: messages are forwarded at once, and a leader plans before its followers.
-    The supervisor comes before all of them, or a process that spins would keep it from ending that process.
-    The simulator computes its helicopters' motion while nobody else needs the processor, and nobody waits for
-    the recorder.
+    Processes that others wait for come first. The supervisor precedes them all, so that it can kill a process
+    that spins. The simulator runs when no agent needs the processor, and no process waits for the recorder.
     """
 
     SUPERVISOR = 8
@@ -23,6 +21,6 @@ class Priority(IntEnum):
     RECORDER = -1
 
     def of(self, fleet: FleetFile) -> int:
-        """SCHED_FIFO priority; 0 if the fleet wants none."""
+        """Return the SCHED_FIFO priority; 0 if the fleet file asks for none."""
         base = fleet.bus.realtime_priority
         return max(1, base + self) if base else 0

@@ -1,4 +1,4 @@
-"""The role of the recorder: where the flight log goes, and what it says of the flight."""
+"""The role of the recorder: place and metadata of the flight log."""
 
 import logging
 import time
@@ -23,7 +23,7 @@ GB: Final = 1_000_000_000
 
 
 def run(fleet: FleetFile, host: str) -> None:
-    """Record what is on the bus."""
+    """Record the messages on the bus."""
     run_recorder(
         recorder_settings(fleet, host, time.time_ns(), time.monotonic()),
         logging.getLogger(__name__).error,
@@ -31,21 +31,13 @@ def run(fleet: FleetFile, host: str) -> None:
 
 
 def log_directory(fleet: FleetFile) -> Path:
-    """Where the flight logs of a fleet lie."""
+    """Return the directory of the flight logs of a fleet."""
     chosen = fleet.log.directory
     return default_directory() if chosen is None else Path(chosen).expanduser()
 
 
 def recorder_settings(fleet: FleetFile, host: str, now_ns: int, now_s: float) -> RecorderSettings:
-    """Settings of the recorder process.
-
-    Parameters
-    ----------
-    fleet, host
-        The fleet, and the host that records.
-    now_ns, now_s
-        Wall clock and monotonic clock of this moment.
-    """
+    """Return the settings of the recorder, at the wall clock `now_ns` and the monotonic clock `now_s`."""
     wall_ns = now_ns - round(now_s * NANO)
     return RecorderSettings(
         bus=bus_address(fleet, host),
@@ -57,16 +49,14 @@ def recorder_settings(fleet: FleetFile, host: str, now_ns: int, now_s: float) ->
 
 
 def flight_settings(fleet: FleetFile, host: str, started_s: float, wall_ns: int) -> FlightSettings:
-    """Where and how a flight is recorded, and what its log says of the fleet and of this computer.
+    """Return where and how a flight is recorded, with its metadata.
 
     Parameters
     ----------
-    fleet, host
-        The fleet, and the host that records.
     started_s
         Wall clock at the start [s].
     wall_ns
-        Wall clock where the monotonic one is zero [ns].
+        Wall clock at the zero of the monotonic clock [ns].
     """
     metadata = {
         "fleet": fleet.name,
@@ -89,7 +79,7 @@ def flight_settings(fleet: FleetFile, host: str, started_s: float, wall_ns: int)
 
 
 def _flight_under_way(fleet: FleetFile, host: str) -> str:
-    """Flight that the launcher of this host has begun; empty without a launcher."""
+    """Return the flight that the launcher of this host has begun; empty without a launcher."""
     try:
         return flight_path(host, run_directory(fleet.name, fleet.bus.namespace)).read_text(encoding="utf-8")
     except OSError:

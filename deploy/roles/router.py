@@ -1,4 +1,4 @@
-"""The role of the bus router of a host; it needs no numerical library."""
+"""The role of the bus router of a host, without numerical libraries."""
 
 from importlib.metadata import version
 
@@ -17,7 +17,7 @@ from rcopterx.fleet.snapshot import digest_of, write_snapshot
 
 
 def run(fleet: FleetFile, host: str) -> None:
-    """Route messages for a host, and tell whoever asks which fleet is up here."""
+    """Route messages for a host, and answer requests that identify the fleet."""
     hosts = list(fleet.hosts)
     others = [other for other in hosts if other != host]
     directory = run_directory(fleet.name, fleet.bus.namespace)
@@ -44,7 +44,7 @@ def run(fleet: FleetFile, host: str) -> None:
         vehicles=tuple(fleet.vehicles),
         version=version("rcopterx"),
     )
-    # Routers link to those of the hosts before them in the file; one link between two is enough.
+    # Each router connects to those of earlier hosts in the file: one link between two is enough.
     earlier = [fleet.endpoint(other) for other in hosts[: hosts.index(host)]]
     with recorded(directory, running):
         run_router(
@@ -59,7 +59,7 @@ def run(fleet: FleetFile, host: str) -> None:
 
 
 def protection_of(fleet: FleetFile, host: str) -> Protection | None:
-    """What the router of a host asks of whoever connects; None in a fleet without certificates."""
+    """Return certificates and access rules of the router of a host; None without certificates."""
     directory = directory_of(fleet)
     if directory is None:
         return None

@@ -1,9 +1,10 @@
 """Runs one role of a fleet in this process.
 
-Nothing here imports a command-line library, so that an agent that crashed in flight is back quickly.
+This module imports quickly, because an agent that crashes in flight has to be back soon.
 """
 
 import ctypes
+import importlib
 import logging
 import os
 import signal
@@ -23,7 +24,7 @@ EXIT_UNREACHABLE = 3
 
 
 def end_with_parent() -> None:
-    """Receive SIGTERM when the launcher dies, however it dies; gateways then bring their vehicles down."""
+    """Receive SIGTERM when the launcher dies; gateways then bring their vehicles down."""
     parent = os.environ.get("RCOPTERX_PARENT")
     if parent is None:
         return
@@ -35,18 +36,14 @@ def end_with_parent() -> None:
 def run_role(
     role: str, unit: str, fleet: FleetFile, host: str | None = None, *, take_over: bool = False
 ) -> None:
-    """Run one role until it is asked to stop.
+    """Run one role until it receives SIGTERM.
 
     Parameters
     ----------
-    role
-        One of `ROLES`.
     unit
         Host of a router, recorder, simulator or tracker; gateway name of transmitters; vehicle of an agent.
-    fleet
-        The fleet file.
     host
-        Where an agent runs; by default the host of the fleet file.
+        Host of an agent; by default that of the fleet file.
     take_over
         Whether an agent shall take over from one that flies its vehicle.
 
@@ -71,19 +68,19 @@ def run_role(
 
 
 def log_start(role: str, unit: str) -> None:
-    """Log that a role begins in this process."""
+    """Log that a role starts in this process."""
     logging.info("%s %s: started, process %d", role, unit, os.getpid())
 
 
 def name_process(*words: str) -> None:
-    """Show this process in `ps` and `top` as what it does now, for instance `rcopterx agent h2`."""
+    """Show this process in `ps` and `top` under this name, for instance `rcopterx agent h2`."""
     setproctitle(f"rcopterx {' '.join(words)}")
-    # The kernel's own name of a process has room for 15 letters.
+    # `top` shows the kernel's name of a process, of at most 15 letters.
     setthreadtitle(" ".join(words))
 
 
 def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
-    """Refuse roles that do not exist and units that the file does not name.
+    """Refuse unknown roles and units that the file does not name.
 
     Raises
     ------
@@ -101,35 +98,16 @@ def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
 
 
 def runner(role: str) -> Callable[[FleetFile, str], None]:
-    """Import what a role other than that of an agent needs, and nothing else.
+    """Import the module of a role other than `agent`, and return its `run`.
 
-    Start-up time counts when a process restarts in flight.
+    No other role is imported: start-up time counts when a process restarts in flight.
     """
-    match role:
-        case "router":
-            from rcopterx.deploy.roles import router
-
-            return router.run
-        case "recorder":
-            from rcopterx.deploy.roles import recorder
-
-            return recorder.run
-        case "simulator":
-            from rcopterx.deploy.roles import simulator
-
-            return simulator.run
-        case "tracker":
-            from rcopterx.deploy.roles import tracker
-
-            return tracker.run
-        case _:
-            from rcopterx.deploy.roles import transmitters
-
-            return transmitters.run
+    run: Callable[[FleetFile, str], None] = importlib.import_module(f"rcopterx.deploy.roles.{role}").run
+    return run
 
 
 def run_reporting(run: Callable[[], None]) -> None:
-    """Run a role; what ends it for a reason somebody can mend becomes a line and an exit code."""
+    """Run a role; turn errors that the user can correct into a log line and an exit code."""
     set_up()
     try:
         run()

@@ -23,17 +23,17 @@ def run(fleet: FleetFile, _host: str) -> None:
 
 
 def conditions_of(fleet: FleetFile) -> Conditions:
-    """Conditions of the simulated laboratory.
+    """Return the conditions of the simulated laboratory.
 
     Raises
     ------
     FleetError
-        No simulator, unknown preset or field.
+        There is no simulator, or a preset or field is unknown.
     """
     if fleet.simulator is None:
         raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")
     low, high = fleet.volume.min_m, fleet.volume.max_m
-    # The radio link is emulated, so its delay must not be simulated a second time.
+    # The emulated radio link has its own delay.
     fixed: dict[str, Any] = {
         "transport_delay_s": 0.0,
         "volume_min_m": (low[0], low[1], -0.1),
@@ -50,7 +50,7 @@ def conditions_of(fleet: FleetFile) -> Conditions:
 
 
 def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:
-    """Settings of the simulator process."""
+    """Return the settings of the simulator process."""
     conditions = conditions_of(fleet)
     simulator = fleet.simulator
     if simulator is None:
@@ -86,7 +86,7 @@ def _simulated(fleet: FleetFile, name: str, directory: Path) -> SimulatedVehicle
 
 
 def formation_place(fleet: FleetFile, name: str) -> Four:
-    """Place of a vehicle in the formation with the first leader at the origin: x, y, z [m], yaw [rad]."""
+    """Return x, y, z [m] and yaw [rad] of a vehicle in a formation whose first leader is at the origin."""
     x = y = z = yaw = 0.0
     while fleet.vehicles[name].follow:
         link = fleet.vehicles[name].follow[0]

@@ -1,4 +1,4 @@
-"""The role of the Vicon gateway: address, brand and recording of the motion capture from the fleet file."""
+"""The role of the Vicon gateway: address, brand and raw recording of the motion capture."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -17,19 +17,19 @@ BRAND_NAMES: Final = ("vicon", "vicon_sdk", "optitrack", "qualisys", "vrpn", "mo
 SIMULATED: Final = ("vicon", "vicon_sdk")
 """Brands whose protocol the simulator speaks."""
 LIBRARY_NAMES: Final = {"vicon_sdk": "vicon"}
-"""What the library calls a brand, where it is not the same."""
+"""Names of brands in the library `motioncapture` that differ from ours."""
 USUAL_PORTS: Final = {"optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
-"""To be named in a message; the fleet file must give the port itself."""
+"""For error messages: the fleet file has to name the port."""
 VICON_ADDRESS: Final = "127.0.0.1:801"
 
 
 def run(fleet: FleetFile, _host: str, record_raw: Path | None = None) -> None:
-    """Publish what the motion capture sees.
+    """Publish the poses of the motion capture.
 
     Parameters
     ----------
     record_raw
-        Where the raw stream is recorded, instead of what the file says.
+        File for the raw stream, instead of that of the fleet file.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def run(fleet: FleetFile, _host: str, record_raw: Path | None = None) -> None:
 
 
 def tracker_settings(fleet: FleetFile) -> TrackerSettings:
-    """Settings of the Vicon gateway process."""
+    """Return the settings of the Vicon gateway process."""
     host, port = tracker_address(fleet)
     return TrackerSettings(
         bus=bus_address(fleet, fleet.tracker.host),
@@ -63,12 +63,12 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
 
 
 def tracker_address(fleet: FleetFile) -> tuple[str, int]:
-    """Host and port of the Tracker.
+    """Return host and port of the Tracker.
 
     Raises
     ------
     FleetError
-        Not of the form host:port.
+        The address is not of the form HOST:PORT.
     """
     host, separator, port = fleet.tracker.address.rpartition(":")
     if not separator or not host or not port.isdecimal() or not 0 < int(port) < 65536:
@@ -77,12 +77,12 @@ def tracker_address(fleet: FleetFile) -> tuple[str, int]:
 
 
 def brand_of(fleet: FleetFile) -> BrandSettings | None:
-    """Motion capture of another brand; None for a Vicon Tracker, which our own client reads.
+    """Return the settings of another brand; None for a Vicon Tracker, which our own client reads.
 
     Raises
     ------
     FleetError
-        A field that this brand does not have, or one that it needs is missing.
+        This brand does not have a field, or needs one that is missing.
     """
     tracker = fleet.tracker
     brand = tracker.brand
@@ -95,14 +95,14 @@ def brand_of(fleet: FleetFile) -> BrandSettings | None:
     if brand == OWN_CLIENT:
         for name in ("rate_hz", "latency_s"):
             if getattr(tracker, name) is not None:
-                raise FleetError(f"tracker.{name}: a Vicon Tracker tells it itself, leave it out")
+                raise FleetError(f"tracker.{name}: a Vicon Tracker reports it itself, leave it out")
         if tracker.settings:
             raise FleetError("tracker.settings: are for the other brands, leave them out")
         return None
     if tracker.record_raw is not None:
         raise FleetError(f"tracker.record_raw: only the stream of brand {OWN_CLIENT!r} can be recorded")
     if tracker.rate_hz is None:
-        raise FleetError(f"tracker.rate_hz: is missing, brand {brand!r} does not tell its capture rate")
+        raise FleetError(f"tracker.rate_hz: is missing, brand {brand!r} does not report its capture rate")
     if brand in USUAL_PORTS and tracker.address == VICON_ADDRESS:
         usual = f"HOST:{USUAL_PORTS[brand]}"
         raise FleetError(f"tracker.address: is missing, for brand {brand!r} it is {usual} as a rule")
@@ -116,7 +116,7 @@ def brand_of(fleet: FleetFile) -> BrandSettings | None:
 
 
 def _addressed(brand: str, host: str, port: int) -> dict[str, str]:
-    """The address as the library wants it."""
+    """Return the address as settings of the library."""
     match brand:
         case "vicon_sdk" | "vrpn":
             return {"hostname": f"{host}:{port}"}
@@ -129,13 +129,13 @@ def _addressed(brand: str, host: str, port: int) -> dict[str, str]:
 
 
 def raw_recording(fleet: FleetFile) -> Path | None:
-    """Where the Tracker's stream is recorded, None for nowhere."""
+    """Return the file that the Tracker's stream is recorded into, if any."""
     record_raw = fleet.tracker.record_raw
     return None if record_raw is None else Path(record_raw).expanduser()
 
 
 def check_motion_capture(fleet: FleetFile) -> None:
-    """Make sure that this computer can run the gateway: the library is there, the recording can be created.
+    """Check that the library of the brand is installed and that the recording can be created.
 
     Raises
     ------

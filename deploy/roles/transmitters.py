@@ -18,7 +18,7 @@ def run(fleet: FleetFile, gateway: str) -> None:
 
 
 def gateway_settings(fleet: FleetFile, gateway: str, directory: Path) -> GatewaySettings:
-    """Settings of a transmitter gateway process."""
+    """Return the settings of a transmitter gateway process."""
     return GatewaySettings(
         bus=bus_address(fleet, fleet.gateways[gateway].host),
         name=gateway,

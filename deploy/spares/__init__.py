@@ -1,1 +1,1 @@
-"""Spare processes that replace a process that died in flight."""
+"""Spare processes: warm processes that replace those that die."""

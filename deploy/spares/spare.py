@@ -1,7 +1,7 @@
-"""A spare process: everything imported, every pilot built, waiting to replace a process that died in flight.
+"""A spare: a process with all imports and pilots, waiting to replace one that dies in flight.
 
-Starting an interpreter and importing numerical libraries takes longer than a vehicle can be bridged by the
-inputs of its last plan; taking over in a warm process does not.
+Starting an interpreter and importing numerical libraries takes longer than the inputs of a vehicle's last
+plan bridge; a warm process takes over in time.
 """
 
 import json
@@ -12,32 +12,31 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from rcopterx.deploy.processes.prepared import fleet_of
 from rcopterx.deploy.processes.process_log import set_up
 from rcopterx.deploy.roles.agent import fly, ready_pilot
 from rcopterx.deploy.roles.run import end_with_parent, log_start, name_process, run_reporting, runner
-from rcopterx.deploy.spares.spare_process import Job
+from rcopterx.fleet.reading import load_fleet
 
 
-def wait_for_job(snapshot: Path, host: str, jobs: Sequence[Job]) -> Callable[[], None] | None:
-    """Prepare these jobs, wait for one of them on standard input.
+def wait_for_job(snapshot: Path, host: str, jobs: Sequence[tuple[str, str]]) -> Callable[[], None] | None:
+    """Prepare for these jobs (role, unit) and wait until standard input names one of them.
 
     Returns
     -------
     callable or None
-        Does the job; None when the supervisor closed the pipe instead.
+        Does the job; None if the supervisor has closed standard input instead.
     """
     name_process("spare")
-    fleet = fleet_of(snapshot)
-    pilots = {unit: ready_pilot(fleet, unit, host or None) for role, unit in jobs if role == "agent"}
+    fleet = load_fleet(snapshot)
+    pilots = {unit: ready_pilot(fleet, unit, host) for role, unit in jobs if role == "agent"}
     runners = {role: runner(role) for role, _ in jobs if role != "agent"}
-    line = _order()
+    line = _read_order()
     if not line:
         return None
     order = json.loads(line)
     log = os.open(order["log"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-    for descriptor in (sys.stdout.fileno(), sys.stderr.fileno()):
-        os.dup2(log, descriptor)
+    os.dup2(log, sys.stdout.fileno())
+    os.dup2(log, sys.stderr.fileno())
     role, unit = order["role"], order["unit"]
     name_process(role, unit)
     log_start(role, unit)
@@ -46,8 +45,8 @@ def wait_for_job(snapshot: Path, host: str, jobs: Sequence[Job]) -> Callable[[],
     return lambda: runners[role](fleet, unit)
 
 
-def _order() -> str:
-    """The line that says what to do; while there is none, beats show that it would be heard."""
+def _read_order() -> str:
+    """Wait for a line on standard input; beats show meanwhile that this process would react."""
     heartbeat = own_heartbeat()
     heartbeat.beat()
     while not select.select([sys.stdin], [], [], LONGEST_WAIT_S)[0]:

@@ -1,4 +1,4 @@
-"""Looks whether processes make progress, and ends those that do not."""
+"""Checks that processes make progress, and kills those that do not."""
 
 import os
 import signal
@@ -7,17 +7,11 @@ from contextlib import suppress
 
 from rcopterx.bus.heartbeat import HeartbeatPage
 from rcopterx.deploy.watchdog.processor_time import Threads, excuse_of, threads_of
-from rcopterx.deploy.watchdog.watchdog import Duty, Excuse, Hung, Look, Watchdog
+from rcopterx.deploy.watchdog.watchdog import Duty, Excuse, Hung, Observation, Watchdog
 
 
 class Liveness:
-    """Feeds the watchdog of a host and does what it decides.
-
-    Parameters
-    ----------
-    watchdog
-        Decides.
-    """
+    """Reads heartbeat pages and thread times for a watchdog, and kills the processes that it finds hung."""
 
     def __init__(self, watchdog: Watchdog) -> None:
         self._watchdog = watchdog
@@ -25,23 +19,22 @@ class Liveness:
         self._readings: dict[int, tuple[float, Threads]] = {}
 
     def check(self, now_s: float, pages: Mapping[int, tuple[HeartbeatPage, Duty]]) -> list[Hung]:
-        """Look once at all processes, by id; those that hang are killed and returned."""
+        """Check all processes, by process id; kill and return those that hang."""
         self._now_s = now_s
-        looks = {process: Look(page.beats, page.phase, duty) for process, (page, duty) in pages.items()}
-        asked = self._readings.keys() & looks.keys()
-        self._readings = {process: self._readings[process] for process in asked}
-        hung = self._watchdog.check(now_s, looks, self._excuse)
+        self._readings = {pid: reading for pid, reading in self._readings.items() if pid in pages}
+        observations = {pid: Observation(page.beats, page.phase, duty) for pid, (page, duty) in pages.items()}
+        hung = self._watchdog.check(now_s, observations, self._excuse)
         for found in hung:
             with suppress(ProcessLookupError):
                 os.kill(found.process, signal.SIGKILL)
         return hung
 
     def silent_s(self, process: int) -> float:
-        """How long a process has shown no progress."""
+        """Return how long a process has shown no progress."""
         return self._watchdog.silent_s(process)
 
     def longest_s(self, process: int) -> float:
-        """Longest silence of a process since it works."""
+        """Return the longest silence of a process since it began to work."""
         return self._watchdog.longest_s(process)
 
     @property

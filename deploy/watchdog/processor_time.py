@@ -1,7 +1,7 @@
-"""Why a process makes no progress, as far as the kernel tells: stopped, held by a debugger, waiting its turn.
+"""What the kernel knows of a process that makes no progress: stopped, traced, or waiting for a processor.
 
-`/proc/PID/task/TID/stat` tells the state of each thread, `schedstat` beside it for how long the thread has
-run and for how long it has waited for a processor.
+For each thread, `/proc/PID/task/TID/stat` has the state, and `schedstat` the times for which it has run and
+has waited for a processor.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ NS_PER_S: Final = 1e9
 
 
 class ThreadTime(NamedTuple):
-    """State of a thread, and how long it has run and has waited for a processor [s]."""
+    """State of a thread, and for how long it has run and has waited for a processor [s]."""
 
     state: str
     ran_s: float
@@ -25,11 +25,11 @@ class ThreadTime(NamedTuple):
 
 
 Threads = Mapping[int, ThreadTime]
-"""Threads of a process by their id; the main thread has that of the process."""
+"""Threads of a process by thread id; that of the main thread is the process id."""
 
 
 def threads_of(process: int, proc: Path = Path("/proc")) -> Threads:
-    """What the kernel tells of a process now; nothing of one that has ended, or without `schedstat`."""
+    """Read the threads of a process; empty for one that has ended, and without `schedstat`."""
     found = {}
     try:
         tasks = list((proc / str(process) / "task").iterdir())
@@ -47,21 +47,9 @@ def threads_of(process: int, proc: Path = Path("/proc")) -> Threads:
 
 
 def excuse_of(process: int, before: Threads, now: Threads, elapsed_s: float) -> Excuse:
-    """What excuses a process for having shown no progress between two readings.
+    """Return what excuses a process for having made no progress between two readings, `elapsed_s` apart.
 
-    Parameters
-    ----------
-    process
-        Its id.
-    before, now
-        The readings; nothing was read before the first look.
-    elapsed_s
-        Time between them.
-
-    Returns
-    -------
-    Excuse
-        `waited_s` is that of the thread that waited longest: the loop may depend on any other one.
+    `waited_s` is that of the thread that waited longest, because the loop may depend on any thread.
     """
     main = now.get(process)
     state = "" if main is None else main.state
@@ -74,7 +62,7 @@ def excuse_of(process: int, before: Threads, now: Threads, elapsed_s: float) -> 
 
 
 def _waited_s(before: ThreadTime, now: ThreadTime, elapsed_s: float) -> float:
-    """Of a thread; the kernel counts a wait only when it has ended."""
+    """Return how long a thread has waited; the kernel counts a wait only when it has ended."""
     waited_s = now.waited_s - before.waited_s
     if now.state == RUNNABLE:
         waited_s = max(waited_s, elapsed_s - (now.ran_s - before.ran_s))

@@ -1,8 +1,8 @@
-"""Decides which processes hang: those whose loop shows no progress for longer than their limit.
+"""Decides which processes hang: those whose loop makes no progress for longer than their limit.
 
-Silence is counted from one look to the next, in time of the supervisor that looks. What keeps a process from
-progress without its own fault does not count: a supervisor that was late itself (a suspended computer, heavy
-load), time that a process waited for a processor, a debugger.
+Silence is the time without progress between checks, by the supervisor's clock. It does not include what is
+not the fault of the process: late checks (a suspended computer, heavy load), waiting for a processor, a
+debugger.
 """
 
 import math
@@ -15,51 +15,44 @@ from typing import Final, NamedTuple
 from rcopterx.bus.heartbeat import Phase
 
 LATE_S: Final = 0.1
-"""A supervisor that looks later than this after its last look was itself kept from working."""
+"""A check that comes later than this after the last one is late."""
 SUSPECT: Final = 0.4
-"""Share of the limit from which on it is asked why a process is silent."""
+"""Share of the limit from which on the watchdog requests excuses of a silent process."""
 CROWD_LIMITS: Final = 4.0
 """Limits after which a process hangs although most others are silent as well."""
 
 
 class Duty(Enum):
-    """What a process is there for; its limit depends on it."""
+    """Purpose of a process, on which its limit depends."""
 
     FLIGHT = auto()
-    """Vehicles in the air cannot do without it."""
+    """Vehicles in the air need it."""
     STANDBY = auto()
     """A spare process."""
     BACKGROUND = auto()
-    """Vehicles in the air do not wait for it, as for the recorder, or a new simulator would not help them."""
+    """Vehicles in the air do not need it (the recorder), or a new one does not help them (the simulator)."""
 
 
 @dataclass(frozen=True)
 class WatchdogLimits:
-    """For how long a process may show no progress.
-
-    Attributes
-    ----------
-    flight_s
-        While a rotor of the fleet is known to turn, or where nobody on this host knows.
-    floor_s
-        Otherwise; a spare process always.
-    start_s
-        While a process starts or ends; the simulator and the recorder always.
-    """
+    """For how long a process may make no progress."""
 
     flight_s: float
+    """While vehicles fly, or where no process of this host knows whether they do."""
     floor_s: float
+    """Otherwise; always for spares."""
     start_s: float
+    """While a process starts or ends; always for the simulator and the recorder."""
 
-    def of(self, look: "Look", flying: bool) -> float:
-        """Limit of a process."""
-        if look.duty is Duty.BACKGROUND or look.phase in (Phase.STARTING, Phase.ENDING):
+    def of(self, observation: "Observation", flying: bool) -> float:
+        """Return the limit of a process."""
+        if observation.duty is Duty.BACKGROUND or observation.phase in (Phase.STARTING, Phase.ENDING):
             return self.start_s
-        return self.flight_s if flying and look.duty is Duty.FLIGHT else self.floor_s
+        return self.flight_s if flying and observation.duty is Duty.FLIGHT else self.floor_s
 
 
-class Look(NamedTuple):
-    """What is seen of a process at a glance."""
+class Observation(NamedTuple):
+    """Heartbeat of a process at a check."""
 
     beats: int
     phase: Phase
@@ -67,25 +60,18 @@ class Look(NamedTuple):
 
 
 class Excuse(NamedTuple):
-    """Why a process may have shown no progress since it was last asked.
-
-    Attributes
-    ----------
-    waited_s
-        How long it could have run and got no processor.
-    stopped
-        It was stopped by a signal, so that load explains nothing.
-    traced
-        A debugger holds it.
-    """
+    """Why a process may have made no progress since its last excuse."""
 
     waited_s: float = 0.0
+    """Time for which it could have run but had no processor."""
     stopped: bool = False
+    """A signal has stopped it: load is no explanation."""
     traced: bool = False
+    """A debugger has stopped it."""
 
 
 class Hung(NamedTuple):
-    """A process that shows no progress: after how long, and what its limit was."""
+    """A process that makes no progress, for how long, and its limit."""
 
     process: int
     silent_s: float
@@ -94,126 +80,123 @@ class Hung(NamedTuple):
 
 @dataclass
 class _Watch:
-    look: Look
+    last: Observation
     silent_s: float = 0.0
-    """Silence that counts."""
+    """Time without progress that counts."""
     elapsed_s: float = 0.0
-    """All of it."""
+    """Time without progress."""
     limit_s: float = math.inf
-    """At the last look."""
     longest_s: float = 0.0
     stopped: bool = False
     condemned: bool = False
 
     @property
     def suspect(self) -> bool:
-        """Whether it is time to ask why it is silent."""
+        """Whether it is silent for a good part of its limit."""
         return self.silent_s > SUSPECT * self.limit_s
 
-    def see(self, look: Look) -> None:
-        """Begin to count anew."""
-        self.look, self.silent_s, self.elapsed_s, self.stopped = look, 0.0, 0.0, False
+    def restart(self, observation: Observation) -> None:
+        """Begin to count from now."""
+        self.last, self.silent_s, self.elapsed_s, self.stopped = observation, 0.0, 0.0, False
 
     def overdue(self, patience: float) -> bool:
-        """Whether it hangs, with so many times its limit; what was stopped gets no more than one."""
+        """Whether it hangs, with `patience` times its limit unless it was stopped."""
         return not self.condemned and self.silent_s > self.limit_s * (1.0 if self.stopped else patience)
-
-    def condemn(self, process: int) -> Hung:
-        """Say that it hangs, once."""
-        self.condemned = True
-        return Hung(process, self.silent_s, self.limit_s)
 
 
 class Watchdog:
-    """Looks at all processes of a host again and again.
+    """Checks all processes of a host again and again.
 
     Parameters
     ----------
     limits
-        How long processes may be silent.
+        For how long processes may be silent.
     blind
-        Nobody on this host knows whether vehicles fly, so that they always may.
+        No process of this host knows whether vehicles fly, so that they always may.
     """
 
     def __init__(self, limits: WatchdogLimits, blind: bool = False) -> None:
         self._limits = limits
         self._blind = blind
         self._watches: dict[int, _Watch] = {}
-        self._looked_s: float | None = None
+        self._checked_s: float | None = None
         self.forgiven: Counter[str] = Counter()
         """How often a silence beyond the limit was no hang, by reason."""
 
-    def check(self, now_s: float, looks: Mapping[int, Look], excuse: Callable[[int], Excuse]) -> list[Hung]:
-        """Look once.
+    def check(
+        self, now_s: float, observations: Mapping[int, Observation], excuse: Callable[[int], Excuse]
+    ) -> list[Hung]:
+        """Return the processes that are found to hang now; each is returned once.
 
         Parameters
         ----------
         now_s
             Monotonic time of the supervisor.
-        looks
-            What is seen now, by process id. A process that is missing has ended.
+        observations
+            By process id. A process that is missing has ended.
         excuse
-            Asked at every look for each process that has been silent for a good part of its limit.
-
-        Returns
-        -------
-        list of Hung
-            Processes that hang; each is named once.
+            Called at every check for each process that has been silent for a good part of its limit.
         """
-        elapsed_s = 0.0 if self._looked_s is None else now_s - self._looked_s
-        self._looked_s = now_s
+        elapsed_s = 0.0 if self._checked_s is None else now_s - self._checked_s
+        self._checked_s = now_s
         self._watches = {
-            process: self._watches.get(process) or _Watch(look) for process, look in looks.items()
+            process: self._watches.get(process) or _Watch(observation)
+            for process, observation in observations.items()
         }
         if elapsed_s > LATE_S:
             self._forgive_all()
             elapsed_s = 0.0
-        flying = self._blind or any(look.phase is Phase.FLYING for look in looks.values())
-        for process, look in looks.items():
-            if not self._progress(self._watches[process], look, self._limits.of(look, flying)):
+        flying = self._blind or any(seen.phase is Phase.FLYING for seen in observations.values())
+        for process, seen in observations.items():
+            if not self._progress(self._watches[process], seen, self._limits.of(seen, flying)):
                 self._count(process, elapsed_s, excuse)
         patience = CROWD_LIMITS if self._crowd() else 1.0
-        return [watch.condemn(process) for process, watch in self._watches.items() if watch.overdue(patience)]
+        hung = []
+        for process, watch in self._watches.items():
+            if watch.overdue(patience):
+                watch.condemned = True
+                hung.append(Hung(process, watch.silent_s, watch.limit_s))
+        return hung
 
     def silent_s(self, process: int) -> float:
-        """How long a process has shown no progress, 0 for one that was never looked at."""
+        """Return how long a process has made no progress, 0 for an unknown one."""
         watch = self._watches.get(process)
         return 0.0 if watch is None else watch.silent_s
 
     def longest_s(self, process: int) -> float:
-        """Longest silence of a working process, with what was forgiven."""
+        """Return the longest silence of a working process, including what was excused."""
         watch = self._watches.get(process)
         return 0.0 if watch is None else watch.longest_s
 
     def _forgive_all(self) -> None:
         self.forgiven["supervisor_late"] += 1
         for watch in self._watches.values():
-            watch.see(watch.look)
+            watch.restart(watch.last)
 
-    def _progress(self, watch: _Watch, look: Look, limit_s: float) -> bool:
-        """Whether a process has shown progress since the last look."""
+    def _progress(self, watch: _Watch, observation: Observation, limit_s: float) -> bool:
+        """Whether a process has made progress since the last check."""
         silent_before_s, limit_before_s = watch.elapsed_s, watch.limit_s
         watch.limit_s = limit_s
-        if look == watch.look:
+        if observation == watch.last:
             return False
         if silent_before_s > limit_before_s:
             self.forgiven["load"] += 1
-        watch.see(look)
+        watch.restart(observation)
         return True
 
     def _count(self, process: int, elapsed_s: float, excuse: Callable[[int], Excuse]) -> None:
-        """Count the time since the last look as silence, but for what excuses it."""
+        """Count the time since the last check as silence, except for what is excused."""
         watch = self._watches[process]
         watch.elapsed_s += elapsed_s
         watch.silent_s += elapsed_s
-        if watch.look.phase in (Phase.WORKING, Phase.FLYING):
+        if watch.last.phase in (Phase.WORKING, Phase.FLYING):
             watch.longest_s = max(watch.longest_s, watch.elapsed_s)
         if not watch.suspect:
             return
         reason = excuse(process)
         watch.stopped = reason.stopped
         if reason.traced:
-            watch.see(watch.look)
+            watch.restart(watch.last)
         else:
             watch.silent_s -= min(elapsed_s, reason.waited_s)
 

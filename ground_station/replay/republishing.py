@@ -9,7 +9,7 @@ from typing import Final
 import msgspec
 
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.deploy.hosts.launcher import check_free
+from rcopterx.deploy.hosts.resources import check_free
 from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import Supervisor

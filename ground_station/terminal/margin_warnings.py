@@ -2,7 +2,7 @@
 
 import sys
 
-from rcopterx.deploy.processes.background import begun_behind_others
+from rcopterx.deploy.processes.background import start_in_background
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.snapshot import encoded
 
@@ -10,7 +10,7 @@ from rcopterx.fleet.snapshot import encoded
 def warnings_apart(fleet: FleetFile) -> list[str]:
     """`margins.configured_warnings` from another process; a line with the reason if it fails."""
     try:
-        with begun_behind_others(
+        with start_in_background(
             [sys.executable, "-m", "rcopterx.ground_station.terminal.margins"]
         ) as process:
             output, complaint = process.communicate(encoded(fleet))

@@ -1,11 +1,17 @@
 """Promises of the check before a start: a wrong field is named, and nothing is started."""
 
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from rcopterx.deploy.fleet_check import check_fleet
+from rcopterx.deploy import fleet_check
+from rcopterx.deploy.fleet_check import check_fleet, check_in_process
+from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
 
@@ -105,3 +111,36 @@ def test_a_wrong_field_is_refused_by_its_path_before_anything_is_started(
     with pytest.raises(FleetError, match=words):
         check_fleet(parse_fleet(text), tmp_path)
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+@pytest.fixture
+def forks() -> Iterator[ForkServer]:
+    with closing(ForkServer(["rcopterx.deploy.roles.agent", "rcopterx.deploy.roles.simulator"])) as server:
+        yield server
+
+
+def test_a_good_fleet_passes_in_a_process_and_a_wrong_field_is_named(
+    tmp_path: Path, forks: ForkServer
+) -> None:
+    check_in_process(parse_fleet(PAIR), tmp_path, forks)
+    wrong = parse_fleet(PAIR + 'control = { controller = "x" }')
+    with pytest.raises(FleetError, match=r"^vehicles\.h2\.control: no controller is called 'x'"):
+        check_in_process(wrong, tmp_path, forks)
+    # Nothing stays behind.
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_check_that_fails_for_another_reason_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forks: ForkServer
+) -> None:
+    monkeypatch.setattr(fleet_check, "MODULE", "no_such_module")
+    with pytest.raises(OSError, match=r"(?s)the fleet cannot be checked, exit code 1: .*no_such_module"):
+        check_in_process(parse_fleet(PAIR), tmp_path, forks)
+
+
+def test_a_launcher_imports_none_of_the_libraries_of_agents() -> None:
+    script = (
+        "import sys, rcopterx.deploy.hosts.launcher; print(*{'numba', 'scipy', 'osqp'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""

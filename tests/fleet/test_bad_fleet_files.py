@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from rcopterx.deploy.fleet_check import check_fleet
-from rcopterx.deploy.hosts.launcher import check_resources
+from rcopterx.deploy.hosts.resources import check_resources
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.fleet.reading import load_fleet, parse_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile

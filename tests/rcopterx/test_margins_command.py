@@ -100,7 +100,7 @@ def test_margins_are_not_known_where_no_process_can_be_started(
     def refused(_: list[str]) -> None:
         raise OSError("Too many open files")
 
-    monkeypatch.setattr("rcopterx.ground_station.terminal.margin_warnings.begun_behind_others", refused)
+    monkeypatch.setattr("rcopterx.ground_station.terminal.margin_warnings.start_in_background", refused)
     assert warnings_apart(load_fleet(Path(fleet(tmp_path)))) == ["margins are not known: Too many open files"]
 
 

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from rcopterx.bus.messages import SubjectState, TrackerStatus
 from rcopterx.command_line import app
-from rcopterx.deploy.hosts.launcher import check_resources
+from rcopterx.deploy.hosts.resources import check_resources
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.hosts.running import RunningFleet, recorded
 from rcopterx.fleet.reading import parse_fleet
@@ -122,7 +122,7 @@ def test_a_second_fleet_on_the_same_port(lab: Path) -> None:
 def test_no_rights_for_the_serial_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     device = tmp_path / "ttyUSB0"
     device.touch()
-    monkeypatch.setattr("rcopterx.deploy.hosts.launcher.os.access", lambda *_: False)
+    monkeypatch.setattr("rcopterx.deploy.hosts.resources.os.access", lambda *_: False)
     port = own_address().endpoints[0].rpartition(":")[2]
     text = HARDWARE_PAIR.replace("radio-h1", str(device)) + f"\n[hosts.main]\nrouter_port = {port}\n"
     with pytest.raises(ValueError, match=r"h1\.transmitter\.port: no permission for .*usermod -aG dialout"):

@@ -62,21 +62,21 @@ def measurement_of(forks: ForkServer, tmp_path: Path, text: str = PAIR) -> Capac
     return CapacityMeasurement(snapshot, "h2", PERIOD_S, forks, lambda: {os.getpid(): AGENT})
 
 
-def told_by(measurement: CapacityMeasurement) -> int | str:
-    told: list[int | str] = []
+def result_of(measurement: CapacityMeasurement) -> int | str:
+    results: list[int | str] = []
 
-    def looked() -> bool:
-        told.extend(found for found in [measurement.look(ready=True)] if found is not None)
-        return bool(told)
+    def stepped() -> bool:
+        results.extend(found for found in [measurement.step(ready=True)] if found is not None)
+        return bool(results)
 
-    wait_for(looked, "nothing is told", deadline_s=500)
-    assert measurement.look(ready=True) is None
-    return told[0]
+    wait_for(stepped, "there is no result", deadline_s=500)
+    assert measurement.step(ready=True) is None
+    return results[0]
 
 
 @pytest.mark.timeout(600)
 def test_this_computer_flies_some_vehicles_and_nothing_stays(tmp_path: Path, forks: ForkServer) -> None:
-    assert isinstance(told_by(measurement_of(forks, tmp_path)), int)
+    assert isinstance(result_of(measurement_of(forks, tmp_path)), int)
     assert descendants(os.getpid()) == [forks.pid]
 
 
@@ -101,11 +101,11 @@ def test_processes_of_a_standing_fleet_are_shared_out_among_its_agents(
     measurement = CapacityMeasurement(
         tmp_path / "fleet.json", "h1", PERIOD_S, forks, lambda: running, lambda: now_s[0]
     )
-    assert measurement.look(ready=True) is None
+    assert measurement.step(ready=True) is None
     # One agent has ended meanwhile, and another process is new.
     running = {1: AGENT, 2: AGENT, 3: "router", 5: AGENT}
     ran_s, now_s = [0.1], [4.0]
-    assert told_by(measurement) == 7
+    assert result_of(measurement) == 7
     assert shares == [pytest.approx((0.1 + 0.2 + 0.3) / 4.0 / 2)]
 
 
@@ -113,15 +113,15 @@ def test_a_measurement_that_fails_says_so(
     tmp_path: Path, forks: ForkServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(capacity, "MODULE", "no_such_module")
-    told = str(told_by(measurement_of(forks, tmp_path)))
-    assert told.startswith("how many vehicles this computer flies cannot be measured: exit code 1 ")
-    assert "no_such_module" in told
+    result = str(result_of(measurement_of(forks, tmp_path)))
+    assert result.startswith("how many vehicles this computer flies cannot be measured: exit code 1 ")
+    assert "no_such_module" in result
 
 
 @pytest.mark.timeout(600)
 def test_a_vehicle_that_cannot_be_built_says_why(tmp_path: Path, forks: ForkServer) -> None:
-    told = told_by(measurement_of(forks, tmp_path, PAIR + 'control = { controller = "x" }'))
-    assert "no controller is called 'x'" in str(told)
+    result = result_of(measurement_of(forks, tmp_path, PAIR + 'control = { controller = "x" }'))
+    assert "no controller is called 'x'" in str(result)
 
 
 @pytest.mark.timeout(600)
@@ -129,15 +129,15 @@ def test_a_measurement_that_takes_too_long_is_given_up(
     tmp_path: Path, forks: ForkServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(capacity, "LIMIT_S", 0.0)
-    assert "it takes more than 0 s" in str(told_by(measurement_of(forks, tmp_path)))
+    assert "it takes more than 0 s" in str(result_of(measurement_of(forks, tmp_path)))
     assert descendants(os.getpid()) == [forks.pid]
 
 
 def test_nothing_is_begun_before_the_computer_is_ready_and_agents_run(tmp_path: Path) -> None:
     forks = ForkServer()
-    assert measurement_of(forks, tmp_path).look(ready=False) is None
+    assert measurement_of(forks, tmp_path).step(ready=False) is None
     alone = CapacityMeasurement(tmp_path / "fleet.json", "h2", PERIOD_S, forks, lambda: {1: "router"})
-    assert alone.look(ready=True) is None
+    assert alone.step(ready=True) is None
     assert forks.pid is None
 
 
@@ -146,21 +146,21 @@ def test_a_measurement_is_given_up_for_a_flight_and_begun_again_after_it(
     tmp_path: Path, forks: ForkServer
 ) -> None:
     measurement = measurement_of(forks, tmp_path)
-    assert measurement.look(ready=True) is None
+    assert measurement.step(ready=True) is None
     assert len(descendants(os.getpid())) == 2
-    assert measurement.look(ready=False) is None
+    assert measurement.step(ready=False) is None
     assert descendants(os.getpid()) == [forks.pid]
     assert not measurement.done
-    assert isinstance(told_by(measurement), int)
+    assert isinstance(result_of(measurement), int)
     assert measurement.done
 
 
 @pytest.mark.timeout(600)
-def test_a_measurement_that_is_closed_tells_nothing_and_leaves_nothing(
+def test_a_measurement_that_is_closed_has_no_result_and_leaves_nothing(
     tmp_path: Path, forks: ForkServer
 ) -> None:
     measurement = measurement_of(forks, tmp_path)
-    assert measurement.look(ready=True) is None
+    assert measurement.step(ready=True) is None
     measurement.close()
-    assert measurement.look(ready=True) is None
+    assert measurement.step(ready=True) is None
     assert descendants(os.getpid()) == [forks.pid]

@@ -1,4 +1,4 @@
-"""When a host starts the agent of a vehicle that nobody commands in flight."""
+"""When a host starts the agent of a vehicle that no agent commands."""
 
 import pytest
 
@@ -6,10 +6,9 @@ from rcopterx.deploy.hosts.guarding import (
     AGAIN_S,
     FLOOR_SILENT_S,
     FLOOR_TURN_S,
-    HEARD_S,
+    FRESH_S,
     SILENT_S,
     TURN_S,
-    FloorGuard,
     Guard,
     LastFrame,
     OnFloor,
@@ -21,32 +20,32 @@ PERIOD_S = 0.02
 
 
 class Flight:
-    """A host that hears of a vehicle's serial frames, 50 a second."""
+    """A host that receives a vehicle's serial frames, 50 per second."""
 
     def __init__(self, turn: int = 0) -> None:
-        self.guard = Guard({"h1": turn})
+        self.guard = Guard("spare", {"h1": turn})
         self.now_s = 100.0
         self.sequence = 0
         self.started_s: list[float] = []
 
     def run(
-        self, seconds: float, state: str = "armed", *, commanded: bool = True, heard: bool = True
+        self, seconds: float, state: str = "armed", *, commanded: bool = True, received: bool = True
     ) -> None:
-        heard_s = self.now_s
+        arrived_s = self.now_s
         for _ in range(round(seconds / PERIOD_S)):
             self.now_s += PERIOD_S
             self.sequence += commanded
-            heard_s = self.now_s if heard else heard_s
+            arrived_s = self.now_s if received else arrived_s
             sequence = self.sequence if state == "armed" else 0
             frames = {
-                "h1": LastFrame(state, (3, sequence), heard_s),
-                "h2": LastFrame("land", (1, 0), heard_s),
+                "h1": LastFrame(state, (3, sequence), arrived_s),
+                "h2": LastFrame("land", (1, 0), arrived_s),
             }
-            self.started_s += [self.now_s] * self.guard.look(self.now_s, frames).count("h1")
+            self.started_s += [self.now_s] * self.guard.find_orphans(self.now_s, frames).count("h1")
 
 
 @pytest.mark.parametrize("turn", [0, 1, 2])
-def test_a_vehicle_that_nobody_commands_gets_an_agent_in_turn(turn: int) -> None:
+def test_a_vehicle_that_no_agent_commands_gets_an_agent_in_turn(turn: int) -> None:
     flight = Flight(turn)
     flight.run(1.0)
     silent_s = flight.now_s
@@ -76,7 +75,7 @@ def test_commands_in_time_keep_the_agent_where_it_is() -> None:
 def test_without_frames_nothing_is_known() -> None:
     flight = Flight()
     flight.run(1.0)
-    flight.run(HEARD_S + 2.0, heard=False)
+    flight.run(FRESH_S + 2.0, received=False)
     assert flight.started_s == []
     flight.run(SILENT_S - 0.04, "land", commanded=False)
     assert flight.started_s == []
@@ -93,36 +92,36 @@ def test_a_vehicle_that_lands_in_spite_of_its_agent_is_left_to_it_for_a_while() 
 
 @pytest.mark.parametrize("turn", [0, 1])
 def test_on_the_floor_the_agents_of_a_silent_host_are_started_in_turn(turn: int) -> None:
-    guard = FloorGuard("spare", {"h1": turn})
-    known = {"h1": OnFloor(commanded_s=9.0, runner=Runner("home", heard_s=10.0))}
+    guard = Guard("spare", {"h1": turn})
+    known = {"h1": OnFloor(commanded_s=9.0, runner=Runner("home", arrived_s=10.0))}
     due_s = 10.0 + FLOOR_SILENT_S + turn * FLOOR_TURN_S
-    assert guard.look(due_s - 0.1, known) == []
-    assert guard.look(due_s + 0.1, known) == ["h1"]
+    assert guard.find_orphans_on_floor(due_s - 0.1, known) == []
+    assert guard.find_orphans_on_floor(due_s + 0.1, known) == ["h1"]
 
 
 @pytest.mark.parametrize(
     "known",
     [
-        OnFloor(commanded_s=99.9, runner=Runner("home", heard_s=10.0)),
-        OnFloor(commanded_s=10.0, runner=Runner("home", heard_s=99.0)),
-        OnFloor(commanded_s=10.0, runner=Runner("spare", heard_s=10.0)),
+        OnFloor(commanded_s=99.9, runner=Runner("home", arrived_s=10.0)),
+        OnFloor(commanded_s=10.0, runner=Runner("home", arrived_s=99.0)),
+        OnFloor(commanded_s=10.0, runner=Runner("spare", arrived_s=10.0)),
     ],
     ids=["it is commanded", "its launcher lives", "it is this host's already"],
 )
-def test_on_the_floor_nobody_else_is_replaced(known: OnFloor) -> None:
-    guard = FloorGuard("spare", {"h1": 0})
-    assert guard.look(100.0, {"h1": known, "h9": OnFloor(1.0, Runner("home", 1.0))}) == []
+def test_on_the_floor_no_other_agent_is_replaced(known: OnFloor) -> None:
+    guard = Guard("spare", {"h1": 0})
+    assert guard.find_orphans_on_floor(100.0, {"h1": known, "h9": OnFloor(1.0, Runner("home", 1.0))}) == []
 
 
 def test_a_silent_launcher_keeps_its_vehicles_until_another_one_has_had_them() -> None:
     runners = Runners()
-    runners.hear("home", ["h1", "h2"], 1.0)
+    runners.update("home", ["h1", "h2"], 1.0)
     assert runners.of("h1") == Runner("home", 1.0)
-    runners.hear("spare", ["h1"], 5.0)
-    runners.hear("home", ["h1", "h2"], 1.0)
+    runners.update("spare", ["h1"], 5.0)
+    runners.update("home", ["h1", "h2"], 1.0)
     assert runners.of("h1") == Runner("spare", 5.0)
     assert runners.of("h2") == Runner("home", 1.0)
-    runners.hear("spare", [], 6.0)
+    runners.update("spare", [], 6.0)
     assert runners.of("h1") is None
-    runners.hear("home", [], 7.0)
+    runners.update("home", [], 7.0)
     assert runners.of("h2") is None

@@ -12,7 +12,8 @@ from support.bus import free_port
 from support.fleets import HARDWARE_PAIR, PAIR
 
 from rcopterx.bus.session import BusUnreachableError
-from rcopterx.deploy.hosts.launcher import Launcher, check_resources, made_in_realtime, watchdog_limits
+from rcopterx.deploy.hosts.launcher import Launcher, call_in_realtime, watchdog_limits
+from rcopterx.deploy.hosts.resources import check_resources
 from rcopterx.deploy.hosts.run_directory import router_socket, run_directory, serial_path
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
@@ -133,7 +134,7 @@ def port() -> Iterator[str]:
     os.close(slave)
 
 
-def test_a_missing_serial_device_is_told_and_keeps_nobody_else_on_the_floor(
+def test_a_missing_serial_device_is_reported_and_keeps_no_other_vehicle_on_the_floor(
     tmp_path: Path, port: str
 ) -> None:
     text = HARDWARE_PAIR.replace("radio-h1", port).replace("radio-h2", "/dev/ttyNONE9")
@@ -168,7 +169,7 @@ def test_vehicles_that_are_left_out_need_no_device(tmp_path: Path, port: str) ->
         (["h1", "h2"], "--without: at least one vehicle must take part"),
     ],
 )
-def test_nobody_and_unknown_vehicles_cannot_be_left_out(
+def test_all_vehicles_and_unknown_ones_cannot_be_left_out(
     without: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
@@ -234,7 +235,7 @@ def test_a_fleet_file_sets_the_limits_of_the_watchdog_or_switches_it_off() -> No
 
 
 @pytest.mark.parametrize("watchdog", [True, False])
-def test_a_launcher_watches_unless_it_is_told_not_to(
+def test_a_launcher_watches_unless_that_is_switched_off(
     watchdog: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
@@ -245,22 +246,22 @@ def test_a_launcher_watches_unless_it_is_told_not_to(
         launcher.supervisor.stop_all()
 
 
-def test_what_is_made_in_real_time_is_made_in_a_thread_of_that_class(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[int, int]] = []
+def test_a_call_in_real_time_is_made_in_a_thread_of_that_class(monkeypatch: pytest.MonkeyPatch) -> None:
+    requests: list[tuple[int, int]] = []
     monkeypatch.setattr(
         "rcopterx.deploy.hosts.launcher.request_realtime",
-        lambda priority: asked.append((threading.get_ident(), priority)),
+        lambda priority: requests.append((threading.get_ident(), priority)),
     )
-    made_by = made_in_realtime(24, threading.get_ident)
-    assert asked == [(made_by, 24)]
-    assert made_by != threading.get_ident()
+    called_by = call_in_realtime(24, threading.get_ident)
+    assert requests == [(called_by, 24)]
+    assert called_by != threading.get_ident()
 
 
-def test_what_cannot_be_made_in_real_time_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_call_in_real_time_that_fails_raises_its_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rcopterx.deploy.hosts.launcher.request_realtime", lambda _: False)
 
-    def make() -> None:
+    def fail() -> None:
         raise BusUnreachableError("no router")
 
     with pytest.raises(BusUnreachableError, match="no router"):
-        made_in_realtime(0, make)
+        call_in_realtime(0, fail)

@@ -132,19 +132,19 @@ def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
         service.close()
 
 
-def test_frames_of_guarded_vehicles_are_heard_and_of_others_not(
+def test_frames_of_guarded_vehicles_are_received_and_of_others_not(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
     service = RecallService(replace(bus_address, host="spare"), ["h1", "h2"], [], guarded=["h1"])
     gateway = join()
 
-    def heard() -> bool:
+    def received() -> bool:
         gateway.publish(channels.APPLIED, "h2", APPLIED)
         gateway.publish(channels.APPLIED, "h1", APPLIED)
         return bool(service.frames(["h1", "h2"]))
 
     try:
-        wait_for(heard, "no frame is heard")
+        wait_for(received, "no frame is received")
         assert service.frames(["h1", "h2"]).keys() == {"h1"}
     finally:
         service.close()

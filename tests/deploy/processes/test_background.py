@@ -1,4 +1,4 @@
-"""Promises of programs that nobody waits for: they let others pass, and Ctrl-C is not for them."""
+"""Promises of programs in the background: they let others pass, and Ctrl-C does not end them."""
 
 import os
 import subprocess
@@ -8,27 +8,27 @@ from pathlib import Path
 import pytest
 from support.waiting import wait_for
 
-from rcopterx.deploy.processes.background import NICE, begun_behind_others
+from rcopterx.deploy.processes.background import NICE, start_in_background
 
-ECHO = "import os, sys; told = sys.stdin.read(); print(told, os.getsid(0) == os.getpid())"
+ECHO = "import os, sys; text = sys.stdin.read(); print(text, os.getsid(0) == os.getpid())"
 
 
-def test_a_program_is_told_and_tells_in_a_session_of_its_own() -> None:
-    with begun_behind_others([sys.executable, "-c", ECHO]) as process:
+def test_a_program_has_pipes_and_a_session_of_its_own() -> None:
+    with start_in_background([sys.executable, "-c", ECHO]) as process:
         output, complaint = process.communicate(b"hello")
     assert (output.decode().split(), complaint, process.returncode) == (["hello", "True"], b"", 0)
 
 
 def test_a_program_gets_what_others_leave_it() -> None:
-    with begun_behind_others([sys.executable, "-c", ECHO]) as process:
+    with start_in_background([sys.executable, "-c", ECHO]) as process:
         assert os.getpriority(os.PRIO_PROCESS, process.pid) == NICE
         process.communicate(b"")
 
 
-def test_a_process_steps_behind_others_itself() -> None:
+def test_a_process_moves_itself_to_the_background() -> None:
     script = (
-        "import os; from rcopterx.deploy.processes.background import step_behind_others;"
-        "step_behind_others();"
+        "import os; from rcopterx.deploy.processes.background import move_to_background;"
+        "move_to_background(os.getpid());"
         "print(os.getpriority(os.PRIO_PROCESS, 0))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -38,7 +38,7 @@ def test_a_process_steps_behind_others_itself() -> None:
 @pytest.mark.skipif(not Path("/proc/self/autogroup").exists(), reason="this kernel knows no autogroups")
 def test_sessions_of_others_come_first_where_the_kernel_shares_by_session() -> None:
     def group() -> str:
-        with begun_behind_others([sys.executable, "-c", ECHO]) as process:
+        with start_in_background([sys.executable, "-c", ECHO]) as process:
             told = Path(f"/proc/{process.pid}/autogroup").read_text(encoding="ascii")
             process.communicate(b"")
         return told.split()[-1]

@@ -14,7 +14,7 @@ from support.fleets import PAIR
 from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 import rcopterx.deploy.processes.forking
-from rcopterx.deploy.processes.forking import RETRY_S, START_LIMIT_S, ForkServer, Started
+from rcopterx.deploy.processes.forking import RETRY_S, START_LIMIT_S, ForkedProcess, ForkServer
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.snapshot import write_snapshot
 
@@ -22,7 +22,7 @@ REPORT = """
 import json, os, sys
 print(json.dumps({
     "name": __name__, "arguments": sys.argv, "parent": os.getppid(), "session": os.getsid(0),
-    "pid": os.getpid(), "told_parent": os.environ["RCOPTERX_PARENT"], "secret": os.environ.get("SECRET"),
+    "pid": os.getpid(), "parent_variable": os.environ["RCOPTERX_PARENT"], "secret": os.environ.get("SECRET"),
     "preloaded": "tabnanny" in set(sys.modules), "input": sys.stdin.read(),
 }))
 print("problem", file=sys.stderr)
@@ -51,41 +51,41 @@ def module(*words: str) -> list[str]:
     return [sys.executable, "-m", MODULE, *words]
 
 
-def sleeping(forks: ForkServer, tmp_path: Path) -> Started:
+def sleeping(forks: ForkServer, tmp_path: Path) -> ForkedProcess:
     return forks.start(["sleep", "600"], tmp_path / "log")
 
 
-def end(started: Started) -> int:
-    started.process.kill()
-    return started.process.wait(DEADLINE_S)
+def end(started: ForkedProcess) -> int:
+    started.kill()
+    return started.wait(DEADLINE_S)
 
 
 def test_a_module_runs_as_a_child_of_the_supervisor_in_a_session_of_its_own(
     forks: ForkServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    forks.prepare()
+    forks.ensure_running()
     # The environment is that of the moment, not that in which the fork server was started.
-    monkeypatch.setenv("SECRET", "told later")
+    monkeypatch.setenv("SECRET", "set later")
     log = tmp_path / "log"
     log.write_text("before\n")
     started = forks.start(module("one", "two"), log)
-    assert started.process.wait(DEADLINE_S) == 7
+    assert started.wait(DEADLINE_S) == 7
     before, report, problem = log.read_text().splitlines()
     assert (before, problem) == ("before", "problem")
     seen = json.loads(report)
     assert seen["arguments"][1:] == ["one", "two"]
-    assert (seen["name"], seen["input"], seen["secret"]) == ("__main__", "", "told later")
-    assert seen["parent"] == os.getpid() == int(seen["told_parent"])
-    assert seen["session"] == seen["pid"] == started.process.pid
+    assert (seen["name"], seen["input"], seen["secret"]) == ("__main__", "", "set later")
+    assert seen["parent"] == os.getpid() == int(seen["parent_variable"])
+    assert seen["session"] == seen["pid"] == started.pid
     assert seen["preloaded"]
 
 
 def test_standard_input_can_be_a_pipe(forks: ForkServer, tmp_path: Path) -> None:
     started = forks.start(module(), tmp_path / "log", piped=True)
-    assert started.process.stdin is not None
-    started.process.stdin.write(b"an order\n")
-    started.process.stdin.close()
-    assert started.process.wait(DEADLINE_S) == 7
+    assert started.stdin is not None
+    started.stdin.write(b"an order\n")
+    started.stdin.close()
+    assert started.wait(DEADLINE_S) == 7
     assert json.loads((tmp_path / "log").read_text().splitlines()[0])["input"] == "an order\n"
 
 
@@ -109,7 +109,7 @@ def test_what_a_fork_server_at_a_real_time_priority_starts_is_an_ordinary_proces
     started = forks.start([sys.executable, "-c", program], log)
     assert forks.pid is not None
     assert os.sched_getscheduler(forks.pid) == os.SCHED_FIFO
-    assert started.process.wait(DEADLINE_S) == 0
+    assert started.wait(DEADLINE_S) == 0
     forks.close()
     assert log.read_text() == "True\n"
 
@@ -117,18 +117,18 @@ def test_what_a_fork_server_at_a_real_time_priority_starts_is_an_ordinary_proces
 def test_a_program_that_does_not_exist_ends_with_an_error_in_the_log(
     forks: ForkServer, tmp_path: Path
 ) -> None:
-    assert forks.start(["/no/such/program"], tmp_path / "log").process.wait(DEADLINE_S) == 1
+    assert forks.start(["/no/such/program"], tmp_path / "log").wait(DEADLINE_S) == 1
     assert "FileNotFoundError" in (tmp_path / "log").read_text()
 
 
-def test_the_end_of_a_process_is_seen_and_told_once(forks: ForkServer, tmp_path: Path) -> None:
-    process = sleeping(forks, tmp_path).process
+def test_the_end_of_a_process_is_seen_once(forks: ForkServer, tmp_path: Path) -> None:
+    process = sleeping(forks, tmp_path)
     assert process.poll() is None
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(0.01)
     process.terminate()
     assert process.wait(DEADLINE_S) == process.poll() == process.returncode == -signal.SIGTERM
-    # There is nobody left to signal.
+    # There is no process left to signal.
     process.kill()
 
 
@@ -145,11 +145,11 @@ def test_what_was_started_outlives_the_fork_server_and_another_one_starts_the_ne
         os.waitid(os.P_PID, server, os.WEXITED | os.WNOWAIT)
         with pytest.raises(OSError, match="fork server has ended"):
             sleeping(forks, tmp_path)
-        assert forks.prepare() is False, "it was started a moment ago"
+        assert forks.ensure_running() is False, "it was started a moment ago"
         clock.advance(RETRY_S)
-        assert forks.prepare() is True
-        assert forks.prepare() is False
-        second: list[Started] = []
+        assert forks.ensure_running() is True
+        assert forks.ensure_running() is False
+        second: list[ForkedProcess] = []
 
         def next_one() -> bool:
             with suppress(BlockingIOError):
@@ -158,13 +158,13 @@ def test_what_was_started_outlives_the_fork_server_and_another_one_starts_the_ne
 
         wait_for(next_one, "nothing is started by another fork server")
         assert end(second[0]) == -signal.SIGKILL
-        assert first.process.poll() is None
+        assert first.poll() is None
     finally:
         end(first)
         forks.close()
 
 
-def test_a_fork_server_that_hangs_is_ended_and_leaves_no_process_that_nobody_knows(
+def test_a_fork_server_that_hangs_is_ended_and_leaves_no_unknown_process(
     forks: ForkServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert end(sleeping(forks, tmp_path)) == -signal.SIGKILL
@@ -192,8 +192,9 @@ def test_a_fork_server_that_cannot_import_says_so(capfd: pytest.CaptureFixture[s
 PREPARED = """
 import sys
 from pathlib import Path
-from rcopterx.deploy.processes.prepared import fleet_of, prepared_pilot
-fleet = fleet_of(Path(sys.argv[1]))
+from rcopterx.deploy.processes.prepared import prepared_pilot
+from rcopterx.fleet.reading import load_fleet
+fleet = load_fleet(Path(sys.argv[1]))
 print(*(name for name in fleet.vehicles if prepared_pilot(fleet, name)))
 """
 
@@ -205,24 +206,26 @@ def test_what_it_has_prepared_is_there_in_what_it_forks_also_after_it_had_to_be_
     (tmp_path / f"{MODULE}.py").write_text(PREPARED)
     snapshot, log = tmp_path / "fleet.json", tmp_path / "log"
     write_snapshot(parse_fleet(PAIR), snapshot)
-    forks.prepare_fleet(snapshot, "", ["h1", "h2"])
-    assert forks.start(module(str(snapshot)), log).process.wait(DEADLINE_S) == 0
+    forks.prepare_pilots(snapshot, "main", ["h1", "h2"])
+    assert forks.start(module(str(snapshot)), log).wait(DEADLINE_S) == 0
     assert log.read_text() == "h1 h2\n"
     assert forks.pid is not None
     os.kill(forks.pid, signal.SIGKILL)
 
     def starts() -> bool:
         with suppress(OSError):
-            return forks.start(module(str(snapshot)), log).process.wait(DEADLINE_S) == 0
+            return forks.start(module(str(snapshot)), log).wait(DEADLINE_S) == 0
         return False
 
     wait_for(starts, "it is not started again", deadline_s=START_LIMIT_S)
     assert log.read_text() == "h1 h2\nh1 h2\n"
 
 
-def test_what_cannot_be_prepared_is_told_and_it_forks_all_the_same(forks: ForkServer, tmp_path: Path) -> None:
+def test_what_cannot_be_prepared_is_an_error_and_it_forks_all_the_same(
+    forks: ForkServer, tmp_path: Path
+) -> None:
     snapshot = tmp_path / "fleet.json"
     snapshot.write_text("{}")
     with pytest.raises(OSError, match="not a snapshot of a fleet file"):
-        forks.prepare_fleet(snapshot, "", ["h1"])
+        forks.prepare_pilots(snapshot, "main", ["h1"])
     assert end(sleeping(forks, tmp_path)) == -signal.SIGKILL

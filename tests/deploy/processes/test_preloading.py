@@ -1,11 +1,11 @@
-"""Promises of what a fork server imports: all that agents need, and nothing of other people."""
+"""Promises of what a fork server imports: all that agents need, and nothing of other packages."""
 
 import subprocess
 import sys
 
 from support.fleets import PAIR
 
-from rcopterx.deploy.processes.preloading import modules_of
+from rcopterx.deploy.processes.prepared import modules_of
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.fleet.reading import parse_fleet
 
@@ -40,4 +40,4 @@ def test_what_the_fleet_flies_with_and_what_flies_where_that_fails_are_imported(
 
 
 def test_controllers_of_other_packages_are_left_to_the_agents() -> None:
-    assert modules(PAIR + 'control = { controller = "somebody_elses" }') == modules(PAIR)
+    assert modules(PAIR + 'control = { controller = "another_packages" }') == modules(PAIR)

@@ -1,23 +1,21 @@
 """Promises of what a fork server prepares: found by those it forks, never in place of another fleet."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from support.fleets import PAIR
 
-from rcopterx.deploy.processes.preloading import prepare
-from rcopterx.deploy.processes.prepared import fleet_of, keep, prepared_pilot
+from rcopterx.deploy.processes import prepared
+from rcopterx.deploy.processes.prepared import prepare, prepared_pilot
 from rcopterx.deploy.roles.agent import pilot_of, ready_pilot
-from rcopterx.fleet.reading import parse_fleet
+from rcopterx.fleet.reading import load_fleet, parse_fleet
 from rcopterx.fleet.schema import FleetError
 from rcopterx.fleet.snapshot import read_snapshot, write_snapshot
 
 
 @pytest.fixture(autouse=True)
-def nothing_prepared() -> Iterator[None]:
-    yield
-    keep(None)
+def nothing_prepared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(prepared, "_prepared", None)
 
 
 @pytest.fixture
@@ -28,8 +26,8 @@ def snapshot(tmp_path: Path) -> Path:
 
 
 def test_pilots_are_those_that_an_agent_would_build(snapshot: Path) -> None:
-    prepare(snapshot, "", ["h1", "h2"])
-    fleet = fleet_of(snapshot)
+    prepare(snapshot, "main", ["h1", "h2"])
+    fleet = load_fleet(snapshot)
     for name in fleet.vehicles:
         found = prepared_pilot(fleet, name)
         assert found is not None
@@ -42,53 +40,42 @@ def test_pilots_are_those_that_an_agent_would_build(snapshot: Path) -> None:
 
 
 def test_nothing_is_found_before_it_is_prepared(snapshot: Path) -> None:
-    fleet = fleet_of(snapshot)
+    fleet = load_fleet(snapshot)
     assert prepared_pilot(fleet, "h1") is None
     settings, _ = ready_pilot(fleet, "h1")
     assert settings.vehicle == "h1"
 
 
-def test_a_file_that_has_changed_is_read(snapshot: Path) -> None:
-    prepare(snapshot, "", ["h1"])
+def test_nothing_is_found_for_a_file_that_has_changed(snapshot: Path) -> None:
+    prepare(snapshot, "main", ["h1"])
     other = PAIR.replace("[simulator]", '[bus]\nnamespace = "another"\n[simulator]')
     write_snapshot(parse_fleet(other), snapshot)
-    fleet = fleet_of(snapshot)
+    fleet = load_fleet(snapshot)
     assert fleet.bus.namespace == "another"
     assert prepared_pilot(fleet, "h1") is None
 
 
-def test_another_file_is_read(snapshot: Path, tmp_path: Path) -> None:
-    prepare(snapshot, "", ["h1"])
-    path = tmp_path / "lab.toml"
-    path.write_text(PAIR)
-    fleet = fleet_of(path)
-    assert fleet == parse_fleet(PAIR)
-    assert prepared_pilot(fleet, "h1") is None
-    with pytest.raises(FleetError, match="cannot be read"):
-        fleet_of(tmp_path / "nothing.json")
-
-
 def test_a_pilot_on_another_host_is_another_one(snapshot: Path) -> None:
-    prepare(snapshot, "", ["h1"])
-    assert prepared_pilot(fleet_of(snapshot), "h1", "elsewhere") is None
-    assert prepared_pilot(fleet_of(snapshot), "h2") is None
+    prepare(snapshot, "main", ["h1"])
+    assert prepared_pilot(load_fleet(snapshot), "h1", "elsewhere") is None
+    assert prepared_pilot(load_fleet(snapshot), "h2") is None
 
 
 def test_controllers_of_other_packages_are_not_built(tmp_path: Path) -> None:
     path = tmp_path / "fleet.json"
-    text = PAIR + 'control = { controller = "somebody_elses" }'
+    text = PAIR + 'control = { controller = "another_packages" }'
     write_snapshot(parse_fleet(text), path)
-    prepare(path, "", ["h1", "h2"])
-    fleet = fleet_of(path)
+    prepare(path, "main", ["h1", "h2"])
+    fleet = load_fleet(path)
     assert [name for name in fleet.vehicles if prepared_pilot(fleet, name) is None] == ["h2"]
 
 
 def test_what_cannot_be_prepared_leaves_nothing_prepared(snapshot: Path, tmp_path: Path) -> None:
-    prepare(snapshot, "", ["h1"])
+    prepare(snapshot, "main", ["h1"])
     broken = tmp_path / "broken.json"
     broken.write_text("{}")
     with pytest.raises(FleetError):
-        prepare(broken, "", ["h1"])
-    assert prepared_pilot(fleet_of(snapshot), "h1") is None
-    with pytest.raises(OSError, match="No such file"):
-        prepare(tmp_path / "nothing.json", "", [])
+        prepare(broken, "main", ["h1"])
+    assert prepared_pilot(load_fleet(snapshot), "h1") is None
+    with pytest.raises(FleetError, match="cannot be read"):
+        prepare(tmp_path / "nothing.json", "main", [])

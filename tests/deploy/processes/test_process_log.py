@@ -10,7 +10,7 @@ import pytest
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.requests import MAX_LINE, MAX_LINES, LoggedLine, ReadLogs, ReadLogsReply
 from rcopterx.deploy.processes import process_log
-from rcopterx.deploy.processes.log_reading import PAGE_BYTES, ProcessLogs, answer_of
+from rcopterx.deploy.processes.log_reading import PAGE_BYTES, ProcessLogs, read_page
 from rcopterx.deploy.processes.process_log import append, rotate
 
 CODE = """
@@ -111,7 +111,7 @@ def sent_pages(directory: Path, *names: str) -> list[ReadLogsReply]:
     pages, positions = [], dict[str, int]()
     while not pages or pages[-1].more:
         assert len(pages) < 100
-        answer = encode(answer_of(directory, ReadLogs(names=names, positions=positions)))
+        answer = encode(read_page(directory, ReadLogs(names=names, positions=positions)))
         pages.append(decode(answer, ReadLogsReply))
         positions = pages[-1].positions
     return pages
@@ -125,7 +125,7 @@ def test_a_host_answers_with_its_logs_in_pages_of_limited_size(directory: Path) 
     assert max(len(page.lines) for page in pages) <= MAX_LINES
     assert [line.text for line in lines if line.process == "router"] == texts
     assert LoggedLine("2026-11-22T03:00:03.000Z", "agent-h2", "  line 1") in lines
-    again = answer_of(directory, ReadLogs(positions=pages[-1].positions))
+    again = read_page(directory, ReadLogs(positions=pages[-1].positions))
     assert (again.lines, again.more) == ((), False)
     assert {line.process for page in sent_pages(directory, "h2") for line in page.lines} == {"agent-h2"}
 

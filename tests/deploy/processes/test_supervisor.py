@@ -24,7 +24,7 @@ from rcopterx.deploy.processes.child import MAX_PAUSE_S, QUICK_RESTARTS, restart
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S, STOP_LIMIT_S, Supervisor
 from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, ProcessSpec
-from rcopterx.deploy.spares.spare_process import SpareProcess
+from rcopterx.deploy.spares.spares import Spares
 from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
 
 SLEEPS = "exec sleep 600"
@@ -225,7 +225,6 @@ def test_a_process_that_does_not_end_is_killed_and_that_is_counted(
     supervisor.stop_all()
     assert supervisor.running() == []
     assert supervisor.children["stubborn"].last_exit == -signal.SIGKILL
-    assert supervisor.children["stubborn"].events["killed_at_stop"] == 1
     assert supervisor.children["polite"].last_exit == -signal.SIGTERM
 
 
@@ -303,7 +302,7 @@ def test_a_process_that_does_not_want_to_leave_is_ended_once(
         assert kills == [process.pid]
     process.kill()
     watch_until(supervisor, lambda: supervisor.running() == [], "it is not ended")
-    assert supervisor.children["deaf"].events == {"killed_at_stop": 1}
+    assert supervisor.children["deaf"].last_exit == -signal.SIGKILL
 
 
 def test_a_process_that_left_while_it_waited_for_its_restart_stays_away(supervise: Supervise) -> None:
@@ -332,7 +331,6 @@ def test_a_process_without_a_place_for_its_log_is_restarted_all_the_same(
     kill(supervisor, "one")
     lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
     assert any(line.startswith("one: writes no log: ") for line in lines)
-    assert supervisor.children["one"].events["without_log"] == 1
     assert supervisor.running() == ["one"]
 
 
@@ -363,10 +361,14 @@ def test_a_process_that_cannot_be_started_for_want_of_resources_is_started_later
     with monkeypatch.context() as patch:
         patch.setattr(f"rcopterx.deploy.processes.{function}", exhausted)
         kill(supervisor, "one")
-        lines = watch_until(
-            supervisor, lambda: supervisor.children["one"].events["start_failed"] >= 2, "not tried again"
-        )
-        assert "one: cannot be started: [Errno 24] Too many open files; trying again" in lines
+        lines: list[str] = []
+
+        def tried_twice() -> bool:
+            lines.extend(supervisor.watch(0.01))
+            failure = "one: cannot be started: [Errno 24] Too many open files; trying again"
+            return lines.count(failure) >= 2
+
+        wait_for(tried_twice, "not tried again")
         assert supervisor.running() == ["two"]
     watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
     assert supervisor.running() == ["one", "two"]
@@ -375,10 +377,10 @@ def test_a_process_that_cannot_be_started_for_want_of_resources_is_started_later
 def test_a_spare_that_cannot_be_started_ends_nothing(
     supervise: Supervise, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def exhausted(self: SpareProcess) -> None:
+    def exhausted(self: Spares) -> None:
         raise OSError(24, "Too many open files")
 
-    monkeypatch.setattr(SpareProcess, "prepare", exhausted)
+    monkeypatch.setattr(Spares, "prepare", exhausted)
     supervisor = supervise(fake("one"))
     supervisor.start_all()
     watch_until(supervisor, lambda: supervisor.spare_failures > 0, "no spare is tried")
@@ -386,8 +388,8 @@ def test_a_spare_that_cannot_be_started_ends_nothing(
 
 
 def beats_of(supervisor: Supervisor, name: str) -> int:
-    page = supervisor.children[name].page
-    return 0 if page is None else page.beats
+    process = supervisor.children[name].process
+    return 0 if process is None else process.page.beats
 
 
 def test_a_process_that_is_stopped_is_replaced_and_told_and_counted(supervise: Supervise) -> None:

@@ -43,11 +43,11 @@ def test_every_brand_is_set_up_as_the_library_wants_it(fields: str, expected: Br
     ("fields", "reason"),
     [
         ('brand = "kinect"', r"tracker\.brand: 'kinect' is unknown, allowed are vicon, vicon_sdk, optitrack"),
-        ('brand = "optitrack"', r"tracker\.rate_hz: is missing, brand 'optitrack' does not tell"),
+        ('brand = "optitrack"', r"tracker\.rate_hz: is missing, brand 'optitrack' does not report"),
         ('brand = "optitrack"\nrate_hz = 120', r"tracker\.address: is missing, .* HOST:1510 as a rule"),
         ('brand = "vicon_sdk"\nrate_hz = 50\nsettings = { port = "1" }', r"tracker\.settings: .*allowed are"),
         ('brand = "mock"\nrate_hz = 50\nrecord_raw = "x"', r"tracker\.record_raw: only the stream of brand"),
-        ("rate_hz = 50", r"tracker\.rate_hz: a Vicon Tracker tells it itself"),
+        ("rate_hz = 50", r"tracker\.rate_hz: a Vicon Tracker reports it itself"),
         ('settings = { hostname = "x" }', r"tracker\.settings: are for the other brands"),
     ],
 )

@@ -14,7 +14,7 @@ from rcopterx.deploy.watchdog.watchdog import (
     Duty,
     Excuse,
     Hung,
-    Look,
+    Observation,
     Watchdog,
     WatchdogLimits,
 )
@@ -37,7 +37,7 @@ class Host:
     def __init__(self, *phases: Phase, duty: Duty = Duty.FLIGHT, blind: bool = False) -> None:
         self.watchdog = Watchdog(LIMITS, blind)
         self.now_s = 50.0
-        self.looks = {number: Look(1, phase, duty) for number, phase in enumerate(phases, 1)}
+        self.looks = {number: Observation(1, phase, duty) for number, phase in enumerate(phases, 1)}
         self.watchdog.check(self.now_s, self.looks, no_excuse)
 
     def look(self, *silent: int, after_s: float = STEP_S, excuse: Excuses = no_excuse) -> list[Hung]:
@@ -96,7 +96,7 @@ def test_what_hangs_is_named_once_with_its_silence_and_its_limit() -> None:
 def test_a_process_that_replaces_one_that_hung_begins_anew() -> None:
     host = Host(Phase.WORKING, Phase.FLYING, Phase.WORKING)
     assert host.found_after_s(DEAF) is not None
-    host.looks = {7: Look(0, Phase.STARTING), OTHER: host.looks[OTHER]}
+    host.looks = {7: Observation(0, Phase.STARTING), OTHER: host.looks[OTHER]}
     assert host.found_after_s(7, limit_s=10.0) is None
     assert host.watchdog.silent_s(DEAF) == 0.0
 
@@ -253,16 +253,16 @@ def test_a_stopped_process_is_found_while_most_others_are_late_through_load() ->
 def test_silence_as_long_as_the_limit_is_no_hang_yet() -> None:
     """Times are powers of two, so that sums are exact."""
     watchdog = Watchdog(WatchdogLimits(flight_s=0.25, floor_s=0.5, start_s=30.0))
-    looks = {DEAF: Look(1, Phase.WORKING)}
+    looks = {DEAF: Observation(1, Phase.WORKING)}
     found = [watchdog.check(number / 16, looks, no_excuse) for number in range(10)]
     assert [len(hung) for hung in found] == [0] * 9 + [1]
-    assert watchdog.check(1.0, {OTHER: Look(1, Phase.WORKING)}, no_excuse) == []
+    assert watchdog.check(1.0, {OTHER: Observation(1, Phase.WORKING)}, no_excuse) == []
     assert watchdog.longest_s(OTHER) == 0.0
 
 
 def test_a_look_just_in_time_is_not_late() -> None:
     watchdog = Watchdog(LIMITS)
     for now_s in (0.0, LATE_S):
-        assert watchdog.check(now_s, {DEAF: Look(1, Phase.WORKING)}, no_excuse) == []
+        assert watchdog.check(now_s, {DEAF: Observation(1, Phase.WORKING)}, no_excuse) == []
     assert watchdog.forgiven == {}
     assert watchdog.silent_s(DEAF) == LATE_S

@@ -1,0 +1,117 @@
+"""Checks that this host can run its part of a fleet, before any process is started."""
+
+import errno
+import os
+import socket
+from collections.abc import Collection
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rcopterx.deploy.certificates.files import directory_of
+from rcopterx.deploy.certificates.names import host_name
+from rcopterx.deploy.hosts.run_directory import serial_path
+from rcopterx.deploy.roles.tracker import check_motion_capture, tracker_address
+from rcopterx.fleet.schema import FleetError, FleetFile
+
+
+def check_resources(fleet: FleetFile, host: str, directory: Path, without: Collection[str] = ()) -> list[str]:
+    """Check that addresses are free and that serial devices exist.
+
+    A fleet also flies when the device of one of its vehicles is missing; that vehicle joins once it is there.
+
+    Parameters
+    ----------
+    directory
+        Run directory of the fleet.
+    without
+        Vehicles that need no device.
+
+    Returns
+    -------
+    list of str
+        A line for every vehicle whose device is missing while others have theirs.
+
+    Raises
+    ------
+    FleetError
+        Names the field and the address or device.
+    """
+    place = fleet.hosts[host]
+    check_free(place.address, place.router_port, f"hosts.{host}.router_port")
+    if host == fleet.tracker.host:
+        check_motion_capture(fleet)
+    if fleet.simulator is not None:
+        if fleet.simulator.host == host:
+            check_free(*tracker_address(fleet), "tracker.address")
+        return []
+    missing = []
+    needed = [
+        name
+        for name, vehicle in fleet.vehicles.items()
+        if fleet.gateways[vehicle.transmitter.gateway].host == host and name not in without
+    ]
+    for name in needed:
+        device = serial_path(fleet.vehicles[name].transmitter.port, directory)
+        where = f"vehicles.{name}.transmitter.port"
+        if not device.exists():
+            missing.append(f"{where}: there is no device {device}")
+        elif not os.access(device, os.R_OK | os.W_OK):
+            raise FleetError(
+                f"{where}: no permission for {device}; install the rules of rcopterx udev-rules, or join the "
+                "group of the device (sudo usermod -aG dialout $USER) and log in again"
+            )
+    if missing and len(missing) == len(needed):
+        raise FleetError("; ".join(missing))
+    return [f"{line}; the others fly without it" for line in missing]
+
+
+def check_without(fleet: FleetFile, without: Collection[str]) -> None:
+    """Check the vehicles that shall not take part.
+
+    Raises
+    ------
+    FleetError
+        One is unknown, or none is left.
+    """
+    for name in without:
+        if name not in fleet.vehicles:
+            raise FleetError(f"--without: unknown vehicle {name!r}, known are {', '.join(fleet.vehicles)}")
+    if len(set(without)) == len(fleet.vehicles):
+        raise FleetError("--without: at least one vehicle must take part")
+
+
+def check_free(address: str, port: int, where: str) -> None:
+    """Check that no other program listens at an address.
+
+    Raises
+    ------
+    FleetError
+        Begins with `where`, the field of the fleet file.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((address, port))
+        except OSError as error:
+            busy = "; is the fleet already up? Stop it, or give another port"
+            hint = busy if error.errno == errno.EADDRINUSE else ""
+            raise FleetError(f"{where}: {address}:{port} cannot be used: {error.strerror}{hint}") from None
+
+
+def check_certificate(fleet: FleetFile, host: str) -> None:
+    """Check the certificate of this host, in a fleet with certificates.
+
+    Raises
+    ------
+    FleetError
+        Says what is wrong with it.
+    """
+    directory = directory_of(fleet)
+    if directory is None:
+        return
+    # The library imports slowly, and fleets on one computer do without.
+    from rcopterx.deploy.certificates.inspection import problem
+
+    wrong = problem(directory, host_name(host), datetime.now(UTC))
+    if wrong is not None:
+        raise FleetError(f"security.certificates: {wrong}; rcopterx certs makes certificates")

@@ -1,0 +1,166 @@
+"""The supervisor's side of the spare processes."""
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from rcopterx.bus.heartbeat import HeartbeatPage, Phase
+from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
+
+Job = tuple[str, str]
+"""Role and unit of a process."""
+SPARES: Final = 3
+"""Deaths in a row after which a warm successor is ready, at least for the roles in `NEEDED_BY_ALL`."""
+NEEDED_BY_ALL: Final = ("router", "tracker", "transmitters")
+"""Roles that the last spare is kept for: without them the whole fleet loses poses or commands, while a
+vehicle without its agent is held and landed in a closed loop."""
+WARMING_LIMIT_S: Final = 5.0
+"""A spare that takes longer to get ready does not delay the next one: it may have been stopped."""
+
+
+class _Spare(NamedTuple):
+    process: ForkedProcess
+    started_s: float
+
+    def ready(self) -> bool:
+        return self.process.poll() is None and self.process.page.phase is Phase.WORKING
+
+    def warming(self, now_s: float) -> bool:
+        started_lately = now_s - self.started_s < WARMING_LIMIT_S
+        return started_lately and self.process.poll() is None and not self.ready()
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        if self.process.stdin is not None:
+            self.process.stdin.close()
+
+
+def spare_command(snapshot: Path, host: str, jobs: Sequence[Job]) -> list[str]:
+    """Command line of a spare that can take over any of these jobs on a host."""
+    words = [f"{role}:{unit}" for role, unit in jobs]
+    return [sys.executable, "-m", "rcopterx.deploy.spares.spare", str(snapshot), host, *words]
+
+
+class Spares:
+    """Spare processes that can each take over the same jobs, so that deaths in a row all find a successor.
+
+    Parameters
+    ----------
+    jobs
+        Processes that a spare can replace; without any there are no spares.
+    command
+        Command line of a spare.
+    log
+        Log file of spares until they take over.
+    count
+        Number of spares.
+    priority
+        SCHED_FIFO priority at which a spare takes over, until it sets its own; 0 for none.
+    clock
+        Monotonic clock [s].
+    """
+
+    def __init__(
+        self,
+        forks: ForkServer,
+        jobs: Sequence[Job],
+        command: Sequence[str],
+        log: Path,
+        count: int = SPARES,
+        priority: int = 0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._forks = forks
+        self._jobs, self._command, self._log = jobs, command, log
+        self._count = count if jobs else 0
+        self._priority = priority
+        self._clock = clock
+        self._spares: list[_Spare] = []
+
+    def prepare(self) -> None:
+        """Start the spares that are missing, one after the other: the next one once all others are ready.
+
+        Raises
+        ------
+        OSError
+            One cannot be started.
+        """
+        for spare in [spare for spare in self._spares if spare.process.poll() is not None]:
+            spare.end()
+            self._spares.remove(spare)
+        while len(self._spares) < self._count:
+            now_s = self._clock()
+            if any(spare.warming(now_s) for spare in self._spares):
+                return
+            process = self._forks.start(self._command, self._log, piped=True)
+            self._spares.append(_Spare(process, now_s))
+
+    def take(
+        self,
+        role: str,
+        unit: str,
+        log: Path,
+        usable: Callable[[int], bool],
+        *,
+        take_over: bool = False,
+    ) -> ForkedProcess | None:
+        """Let a spare take over a job; return its process, or None if no spare can.
+
+        Parameters
+        ----------
+        log
+            Log file of the process it replaces.
+        usable
+            Whether a spare may be taken, by its process id.
+        take_over
+            Whether an agent shall take over from one that flies its vehicle.
+        """
+        if (role, unit) not in self._jobs:
+            return None
+        ready = [spare for spare in self._spares if spare.ready() and usable(spare.process.pid)]
+        if len(ready) == 1 and role not in NEEDED_BY_ALL:
+            return None
+        order = {"role": role, "unit": unit, "log": str(log), "take_over": take_over}
+        for spare in ready:
+            self._prefer(spare.process.pid)
+            assert spare.process.stdin is not None
+            try:
+                spare.process.stdin.write(json.dumps(order).encode() + b"\n")
+                spare.process.stdin.close()
+            except BrokenPipeError:
+                continue
+            self._spares.remove(spare)
+            return spare.process
+        return None
+
+    def _prefer(self, process: int) -> None:
+        """Move a process into the real-time class, where that is permitted."""
+        if self._priority:
+            with suppress(OSError):
+                os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(self._priority))
+
+    @property
+    def pages(self) -> dict[int, HeartbeatPage]:
+        """Heartbeat page of each spare by its process id, the one that is taken first at the beginning."""
+        return {spare.process.pid: spare.process.page for spare in self._spares}
+
+    def ready(self) -> int:
+        """Number of spares that could take over now."""
+        return sum(spare.ready() for spare in self._spares)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all spares could take over now."""
+        return self.ready() == self._count
+
+    def close(self) -> None:
+        """End all spares."""
+        for spare in self._spares:
+            spare.end()
+        self._spares.clear()
