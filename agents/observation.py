@@ -23,12 +23,6 @@ class Observation:
 
     Parameters
     ----------
-    pilot, pacing
-        The vehicle's.
-    poses, applied
-        Filled by the bus.
-    lease
-        Of the agent.
     clock
         Monotonic clock [s].
 

@@ -75,13 +75,6 @@ AIRBORNE: Final = frozenset({Phase.TAKEOFF, Phase.FLYING, Phase.LANDING, Phase.E
 def next_phase(phase: Phase, event: Event) -> Phase:
     """Phase after an event.
 
-    Parameters
-    ----------
-    phase
-        Present phase.
-    event
-        What happened.
-
     Returns
     -------
     Phase

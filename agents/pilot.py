@@ -38,14 +38,14 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
 BRIDGED_S: Final = 0.18
-"""Planned inputs that go with a command last so long."""
+"""Duration of the planned inputs that go with a command."""
 BLIND_LIMIT_S = 0.3
 CONTROLLER_REPLACED: Final = "controller_replaced"
 """Counted when the default controller takes the place of one that fails."""
 
-_TELLING: Final = frozenset({Phase.TAKEOFF, Phase.FLYING})
-"""Phases in which a vehicle shows whether it does what it is told."""
-_NOBODY: Mapping[str, Neighbour] = MappingProxyType({})
+_INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)
+"""Phases in which a vehicle shows whether it follows its sticks."""
+_NO_NEIGHBOURS: Mapping[str, Neighbour] = MappingProxyType({})
 
 _EVENT_OF_STATE = {
     "armed": Event.ARM,
@@ -94,16 +94,8 @@ class Pilot:
 
     Parameters
     ----------
-    model
-        Nominal model of the vehicle.
-    controller, estimator
-        Any pair that keeps the promises of `rcopterx.control.interfaces`.
-    guidance
-        Phase and task.
     separation
         Ellipsoid around the vehicle that no other one is to enter; None for no avoidance.
-    default_controller, default_estimator
-        Take the place of those that fail.
     hover_thrust_limits
         When the battery counts as empty.
     """
@@ -123,19 +115,16 @@ class Pilot:
     ) -> None:
         self.model = model
         self.controller = controller
-        self._rows_sent = _bridged(controller.period_s)
-        """How many inputs go with a command."""
         self.controller_replaced = False
-        """Whether the default controller has taken the place of the one that was chosen."""
+        """Whether the default controller flies in the place of the chosen one, which failed."""
         self.step_guard = StepGuard(model, default_controller)
         self.estimator = EstimatorGuard(estimator, default_estimator)
         self.guidance = guidance
         self.avoidance = PlanAvoidance(separation, self.step_guard)
-        self.avoidance.use(controller)
         self.plan: Trajectory | None = None
         """Newest plan of the controller; None on the floor."""
         self.reference: Array | None = None
-        """Position and yaw that it shall begin at; None on the floor."""
+        """Position and yaw at which the plan should begin; None on the floor."""
         self.self_check = SelfCheck(model, hover_thrust_limits, controller.period_s)
         self.exciter = Exciter()
         self.clock = FleetClock()
@@ -150,9 +139,9 @@ class Pilot:
         self._expected_yaw_rad = 0.0
         self._lift_off = LiftOff(model)
         self._blind_s = 0.0
-        """Time since the last pose that was believed."""
+        """Time since the last pose that the estimator accepted."""
         self._unseen_s = 0.0
-        """Time since the last pose, believed or not."""
+        """Time since the last pose, accepted or not."""
         self._flown_by_controller = False
         self._transfer = BumplessTransfer(model)
         self._planned: Array = np.zeros((0, INPUT_SIZE))
@@ -160,12 +149,12 @@ class Pilot:
 
     @property
     def events(self) -> Mapping[str, int]:
-        """Steps that were not the optimum, what failed, and periods without a leader, by kind."""
+        """Steps that were not optimal, failures, and periods without a leader, by kind."""
         return self.fallbacks + self.step_guard.events + self.guidance.events
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What people should know: what failed last, and what has taken its place for good."""
+        """Remarks for people: the last failures, and what has been replaced."""
         found = [remark for remark in (self.self_check.remark, self.guidance.remark) if remark]
         if self.step_guard.calls.failure:
             stays = "; the default controller flies until one is chosen" if self.controller_replaced else ""
@@ -186,7 +175,7 @@ class Pilot:
         return self.clock.started and self._blind_s < BLIND_LIMIT_S
 
     def observe(self, frame: StampedMeasurement) -> bool:
-        """Take in one frame; False if it is older than what is known already."""
+        """Process one frame; return False if it is older than the last one."""
         clock, measurement = self.clock, frame.measurement
         first = not clock.started
         if first and measurement is None:
@@ -199,7 +188,7 @@ class Pilot:
         for _ in range(min(pending, round(BLIND_LIMIT_S / frame.period_s))):
             start_s = clock.time_s
             clock.pass_period()
-            if not standing:  # The model knows no floor: it would fall.
+            if not standing:  # The model knows no floor: the prediction would fall.
                 acted += self.input_history.between(start_s, clock.time_s)
         if measurement is None:
             self._predict(acted)
@@ -215,30 +204,29 @@ class Pilot:
         elif self.estimator.correct(measurement, acted):
             self._blind_s = 0.0
         else:
-            # However long it goes on: when refused poses are to be believed is the estimator's decision.
+            # The estimator decides for how long it rejects poses.
             self._blind_s += frame.period_s
             self.fallbacks["gated_pose"] += 1
         return True
 
     def expect_heading(self, yaw_rad: float) -> None:
-        """Count the turns of the first measured heading on from this one, a predecessor's last."""
+        """Count the turns of the first measured heading from this one, the last of a predecessor."""
         self._expected_yaw_rad = yaw_rad
 
     def _reset_estimator(self, measurement: Measurement) -> None:
-        """Start at a measured pose; a motion capture does not count turns, so the known ones are kept."""
+        """Start at a measured pose, with the known number of turns, which a motion capture does not count."""
         known_rad = float(self.estimate.motion[YAW]) if self._seen else self._expected_yaw_rad
         yaw_rad = nearest_heading(measurement.yaw_rad, known_rad)
         self.estimator.reset(replace(measurement, yaw_rad=yaw_rad))
         self._seen = True
 
     def coast(self) -> bool:
-        """A frame is overdue: go on by prediction; False beyond the limit of blind flight."""
+        """Predict over an overdue frame; return False beyond the limit of blind flight."""
         if not self.ready:
             return False
         start_s = self.clock.time_s
         self.clock.coast()
         if not self._standing:
-            # The model knows no floor: it would fall.
             self._predict(self.input_history.between(start_s, self.clock.time_s))
         self._blind_s += self.clock.period_s
         self._unseen_s += self.clock.period_s
@@ -246,10 +234,10 @@ class Pilot:
         return self.ready
 
     def note_applied(self, state: str, sequence: int, value: Array) -> None:
-        """Take in what the transmitter gateway made of a command.
+        """Process the state and the input that the transmitter gateway applied.
 
-        Before the vehicle has been seen nothing follows from it: an agent that restarts in flight must know
-        where its vehicle is before it takes over.
+        Before the vehicle has been seen it has no effect: an agent that restarts in flight must know where
+        its vehicle is before it takes over.
         """
         self.input_history.correct(sequence, value)
         if not self.clock.started:
@@ -258,20 +246,19 @@ class Pilot:
         if not self.informed and event is not Event.DISARM and self._in_the_air(value):
             event = Event.RESUME
             if not self._watched:
-                # What acts now is what the earlier process commanded; the first step starts from there.
+                # The earlier process commanded what acts now; the first step starts from there.
                 self.input_history = InputHistory(value)
         self.informed, self._watched = True, False
         self.guidance.on_event(event, self.estimate)
-        self.guidance.go_on(self.estimate, self.clock.time_s)
+        self.guidance.resume_interrupted(self.estimate, self.clock.time_s)
 
     def watch(self, state: str, value: Array) -> None:
-        """Take in what another agent's commands became: the estimate is warm when this one takes over."""
+        """Process an input applied for another agent, so that this one can take over with a warm estimate."""
         if not self.clock.started:
             return
         before = self._watched
         self._watched = _EVENT_OF_STATE[state] is not Event.DISARM and self._in_the_air(value)
         if self._watched and not before:
-            # What acts now was commanded before this agent was there.
             self.input_history = InputHistory(value)
         self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, value)
 
@@ -287,20 +274,18 @@ class Pilot:
         return refusal
 
     def limit_time(self, limit: TimeLimit) -> None:
-        """Give up steps of controllers and calls of estimators that take too long."""
+        """Set the time limit of steps of controllers and calls of estimators."""
         self.step_guard.calls.limit = self.estimator.calls.limit = limit
 
     def use_controller(self, controller: Controller) -> None:
-        """Fly with another controller from the next period on; it starts from the input applied last."""
+        """Change to another controller, which starts from the input applied last."""
         self.controller, self.controller_replaced = controller, False
-        self._rows_sent = _bridged(controller.period_s)
-        self.avoidance.use(controller)
         self.step_guard.calls.failure = ""
         self._begin_transfer()
         self._flown_by_controller = False
 
     def use_defaults(self) -> None:
-        """Fly with the default controller and the default estimator, as if the present ones had failed."""
+        """Change to the default controller and estimator, as if the present ones had failed."""
         self._use_default_controller()
         self.estimator.use_default()
 
@@ -314,7 +299,7 @@ class Pilot:
         self.fallbacks[CONTROLLER_REPLACED] += 1
 
     def use_estimator(self, estimator: Estimator) -> None:
-        """Estimate with another estimator from now on; it starts from the present estimate."""
+        """Change to another estimator, which starts from the present estimate."""
         self.estimator.use(estimator, self.clock.started)
         self._begin_transfer()
 
@@ -323,28 +308,15 @@ class Pilot:
             self._transfer.begin()
 
     def control(
-        self, plans: Mapping[str, LeaderPlan], neighbours: Mapping[str, Neighbour] = _NOBODY
+        self, plans: Mapping[str, LeaderPlan], neighbours: Mapping[str, Neighbour] = _NO_NEIGHBOURS
     ) -> ControlOutput:
-        """Compute the command and plan of the present control period.
-
-        Parameters
-        ----------
-        plans
-            Newest plan of each leader that has one.
-        neighbours
-            Vehicles that may come near.
-
-        Returns
-        -------
-        ControlOutput
-            Finite and within the limits, always.
-        """
+        """Compute command and plan of the present control period, always finite and within the limits."""
         self.sequence += 1
         time_s, delay_s = self.clock.time_s, self.model.delay_s
         guidance, exciter = self.guidance, self.exciter
         guidance.check_floor(self.estimator.estimate, time_s)
         if self._lift_off.under_way:
-            self._tend_lift_off(time_s)
+            self._update_lift_off(time_s)
         if exciter.under_way:
             flying = guidance.phase is Phase.FLYING
             exciter.watch(time_s, self.estimate.motion[:YAW], self._blind_s, flying)
@@ -359,13 +331,13 @@ class Pilot:
         if not self._flown_by_controller:
             self.step_guard.reset(controller, estimate, last_input)
             self._flown_by_controller = True
-        if not self.avoidance.update(neighbours, self.plan, guidance.followable, delay_s):
+        if not self.avoidance.update(controller, neighbours, self.plan, guidance.followable, delay_s):
             self.fallbacks["cannot_avoid"] += 1
         step = self.step_guard.step(controller, estimate, reference, last_input)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
         self.plan, self.reference = step.plan, reference.samples[0, :4]
-        inputs = self._transfer.smoothed(step.inputs[: self._rows_sent], last_input, period_s)
+        inputs = self._transfer.smoothed(step.inputs[: self._bridged_rows], last_input, period_s)
         if exciter.under_way:
             inputs = np.clip(exciter.added(inputs, time_s, period_s), self.model.u_min, self.model.u_max)
         inputs = as_sent(self.self_check.without_broken_axis(inputs), self.model)
@@ -382,19 +354,24 @@ class Pilot:
             self.fallbacks["control_left_out"] += 1
 
     def _check_vehicle(self, command: Array, time_s: float, period_s: float) -> None:
-        """Land if the vehicle does not do what it is told."""
-        telling = self._blind_s == 0.0 and self.guidance.phase in _TELLING
-        fault = self.self_check.observe(command, self.estimator.estimate.motion, time_s, period_s, telling)
+        """Land if the vehicle does not follow its sticks."""
+        informative = self._blind_s == 0.0 and self.guidance.phase in _INFORMATIVE
+        fault = self.self_check.observe(command, self.estimate.motion, time_s, period_s, informative)
         if fault is not None:
             self.fallbacks[fault.kind] += 1
             self.guidance.land(self.estimate, time_s)
 
     @property
+    def _bridged_rows(self) -> int:
+        """Number of inputs that go with a command, its own included."""
+        return 1 + round(BRIDGED_S / self.controller.period_s)
+
+    @property
     def _standing(self) -> bool:
         return self._lift_off.under_way or not (self.guidance.rotor_on or self._watched)
 
-    def _tend_lift_off(self, time_s: float) -> None:
-        """Let the controller take over once the vehicle has lifted, and give up one that does not."""
+    def _update_lift_off(self, time_s: float) -> None:
+        """Hand over to the controller once the vehicle has lifted; give up a lift-off that fails."""
         if self.guidance.phase is not Phase.TAKEOFF:
             self._lift_off.end()
         elif self._lift_off.lifted(float(self.estimate.motion[Z])):
@@ -410,9 +387,9 @@ class Pilot:
         return bool(value[U_THRUST] > 0.5 * self.model.hover_input[U_THRUST])
 
     def _stand(self, effect_from_s: float) -> ControlOutput:
-        """On the floor: rotor off, or turning up open-loop before the controller takes over."""
+        """Return the output on the floor: rotor off, or turning up in open loop."""
         period_s, rising = self.controller.period_s, self._lift_off.under_way
-        inputs = np.zeros((self._rows_sent if rising else 1, INPUT_SIZE))
+        inputs = np.zeros((self._bridged_rows if rising else 1, INPUT_SIZE))
         inputs[:, U_THRUST] = [
             self._lift_off.thrust(self.clock.time_s + number * period_s) for number in range(len(inputs))
         ]
@@ -433,8 +410,3 @@ class Pilot:
         for value, duration_s in self.input_history.between(time_s, time_s + self.model.delay_s):
             estimate = predict(self.model, estimate, value, duration_s)
         return estimate
-
-
-def _bridged(period_s: float) -> int:
-    """How many inputs go with a command, its own included."""
-    return 1 + round(BRIDGED_S / period_s)

@@ -32,10 +32,6 @@ class Agent:
 
     Parameters
     ----------
-    bus
-        The agent's end of the bus, or a flight log that is replayed.
-    realtime
-        Whether the process runs in a real-time scheduling class.
     stopwatch
         Monotonic clock [s] that goes on during a step, for the duration of control steps.
     limit

@@ -65,10 +65,6 @@ def timing_of(
 
     Parameters
     ----------
-    settings, pilot
-        The vehicle's.
-    seen
-        Newest pose.
     began_s, ready_s
         When the controller began and had finished [monotonic s].
 

@@ -8,15 +8,7 @@ T = TypeVar("T")
 
 
 class WorkAhead(Generic[T]):
-    """At most one piece of work under way.
-
-    Parameters
-    ----------
-    name
-        Of the thread.
-    wake
-        Called from the thread when there is something to `finish`.
-    """
+    """At most one piece of work under way."""
 
     def __init__(self, name: str, wake: Callable[[], None] = lambda: None) -> None:
         self._name, self._wake = name, wake

@@ -261,12 +261,3 @@ def predict_estimate(
         predict_with_tilt(
             motion, core, servo, wind, trim, sticks, vehicle, transition, demand, pole, moved, tilted
         )
-
-
-@compiled(ANY_MATRIX, VECTOR, VECTOR, NUMBER, MATRIX)
-def whole_units(inputs: Array, lower: Array, upper: Array, unit: float, whole: Array) -> None:
-    """Set `whole` to inputs in whole units, shape (k, 4), but for those at their limits."""
-    for row in range(len(inputs)):
-        for axis in range(inputs.shape[1]):
-            nearest = np.rint(inputs[row, axis] * (1.0 / unit)) * unit
-            whole[row, axis] = min(max(nearest, lower[axis]), upper[axis])

@@ -1,4 +1,4 @@
-"""Another controller or estimator takes over without a bump of the sticks."""
+"""Bumpless transfer: another controller or estimator takes over without a step of the inputs."""
 
 from typing import Final
 
@@ -8,19 +8,13 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
 FADING_TIME_S: Final = 0.09
-"""Time constant with which the difference fades that another controller or estimator makes to the input."""
+"""Time constant of the decay of the difference that another controller or estimator makes."""
 END: Final = 1e-3
-"""A difference this small is dropped."""
+"""Difference that counts as none."""
 
 
 class BumplessTransfer:
-    """Lets the first difference that a change makes to the input fade away.
-
-    Parameters
-    ----------
-    model
-        The vehicle, whose limits are kept.
-    """
+    """Lets the first difference of the inputs after a change fade away."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -28,25 +22,13 @@ class BumplessTransfer:
         self._difference: Array | None = None
 
     def begin(self) -> None:
-        """The next inputs come from another controller or estimator."""
+        """Begin a transfer: the next inputs come from another controller or estimator."""
         self._pending = True
 
     def smoothed(self, inputs: Array, last_input: Array, period_s: float) -> Array:
-        """Inputs with what is left of the difference.
+        """Return the inputs of this period and the next ones, shape (k, 4), with the rest of the difference.
 
-        Parameters
-        ----------
-        inputs
-            Of this period and the following ones, shape (k, 4).
-        last_input
-            Input of the last period, shape (4,).
-        period_s
-            Time between the inputs.
-
-        Returns
-        -------
-        Array
-            Shape (k, 4), within the limits.
+        `last_input` is the input of the last period, shape (4,); the result is within the limits.
         """
         if self._pending:
             self._pending = False

@@ -1,4 +1,4 @@
-"""The Tracker's frame number as a clock, and the inputs on their way to the vehicle on that clock."""
+"""The Tracker's frame number as a clock, and the inputs under way to the vehicle on that clock."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ TIME_TOLERANCE_S = 1e-6
 
 
 class FleetClock:
-    """Turns frame numbers into periods that have passed, also over periods in which no frame came.
+    """Counts the frame periods that have passed, also those in which no frame came.
 
     Frames that were bridged by coasting are not counted a second time when the Tracker resumes.
     """
@@ -27,18 +27,9 @@ class FleetClock:
         self.started = False
 
     def frames_until(self, epoch: int, frame: int, period_s: float) -> int:
-        """Frame periods that pass up to a newly received frame; negative for an old frame or epoch.
+        """Return the number of periods to be predicted up to a received frame; -1 for an old frame or epoch.
 
-        Parameters
-        ----------
-        epoch, frame, period_s
-            Stamp of the received pose.
-
-        Returns
-        -------
-        int
-            Number of periods still to be predicted before the pose counts: 0 where coasting already covered
-            them, 1 in undisturbed flight.
+        It is 1 in undisturbed flight, and 0 where coasting has covered them already.
         """
         if self.started and epoch == self.epoch:
             elapsed = frame - self.frame
@@ -51,14 +42,14 @@ class FleetClock:
         self.epoch, self.frame, self.period_s, self.started = epoch, frame, period_s, True
         pending = elapsed - self.coasted
         self.current_frame, self.coasted = frame, 0
-        return pending if pending > 0 else 0
+        return max(pending, 0)
 
     def pass_period(self) -> None:
-        """One frame period has passed."""
+        """Advance by one frame period."""
         self.time_s += self.period_s
 
     def coast(self) -> None:
-        """One frame period has passed without a frame."""
+        """Advance by one frame period without a frame."""
         self.coasted += 1
         self.current_frame += 1
         self.pass_period()
@@ -87,7 +78,7 @@ class InputHistory:
         self._entries.append(_Entry(effect_from_s, sequence, value))
 
     def correct(self, sequence: int, value: Array) -> None:
-        """Replace what was sent under a sequence number by what the transmitter gateway applied."""
+        """Replace the input of a sequence number by the one that the transmitter gateway applied."""
         for entry in reversed(self._entries):
             if entry.sequence == sequence:
                 entry.input = value
@@ -96,18 +87,11 @@ class InputHistory:
                 return
 
     def between(self, start_s: float, end_s: float) -> list[tuple[Array, float]]:
-        """Inputs acting in an interval.
-
-        Returns
-        -------
-        list
-            (input, duration [s]) in order; the durations add up to the interval.
-        """
+        """Return the inputs that act in an interval, in order, with the duration [s] of each."""
         if start_s >= end_s - TIME_TOLERANCE_S:
             return []
         pieces: list[tuple[Array, float]] = []
         until_s = end_s
-        # From the newest back: what is over fills nearly all of the history.
         for entry in reversed(self._entries):
             from_s = entry.effect_from_s
             if from_s <= start_s + TIME_TOLERANCE_S:
@@ -117,7 +101,7 @@ class InputHistory:
                 pieces.append((entry.input, until_s - from_s))
                 until_s = from_s
         else:
-            # What acted before all that is known is taken to be the oldest of it.
+            # Before the oldest known input, the same one is assumed.
             pieces.append((self._entries[0].input, until_s - start_s))
         pieces.reverse()
         return pieces

@@ -1,4 +1,4 @@
-"""Leaders as their follower sees them: their plans on its own clock, and offsets on their way."""
+"""Leaders of one follower: their plans on its clock, and the transitions of its offsets."""
 
 import math
 from dataclasses import dataclass
@@ -18,8 +18,6 @@ class LeaderPlan(Struct, frozen=True):
 
     Attributes
     ----------
-    trajectory
-        The plan.
     ahead_s
         Fleet time from the first stage of the plan to the present of this vehicle; the plan's own delay
         compensation makes it negative for a plan of the same frame.
@@ -34,7 +32,7 @@ class LeaderPlan(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class FollowedLeader:
-    """One leader, and the offset on its way to where it shall be."""
+    """One leader, and the offset to it, which may move from `start` to `target`."""
 
     leader: str
     target: FormationOffset
@@ -44,13 +42,13 @@ class FollowedLeader:
     duration_s: float = 0.0
 
     def course(self, time_s: float) -> FormationOffset | OffsetTransition:
-        """Offset from a time on: at rest, or on its way to the target."""
+        """Return the offset from a time on: at rest, or moving to the target."""
         if self.start is None or time_s >= self.start_s + self.duration_s:
             return self.target
         return OffsetTransition(self.start, self.target, time_s - self.start_s, self.duration_s)
 
     def offset_at(self, time_s: float) -> FormationOffset:
-        """Offset of a moment."""
+        """Return the offset at one moment."""
         course = self.course(time_s)
         if isinstance(course, FormationOffset):
             return course
@@ -59,7 +57,7 @@ class FollowedLeader:
 
 
 def offset_between(leader: Trajectory, estimate: Estimate, like: FormationOffset) -> FormationOffset:
-    """Present relative state, in the frame of another offset."""
+    """Return the present offset from a leader, in the frame of another offset."""
     gap = estimate.motion[:3] - leader.position_m[0]
     yaw = float(leader.yaw_rad[0])
     if like.frame == "heading":

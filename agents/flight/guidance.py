@@ -1,7 +1,4 @@
-"""What a vehicle is to do now: its phase, its set point, whom it follows. Decisions only, no control.
-
-Requests change the task; the guidance turns the task into a reference over the horizon.
-"""
+"""Phase and task of a vehicle: requests change them, and a reference over the horizon follows from them."""
 
 import math
 from collections import Counter
@@ -35,20 +32,15 @@ LANDING_SPEED_M_S = 0.35
 LANDING_DEPTH_M = 0.3
 OFFSET_SPEED_M_S = 0.5
 SHORTEST_TRANSITION_S = 0.5
-"""Of an offset, unless a request says otherwise: also a small error is not taken back at once."""
+"""Shortest transition of an offset, unless a request says otherwise."""
 RESTORED_PATIENCE_S = 0.3
-"""After a restart offsets stay on their way for so long without a leader's plan: the first one is coming."""
+"""After a restart, transitions of offsets go on for so long without a leader's plan."""
 
 
 class Guidance:
     """Phase and task of one vehicle.
 
-    Parameters
-    ----------
-    links
-        Leaders from the start, in order.
-    plan_limit_s
-        Age of a leader's plan beyond which the vehicle holds its place instead of following.
+    A plan of a leader that is older than `plan_limit_s` is not followed; the vehicle holds its place.
     """
 
     def __init__(self, links: Sequence[FollowedLeader] = (), plan_limit_s: float = 0.5) -> None:
@@ -56,7 +48,7 @@ class Guidance:
         self.followed = tuple(links)
         """Leaders followed now."""
         self.assigned = self.followed
-        """Leaders by fleet file or request; others may take their place while they are lost."""
+        """Leaders by fleet file or request; others may replace them while they are lost."""
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
         self.events: Counter[str] = Counter()
         self.plan_limit_s = plan_limit_s
@@ -64,9 +56,9 @@ class Guidance:
         self._restored_at_s = -math.inf
         self._interrupted: Phase | None = None
         self._held_from: ReferenceSource | None = None
-        """What was being flown to when the transmitter gateway took over; decided on when it gives back."""
+        """Reference when the transmitter gateway took over; evaluated when it returns the vehicle."""
         self.remark = ""
-        """What was given up because the transmitter gateway took over; empty once something is asked for."""
+        """Task that was given up because the transmitter gateway took over; empty after the next request."""
         self._climb_end_m: Array = np.zeros(3)
         self._joined: frozenset[str] = frozenset()
         """Leaders whose offsets have begun from the vehicle's own place."""
@@ -91,13 +83,13 @@ class Guidance:
         """Names of the leaders followed now."""
         return [link.leader for link in self.followed]
 
-    def go_on(self, estimate: Estimate, time_s: float) -> None:
-        """Go on with what the transmitter gateway interrupted, once it is over; a trajectory is given up."""
+    def resume_interrupted(self, estimate: Estimate, time_s: float) -> None:
+        """Resume what the transmitter gateway has interrupted, once that is over, but for a trajectory."""
         if self.phase is not Phase.FLYING:
             return
         held_from, self._held_from = self._held_from, None
         if held_from is not None:
-            self._go_on_to(held_from, time_s)
+            self._resume_to(held_from, time_s)
         if self._interrupted is None:
             return
         if self._interrupted is Phase.LANDING:
@@ -106,8 +98,8 @@ class Guidance:
             self._climb_to(self._climb_end_m, estimate, time_s)
             self.on_event(Event.TAKE_OFF, estimate)
 
-    def _go_on_to(self, source: ReferenceSource, time_s: float) -> None:
-        """Fly on to a set point; what had a time that has passed is not caught up with."""
+    def _resume_to(self, source: ReferenceSource, time_s: float) -> None:
+        """Continue to the end of a reference, but give up an unfinished trajectory, whose time has passed."""
         if isinstance(source, PathReference) and not source.finished(time_s):
             self.events["trajectory_given_up"] += 1
             self.remark = "the transmitter gateway took over: the rest of the trajectory is given up"
@@ -116,12 +108,12 @@ class Guidance:
         self.source = SetPointReference(end.position_m[0], float(end.yaw_rad[0]))
 
     def set_point(self) -> tuple[Array, float]:
-        """Position [m], shape (3,), and yaw [rad] the own reference ends at."""
+        """Return position [m], shape (3,), and yaw [rad] at which the own reference ends."""
         last = self.source.sample(1e9, 1.0, 2)
         return last.position_m[0], float(last.yaw_rad[0])
 
     def on_event(self, event: Event, estimate: Estimate | None) -> bool:
-        """Take in an event; True if the phase changed."""
+        """Process an event; return whether the phase changed."""
         before, phase = self.phase, next_phase(self.phase, event)
         if phase is before:
             return False
@@ -142,7 +134,7 @@ class Guidance:
         self.source = SetPointReference(estimate.motion[:3].copy(), float(estimate.motion[YAW]))
 
     def take_off_problem(self) -> str | None:
-        """Why the vehicle does not take off now; None if it may."""
+        """Return why the vehicle cannot take off now; None if it can."""
         if self.phase is Phase.ARMED:
             return None
         return f"take-off needs an armed vehicle on the floor, the phase is {self.phase}"
@@ -159,12 +151,12 @@ class Guidance:
         return None
 
     def lifted(self, estimate: Estimate, time_s: float) -> None:
-        """Climb from now on; until here the rotor was turning up."""
+        """Begin the climb: the vehicle has left the floor."""
         position_m, _ = self.set_point()
         self._climb_to(position_m, estimate, time_s)
 
     def _climb_to(self, end_m: Array, estimate: Estimate, time_s: float) -> None:
-        """Make the way up to a place the reference; it is climbed above where the vehicle stood."""
+        """Make the vertical line up to a place the reference."""
         self._climb_end_m = end_m
         start_m = np.append(end_m[:2], estimate.motion[2])
         self.source = SmoothMove.at_speed(
@@ -187,16 +179,10 @@ class Guidance:
     def go_to(
         self, position_m: Array, yaw_rad: float, time_s: float = 0.0, turn: TurnLimits | None = None
     ) -> str | None:
-        """Set point of a vehicle that follows nobody; a refusal is returned as its reason.
+        """Fly to a set point, inertial frame; a refusal is returned as its reason.
 
-        Parameters
-        ----------
-        position_m, yaw_rad
-            The set point, inertial frame.
-        time_s
-            Present fleet time.
-        turn
-            How fast the heading may change for those who are carried round; None lets it step.
+        `turn` limits the turn of the heading for followers that are carried round; without it the heading
+        steps.
         """
         problem = self.flight_problem()
         if problem is not None:
@@ -210,7 +196,7 @@ class Guidance:
         return None
 
     def flight_problem(self) -> str | None:
-        """Why a set point or a path is not taken now; None if it is."""
+        """Return why no set point or path is accepted now; None if one is."""
         if self.phase is not Phase.FLYING:
             return f"set points and trajectories are for flying vehicles, the phase is {self.phase}"
         if self.followed:
@@ -230,7 +216,7 @@ class Guidance:
         return max(0.0, self.source.start_s + self.source.path.duration_s - time_s)
 
     def lead(self, estimate: Estimate) -> None:
-        """Follow nobody; a flying vehicle holds its place."""
+        """Follow no leader; a flying vehicle holds its place."""
         self.assigned = ()
         self.followed = ()
         if self.phase is Phase.FLYING:
@@ -244,20 +230,20 @@ class Guidance:
         time_s: float,
         transition_s: float | None,
     ) -> None:
-        """Follow leaders from now on; offsets move from the present place to where they shall be."""
+        """Follow leaders from now on; the offsets move from the present place to their targets."""
         self.assigned = tuple(links)
         self.followed = self.assigned
         if self.phase is Phase.FLYING:
             self._begin_transitions(plans, estimate, time_s, transition_s)
 
     def take_lead(self, position_m: Array, yaw_rad: float) -> None:
-        """Follow nobody from now on; the vehicle's place is given."""
+        """Follow no leader from now on; the vehicle's place is given."""
         self.assigned = ()
         self.followed = ()
         self.source = SetPointReference(position_m, yaw_rad)
 
     def follow_instead(self, links: Sequence[FollowedLeader]) -> None:
-        """Follow others, or nobody and keep the place, while the assigned leaders are lost."""
+        """Follow others, or none and hold the place, while the assigned leaders are lost."""
         self.followed = tuple(links)
         self._joined = frozenset()
 
@@ -266,7 +252,7 @@ class Guidance:
         self.follow_instead(self.assigned)
 
     def task(self) -> Task:
-        """Everything that was asked of the vehicle, for a successor."""
+        """Return the task, for a successor."""
         return Task(
             self.phase,
             self.source,
@@ -278,17 +264,7 @@ class Guidance:
         )
 
     def restore(self, task: Task, estimate: Estimate, time_s: float) -> None:
-        """Go on with the task of a predecessor; this vehicle has just been found in the air.
-
-        Parameters
-        ----------
-        task
-            What the predecessor was doing, its times on this guidance's clock.
-        estimate
-            Present estimate.
-        time_s
-            Present fleet time.
-        """
+        """Continue the task of a predecessor; this vehicle has just been found in the air."""
         self.assigned = task.assigned
         self._joined = task.joined
         self.followed = task.followed
@@ -302,7 +278,7 @@ class Guidance:
         if self.phase is not Phase.LANDING or isinstance(task.source, PathReference):
             self.source = task.source
         if unfinished is Phase.TAKEOFF:
-            # As a climb, not as a path: the gateway may interrupt it, which an agent that died makes likely.
+            # As a climb, not as a path, so that it resumes after an interruption by the gateway.
             self._climb_end_m, _ = self.set_point()
             self.on_event(Event.TAKE_OFF, estimate)
 
@@ -337,26 +313,7 @@ class Guidance:
         period_s: float,
         stages: int,
     ) -> Trajectory:
-        """Reference over the horizon.
-
-        Parameters
-        ----------
-        plans
-            Newest plan of each leader that has one.
-        estimate
-            Present estimate.
-        time_s
-            Present fleet time.
-        delay_s
-            Time from now to the first stage.
-        period_s, stages
-            Control period and horizon N.
-
-        Returns
-        -------
-        Trajectory
-            N stages from `time_s + delay_s` on.
-        """
+        """Return the reference: `stages` stages from `time_s + delay_s` on."""
         if self.phase is Phase.TAKEOFF and self.source.finished(time_s):
             self.on_event(Event.CLIMBED, estimate)
         if not self.follows:
@@ -402,7 +359,7 @@ class Guidance:
         return combined_reference(references, weights)
 
     def check_floor(self, estimate: Estimate, time_s: float) -> bool:
-        """Whether a landing vehicle stands on the floor now; then the phase is left."""
+        """Leave the landing phase once the vehicle stands on the floor; return whether it does."""
         if self.phase is not Phase.LANDING:
             return False
         reference_m = float(self.source.sample(time_s, 1.0, 1).position_m[0, 2])

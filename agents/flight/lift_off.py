@@ -1,7 +1,7 @@
-"""From a standing rotor to the first centimetre: thrust rises open loop until the vehicle is seen to lift.
+"""Lift-off: the thrust rises open loop until the vehicle is seen to leave the floor.
 
 A model knows neither the floor nor the thrust that this battery gives today. So the controller takes over
-only when the vehicle has left the floor, and the thrust that lifted it tells what carries its weight.
+only when the vehicle has left the floor; the thrust that lifted it carries its weight.
 """
 
 from typing import Final
@@ -16,9 +16,9 @@ SPOOL_UP_S: Final = 0.5
 SPOOL_UP_SHARE: Final = 0.85
 """Part of the hover thrust to which the rotor turns up first."""
 RISE_PER_S: Final = 0.3
-"""Of the hover thrust, until the vehicle lifts."""
+"""Rate of the thrust, in hover thrusts, until the vehicle lifts."""
 LARGEST_SHARE: Final = 1.4
-"""Of the hover thrust; a vehicle that this does not lift does not fly."""
+"""Largest thrust, as a share of the hover thrust."""
 LIFTING_SHARE: Final = 1.1
 """From here on the vehicle is expected to lift."""
 PATIENCE_S: Final = 1.5
@@ -26,17 +26,11 @@ PATIENCE_S: Final = 1.5
 LIFTED_M: Final = 0.006
 """Twenty times the noise of a motion capture."""
 LIFT_SPEED_M_S: Final = 0.05
-"""Climb that a vehicle has when it is seen to have lifted."""
+"""Speed of the climb of a vehicle that is seen to have lifted."""
 
 
 class LiftOff:
-    """One take-off, from `begin` to the first lift.
-
-    Parameters
-    ----------
-    model
-        The vehicle.
-    """
+    """One take-off, from `begin` to the first lift."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -50,15 +44,15 @@ class LiftOff:
         """Whether the vehicle stands with its rotor turning up."""
 
     def begin(self, time_s: float, floor_m: float) -> None:
-        """Turn the rotor up from now on; the height is that of the standing vehicle."""
+        """Begin to turn the rotor up; `floor_m` is the height of the standing vehicle."""
         self._begun_s, self._floor_m, self.under_way = time_s, floor_m, True
 
     def end(self) -> None:
-        """The vehicle flies, or the take-off was given up."""
+        """End the lift-off: the vehicle flies, or the take-off was given up."""
         self._begun_s, self.under_way = None, False
 
     def thrust(self, time_s: float) -> float:
-        """Thrust input to command now; 0 while no take-off is under way."""
+        """Return the thrust input to command now; 0 while no take-off is under way."""
         if self._begun_s is None:
             return 0.0
         elapsed_s = max(0.0, time_s - self._begun_s)
@@ -67,25 +61,15 @@ class LiftOff:
         share = SPOOL_UP_SHARE + RISE_PER_S * (elapsed_s - SPOOL_UP_S)
         return min(share * self._hover, self._largest)
 
-    def acting_thrust(self, time_s: float) -> float:
-        """Thrust after delay and lag: what has lifted the vehicle."""
-        behind_s = self._delay_s + self._lag_s
-        return self.thrust(time_s - behind_s)
-
     def estimate(self, motion: Array, time_s: float) -> Estimate:
-        """Estimate of the vehicle that has just lifted: the thrust that acts carries its weight.
+        """Return the estimate of a vehicle that has just lifted; `motion`, shape (8,): where it stood.
 
-        Parameters
-        ----------
-        motion
-            Where it was taken to stand, shape (8,).
-        time_s
-            Now.
+        The thrust that acts after delay and lag carries its weight.
         """
         climbing = motion.copy()
         climbing[ZD_BODY] = LIFT_SPEED_M_S
         actuator, disturbance = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)
-        actuator[U_THRUST] = self.acting_thrust(time_s)
+        actuator[U_THRUST] = self.thrust(time_s - self._delay_s - self._lag_s)
         disturbance[U_THRUST] = self._model.gravity_m_s2 - self._model.b[U_THRUST] * actuator[U_THRUST]
         return Estimate(climbing, actuator, disturbance)
 

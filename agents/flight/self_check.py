@@ -1,4 +1,4 @@
-"""Whether the vehicle does what its sticks ask, and what is flown when it does not."""
+"""Landing of a vehicle that does not follow its sticks."""
 
 from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits, VehicleFault, VehicleWatch
 from rcopterx.vehicles.model import Model
@@ -8,21 +8,12 @@ from rcopterx.vehicles.state import Array
 class SelfCheck:
     """Watches one vehicle from take-off to landing.
 
-    Parameters
-    ----------
-    model
-        The vehicle.
-    limits
-        When the battery counts as empty.
-    period_s
-        Control period.
-
     Attributes
     ----------
     fault
-        Why the vehicle lands, or has landed, without being asked to.
+        Why the vehicle lands, or has landed, by itself; None for no reason.
     active
-        Whether the vehicle lands by itself when it does not do what it is told.
+        Whether the vehicle lands by itself.
     """
 
     def __init__(self, model: Model, limits: HoverThrustLimits, period_s: float) -> None:
@@ -34,7 +25,7 @@ class SelfCheck:
 
     @property
     def remark(self) -> str:
-        """What people should know; empty if there is nothing."""
+        """Fault or warning, for people; empty if there is none."""
         return self._watch.warning if self.fault is None else f"it lands: {self.fault.text}"
 
     @property
@@ -43,40 +34,26 @@ class SelfCheck:
         return self._watch.hover_thrust
 
     def begin(self) -> None:
-        """A take-off begins."""
+        """Begin a take-off."""
         self._watch.begin()
         self.fault = None
 
     def observe(
-        self, command: Array, motion: Array, time_s: float, period_s: float, telling: bool
+        self, command: Array, motion: Array, time_s: float, period_s: float, informative: bool
     ) -> VehicleFault | None:
-        """Take in a control period.
+        """Process a control period; return a fault that it reveals.
 
-        Parameters
-        ----------
-        command
-            Input that is sent, shape (4,).
-        motion
-            Estimated state.
-        time_s, period_s
-            Present moment, and time between control periods.
-        telling
-            Whether the period tells something: the vehicle is seen, and its controller flies it.
-
-        Returns
-        -------
-        VehicleFault or None
-            A fault that was found now.
+        A period is `informative` if the vehicle is seen and its controller flies it.
         """
         gap_s, self._watched_at_s = time_s - self._watched_at_s, time_s
-        if not (self.active and telling) or self.fault is not None or gap_s > 1.5 * period_s:
+        if not (self.active and informative) or self.fault is not None or gap_s > 1.5 * period_s:
             self._watch.forget()
             return None
         self.fault = self._watch.observe(command, motion)
         return self.fault
 
     def without_broken_axis(self, inputs: Array) -> Array:
-        """Inputs that leave an axis at rest which does not obey, shape (k, 4)."""
+        """Return inputs, shape (k, 4), that leave a broken axis at rest."""
         if self.fault is None or self.fault.axis is None:
             return inputs
         kept = inputs.copy()

@@ -1,10 +1,9 @@
-"""Inputs as they are sent: rounded before anybody uses them, so that estimator, log and radio agree."""
+"""Inputs as they are sent: rounded first, so that estimator, log and radio agree."""
 
 from typing import Final
 
 import numpy as np
 
-from rcopterx.native.motion import whole_units
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
@@ -13,7 +12,5 @@ INPUT_UNIT: Final = 2.0**-12
 
 
 def as_sent(inputs: Array, model: Model) -> Array:
-    """Inputs in whole `INPUT_UNIT`, but for those at the limits of the vehicle; shape (k, 4)."""
-    whole = np.empty(inputs.shape)
-    whole_units(inputs, model.u_min, model.u_max, INPUT_UNIT, whole)
-    return whole
+    """Return inputs, shape (k, 4), in whole `INPUT_UNIT`, but for those at the limits of the vehicle."""
+    return np.clip(np.rint(inputs / INPUT_UNIT) * INPUT_UNIT, model.u_min, model.u_max)

@@ -1,4 +1,4 @@
-"""What the parts of an agent that decide about flight see of its pilot."""
+"""The pilot as the modules below it see it."""
 
 from typing import Protocol
 
@@ -9,7 +9,7 @@ from rcopterx.vehicles.model import Model
 
 
 class FlightState(Protocol):
-    """A flying vehicle: what it is, where it is, what time it is for it, and what it is to do."""
+    """Model, clock, estimate and task of a vehicle."""
 
     @property
     def model(self) -> Model:

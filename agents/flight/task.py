@@ -1,4 +1,4 @@
-"""The task of a vehicle at one moment, whole: what its guidance hands to a successor."""
+"""The task of a vehicle at one moment, from which the guidance of a successor continues."""
 
 from dataclasses import dataclass
 
@@ -9,16 +9,14 @@ from rcopterx.control.references.set_points import ReferenceSource
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a vehicle was asked to do and how far it is.
+    """What a vehicle has to do, and how far it is.
 
     Attributes
     ----------
-    phase
-        Flight phase.
     source
-        Reference of its own: a set point, a move or a path, with the fleet time at which it began.
+        Own reference: a set point, a move or a path, with the fleet time at which it began.
     followed
-        Leaders followed now, with offsets on their way.
+        Leaders followed now, with transitions of their offsets.
     assigned
         Leaders by fleet file or request.
     joined
@@ -26,7 +24,7 @@ class Task:
     floor_m
         Height of the floor below the vehicle when it took off.
     interrupted
-        Phase that the transmitter gateway has interrupted and that goes on when it is over; None for none.
+        Phase that the transmitter gateway has interrupted and that resumes afterwards; None for none.
     """
 
     phase: Phase

@@ -1,4 +1,4 @@
-"""Whether a vehicle that lands stands on the floor, told by its height, its climb and its reference."""
+"""Detection of the touchdown of a landing vehicle by height, climb and reference."""
 
 from typing import Final
 
@@ -14,16 +14,11 @@ FLOOR_TIME_S: Final = 0.2
 
 
 class Touchdown:
-    """Watches one vehicle.
-
-    Attributes
-    ----------
-    floor_m
-        Height at which the vehicle stood before its take-off; an agent that restarted in flight takes 0.
-    """
+    """Watches one vehicle."""
 
     def __init__(self) -> None:
         self.floor_m = 0.0
+        """Height of the vehicle before its take-off; 0 for an agent that restarted in flight."""
         self._since_s: float | None = None
 
     def begin(self) -> None:
@@ -31,17 +26,7 @@ class Touchdown:
         self._since_s = None
 
     def happened(self, motion: Array, reference_m: float, time_s: float) -> bool:
-        """Whether the vehicle stands.
-
-        Parameters
-        ----------
-        motion
-            Estimated motion state, shape (8,).
-        reference_m
-            Height of the landing's reference now.
-        time_s
-            Present fleet time.
-        """
+        """Return whether the vehicle stands, by its motion, shape (8,), and the height of its reference."""
         height_m = float(motion[Z])
         at_floor = abs(height_m - self.floor_m) < FLOOR_TOLERANCE_M
         if at_floor and reference_m < self.floor_m - BELOW_FLOOR_M:

@@ -1,8 +1,7 @@
-"""Changes of leaders that were asked for and have not been made yet.
+"""Requested changes of leaders that have not been made yet.
 
-What is heard of the leaders decides: their plans, or what they said of themselves a moment ago. In the second
-case the answer comes before the first plan, which takes a control period; until it is here the vehicle flies
-on as before.
+A request is decided by the plans of the leaders, or by their newest statuses. In the second case the reply
+precedes the first plan, which takes a control period; until it arrives the vehicle flies on as before.
 """
 
 from collections import Counter
@@ -27,7 +26,7 @@ from rcopterx.bus.session import Incoming
 
 FIRST_PLAN_LIMIT_S = 0.3
 RECENT_STATUS_S = 0.3
-"""Age of a status, of which five a second come, that vouches for a plan to come."""
+"""Age of a status, of which five arrive in a second, that announces a plan."""
 
 
 @dataclass(frozen=True)
@@ -39,21 +38,7 @@ class _Waiting:
 
 
 class LeaderChanges:
-    """Who is to be followed, for one agent.
-
-    Parameters
-    ----------
-    vehicle, vehicles
-        Own name, and those of the whole fleet.
-    room
-        What the formation has to stay within.
-    flight
-        The vehicle.
-    plans, peers
-        What is heard of leaders and of the others.
-    clock
-        Monotonic clock [s].
-    """
+    """Changes of the leaders of one vehicle; `clock` is monotonic [s]."""
 
     rejected: Mapping[str, int] = MappingProxyType({})
 
@@ -82,18 +67,18 @@ class LeaderChanges:
 
     @property
     def events(self) -> Mapping[str, int]:
-        """What became of changes that were accepted and not made, by kind."""
+        """Accepted changes that were not made, by kind."""
         return self._events + self._regrouping.events
 
     def wait(self, incoming: Incoming, request: Follow | PrepareLeaders) -> None:
-        """Refuse at once what cannot be, else decide as soon as the leaders' plans have been seen."""
+        """Refuse an impossible request at once; else decide as soon as the plans of the leaders arrive."""
         refusal = self._leaders_problem(request)
         if refusal is not None:
             incoming.answer(reply_of(refusal, ""))
             return
         waiting = _Waiting(incoming, request, self._clock() + FIRST_PLAN_LIMIT_S)
         if isinstance(request, Follow):
-            self._forget_promises()
+            self._discard_promises()
             refusal, accepted = self._foreseen(request.following)
             if refusal or accepted:
                 incoming.answer(reply_of(refusal, accepted))
@@ -105,30 +90,30 @@ class LeaderChanges:
         self.decide()
 
     def commit(self, request: CommitLeaders) -> str | None:
-        """Take the prepared leaders at a frame to come; the refusal, or None."""
+        """Apply the prepared leaders at a future frame; return the reason of a refusal, or None."""
         return self._regrouping.commit(request.operation, request.epoch, request.frame, self._flight.clock)
 
     def withdraw(self, request: WithdrawLeaders) -> None:
-        """Forget the prepared leaders."""
+        """Discard the prepared leaders."""
         self._regrouping.withdraw(request.operation)
         self.update_subscriptions()
 
     def promised(self) -> str | None:
-        """Whom the vehicle will follow as soon as their plans are here, in words; None for nobody."""
+        """Name the leaders that have been accepted before their first plan; None if there are none."""
         names = [link.leader for item in self._waiting if item.answered for link in item.request.following]
         return f"it is about to follow {', '.join(names)}" if names else None
 
-    def _forget_promises(self) -> None:
+    def _discard_promises(self) -> None:
         self._waiting = [item for item in self._waiting if not item.answered]
 
     def lead(self) -> None:
-        """Follow nobody."""
-        self._forget_promises()
+        """Follow no leader."""
+        self._discard_promises()
         self._flight.guidance.lead(self._flight.estimate)
         self.update_subscriptions()
 
     def decide(self) -> bool:
-        """Decide on requests whose leaders' plans have arrived or are overdue; True if there was one."""
+        """Decide requests whose leaders' plans have arrived or are overdue; return whether there was one."""
         if not self._waiting:
             return False
         undecided, self._waiting = self._waiting, []
@@ -149,19 +134,19 @@ class LeaderChanges:
         return len(self._waiting) < len(undecided)
 
     def apply_prepared(self) -> None:
-        """Take the prepared leaders if their frame has come."""
+        """Apply the prepared leaders if their frame has come."""
         flight = self._flight
         change = self._regrouping.due(flight.clock)
         if change is None:
             return
         if flight.guidance.phase is not Phase.FLYING:
-            # It was told to land meanwhile, or the transmitter gateway flies it.
+            # It lands meanwhile, or the transmitter gateway flies it.
             self._regrouping.events["regrouping_missed"] += 1
             self.update_subscriptions()
             return
-        self._forget_promises()
+        self._discard_promises()
         if change.links:
-            # For a moment the plans of the new leaders still tell of the lines that are given up now.
+            # For a moment the plans of the new leaders still name the ancestors that are given up now.
             clock = flight.clock
             self.cycles_from = (clock.epoch, clock.current_frame + len(self._vehicles) + 1)
             plans = self._plans.plans(flight.clock, self.cycles_from)
@@ -171,7 +156,7 @@ class LeaderChanges:
         self.update_subscriptions()
 
     def update_subscriptions(self) -> None:
-        """Hear the leaders of now, those that return perhaps, and those that requests wait for."""
+        """Subscribe to present and assigned leaders, and to those that requests wait for."""
         guidance = self._flight.guidance
         followed = {link.leader for link in (*guidance.followed, *guidance.assigned)}
         self._plans.subscribe_to(
@@ -182,7 +167,7 @@ class LeaderChanges:
         )
 
     def _leaders_problem(self, request: Follow | PrepareLeaders) -> str | None:
-        """What is wrong with a request for other leaders, whatever they do."""
+        """Return why leaders are impossible whatever they do; None if they are possible."""
         names = [link.leader for link in request.following]
         for name in names:
             if name == self._vehicle:
@@ -210,7 +195,7 @@ class LeaderChanges:
         return f"no plan from {name}: its phase is {status.phase}"
 
     def _foreseen(self, following: tuple[LeaderLink, ...]) -> tuple[str | None, str]:
-        """Refusal, or what is going to happen, by what the leaders said of themselves; neither if unsure."""
+        """Return refusal and acceptance by the statuses of the leaders; neither if they do not decide it."""
         now_s = self._clock()
         missing = [link.leader for link in following if self._plans.fresh(link.leader, now_s) is None]
         recent = self._peers.statuses(RECENT_STATUS_S)
@@ -220,7 +205,7 @@ class LeaderChanges:
         links, _ = formation_of(self._peers.statuses(), flying=(self._vehicle,))
         after = {**links, self._vehicle: following}
         if line_between(after, self._vehicle, self._vehicle):
-            # Perhaps they have changed leaders since: their plans will tell.
+            # They may have changed leaders since: their plans decide.
             return None, ""
         problem = self._follow_problem(following)
         if problem is not None:
@@ -228,7 +213,7 @@ class LeaderChanges:
         return None, self._in_words(following, ancestors(after, self._vehicle))
 
     def _decide(self, request: Follow | PrepareLeaders) -> tuple[str | None, str]:
-        """Refusal, or None and what happens, of a request whose leaders are all heard."""
+        """Return refusal and acceptance of a request for which the plans of all leaders have arrived."""
         following = request.following
         refusal = self._grounded(following) if self._flight.guidance.rotor_on else None
         if refusal is not None:
@@ -244,7 +229,7 @@ class LeaderChanges:
         return None, self._line(following)
 
     def _grounded(self, following: Sequence[LeaderLink]) -> str | None:
-        """Which of the leaders does not fly freely."""
+        """Return which of the leaders is not in free flight; None for none."""
         for link in following:
             plan = self._plans.newest(link.leader)
             if plan is None or (plan.airborne and plan.followable):
@@ -266,7 +251,7 @@ class LeaderChanges:
         for link in following:
             plan = self._plans.newest(link.leader)
             if link.leader not in links and plan is not None:
-                # Its plan is here, its status not yet: where the plan ends.
+                # Its plan has arrived, its status has not: the end of the plan is its place.
                 heads[link.leader] = plan.samples()[-1, :4].copy()
                 links = {**links, link.leader: ()}
         return place_problem(self._vehicle, following, links, heads, self._room)
@@ -278,7 +263,7 @@ class LeaderChanges:
         flight.guidance.follow(links, plans, flight.estimate, flight.clock.time_s, request.transition_s)
 
     def _line(self, following: Sequence[LeaderLink]) -> str:
-        """Whom the vehicle follows, and whom they follow."""
+        """Describe the leaders and theirs, by their plans."""
         return self._in_words(following, self._plans.ancestors([link.leader for link in following]))
 
     def _in_words(self, following: Sequence[LeaderLink], line: Sequence[str]) -> str:
@@ -291,5 +276,5 @@ class LeaderChanges:
 
 
 def reply_of(refusal: str | None, accepted: str) -> Reply:
-    """Answer with the reason of a refusal, or with what was accepted."""
+    """Return a reply with the reason of a refusal, or with what was accepted."""
     return Reply(accepted=refusal is None, reason=(accepted if refusal is None else refusal)[:400])

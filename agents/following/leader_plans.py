@@ -1,4 +1,4 @@
-"""Plans of the leaders: subscribing to a plan is all there is to following its vehicle."""
+"""Plans of the leaders: following a vehicle is a subscription to its plan."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -12,22 +12,14 @@ from rcopterx.control.references.trajectory import Trajectory
 
 
 def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:
-    """A plan on a vehicle's own clock; of the same epoch."""
+    """Return a plan of the same epoch on the clock of this vehicle."""
     ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
     trajectory = Trajectory(plan.samples(), plan.period_s)
     return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable)
 
 
 class LeaderPlans:
-    """Subscriptions to the plans a vehicle needs, re-keyed as its leaders change.
-
-    Parameters
-    ----------
-    vehicle
-        The follower's own name.
-    subscribe
-        Opens a subscription to the plan of a vehicle.
-    """
+    """Subscriptions to the plans a vehicle needs, re-keyed as its leaders change."""
 
     events: Mapping[str, int] = MappingProxyType({})
 
@@ -38,7 +30,7 @@ class LeaderPlans:
         self._inboxes: dict[str, Inbox[Plan]] = {}
 
     def subscribe_to(self, names: Iterable[str]) -> None:
-        """Subscribe to exactly these leaders; new ones first, so that nobody is without a plan in between."""
+        """Subscribe to exactly these leaders, to new ones first."""
         wanted = set(names)
         for name in wanted - self._inboxes.keys():
             self._inboxes[name] = self._subscribe(name)
@@ -54,23 +46,19 @@ class LeaderPlans:
         return None if received is None else received.message
 
     def fresh(self, name: str, now_s: float) -> Plan | None:
-        """Newest plan of a leader, None before the first and of one that is silent."""
+        """Newest plan of a leader; None before the first, and if the leader is silent."""
         inbox = self._inboxes.get(name)
         return self.newest(name) if inbox is not None and inbox.alive(now_s) else None
 
     def complete(self, epoch: int, frame: int, names: Iterable[str]) -> bool:
-        """Whether plans of these leaders are here that belong to a frame of an epoch or to later ones."""
-        complete, oldest = True, (epoch, frame)
-        for name in names:
-            plan = self.newest(name)
-            complete = plan is not None and (plan.epoch, plan.frame) >= oldest and complete
-        return complete
+        """Return whether the plans of these leaders belong to this frame of this epoch, or to later ones."""
+        newest = [self.newest(name) for name in names]
+        return all(plan is not None and (plan.epoch, plan.frame) >= (epoch, frame) for plan in newest)
 
     def plans(self, clock: FleetClock, cycles_from: tuple[int, int] = (0, 0)) -> Mapping[str, LeaderPlan]:
-        """Plans on this vehicle's clock; those of another epoch or from a cycle are left out.
+        """Return plans on this vehicle's clock, without those of another epoch or of a cycle.
 
-        Plans of frames before `cycles_from`, an epoch and a frame in it, may still tell of a line of leaders
-        that has been given up.
+        Plans before `cycles_from`, an epoch and a frame in it, may still name ancestors of the past.
         """
         found = {}
         for name, inbox in self._inboxes.items():
@@ -82,7 +70,7 @@ class LeaderPlans:
                 self._rejected["plan.epoch"] += 1
                 continue
             if self._vehicle in plan.ancestors and (plan.epoch, plan.frame) >= cycles_from:
-                # Two vehicles that began to follow each other at the same moment; none of them moves on.
+                # Two vehicles began to follow each other at the same moment; neither of them moves.
                 self._rejected["plan.leader_cycle"] += 1
                 continue
             found[name] = leader_plan(plan, clock)
@@ -98,7 +86,7 @@ class LeaderPlans:
         return tuple(line)
 
     def level(self, names: Iterable[str]) -> int:
-        """How many leaders are above this vehicle in its longest line, as far as plans tell."""
+        """Return the number of leaders above this vehicle in its longest line, by their plans."""
         longest = 0
         for name in names:
             plan = self.newest(name)
@@ -106,7 +94,7 @@ class LeaderPlans:
         return longest
 
     def cycle_through(self, name: str) -> tuple[str, ...] | None:
-        """Line of ancestors that leads from a leader back to this vehicle; None if there is none."""
+        """Return the line of ancestors from a leader back to this vehicle; None if there is none."""
         plan = self.newest(name)
         if name == self._vehicle:
             return (name,)
@@ -123,7 +111,7 @@ class LeaderPlans:
         return dict(total)
 
     def plan_age_s(self, now_s: float, names: Iterable[str]) -> float | None:
-        """Age of the oldest of these leaders' newest plans, None where one is missing or nobody is named."""
+        """Age of the oldest of these leaders' newest plans; None if one is missing, or without leaders."""
         inboxes = [self._inboxes.get(name) for name in names]
         ages = [None if inbox is None else inbox.age_s(now_s) for inbox in inboxes]
         known = [age_s for age_s in ages if age_s is not None]

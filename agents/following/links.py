@@ -1,4 +1,4 @@
-"""FormationGraph of the guidance from and to their messages."""
+"""Links of the guidance from and to their messages."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Carries out what the table of succession says, period by period, for one follower."""
+"""Applies the table of succession to one follower in every control period."""
 
 import math
 from collections import Counter
@@ -32,14 +32,6 @@ class LostLeaders:
 
     Parameters
     ----------
-    vehicle
-        Own name.
-    succession
-        What to do about lost leaders.
-    flight
-        The vehicle.
-    plans, peers
-        What is heard of its leaders and of the others.
     clock
         Monotonic clock [s].
     """
@@ -69,11 +61,11 @@ class LostLeaders:
         self._successor: str | None = None
 
     def expect(self) -> None:
-        """Take the leaders for heard of just now: an agent that restarts goes on waiting for them."""
+        """Assume that the leaders are here now: an agent that restarts waits for them again."""
         self._assigned, self._here_s = self._flight.guidance.assigned, self._clock()
 
     def update(self, plans: Mapping[str, LeaderPlan]) -> bool:
-        """Judge the leaders by their newest plans; True if other vehicles are followed from now on."""
+        """Update the following mode by the leaders' newest plans; return whether the leaders change."""
         guidance = self._flight.guidance
         if guidance.assigned is not self._assigned or guidance.phase is not Phase.FLYING:
             self._assigned, self._here_s = guidance.assigned, None

@@ -12,10 +12,6 @@ class PeerStatuses:
 
     Parameters
     ----------
-    vehicle
-        Own name.
-    inboxes
-        Statuses by vehicle, filled by the bus.
     clock
         Monotonic clock [s].
     """
@@ -28,7 +24,7 @@ class PeerStatuses:
         self._clock = clock
 
     def statuses(self, within_s: float = math.inf) -> dict[str, AgentStatus]:
-        """Statuses of those who are not silent, and have said something in the last so many seconds."""
+        """Statuses of the vehicles that are not silent and not older than `within_s`."""
         now_s = self._clock()
         found = {}
         for name, inbox in tuple(self._inboxes.items()):

@@ -1,6 +1,6 @@
-"""A change of leaders that several vehicles make at one frame: prepared, committed, taken when it comes.
+"""A change of leaders that several vehicles make at one frame: prepared, committed, applied.
 
-Nothing is decided here for the others: whoever asks has to prepare all before the first one is committed.
+The client has to prepare all vehicles before it commits the first one.
 """
 
 from collections import Counter
@@ -15,7 +15,7 @@ from rcopterx.bus.messages import SetPoint
 from rcopterx.vehicles.state import Array
 
 PREPARED_S = 3.0
-"""How long a prepared change waits for its frame."""
+"""Time for which a prepared change waits for its frame."""
 
 
 @dataclass(frozen=True)
@@ -25,13 +25,13 @@ class Change:
     Attributes
     ----------
     operation
-        Name of the change, common to all who take part.
+        Name of the change, the same on all vehicles.
     links
-        New leaders; none for a vehicle that shall lead.
+        New leaders; empty for a vehicle that leads.
     position_m, yaw_rad
-        Its place if it shall lead.
+        Its place if it leads.
     expires_s
-        When it is forgotten [monotonic s].
+        When it is discarded [monotonic s].
     epoch, frame
         When it begins, once that is known.
     """
@@ -46,13 +46,7 @@ class Change:
 
 
 class Regrouping:
-    """The change that one vehicle has prepared, at most one at a time.
-
-    Parameters
-    ----------
-    clock
-        Monotonic clock [s].
-    """
+    """The change that one vehicle has prepared, at most one at a time."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self.events: Counter[str] = Counter()
@@ -61,7 +55,7 @@ class Regrouping:
 
     @property
     def leaders(self) -> set[str]:
-        """Leaders that are going to be followed."""
+        """Leaders of the prepared change."""
         change = self._present()
         return set() if change is None else {link.leader for link in change.links}
 
@@ -72,14 +66,14 @@ class Regrouping:
         return self._change
 
     def busy(self, operation: str) -> str | None:
-        """Why nothing can be prepared, None if it can."""
+        """Return why no change can be prepared; None if one can."""
         change = self._present()
         if change is None or change.operation == operation:
             return None
         return f"another change of leaders is under way ({change.operation})"
 
     def prepare(self, operation: str, links: Sequence[FollowedLeader], set_point: SetPoint | None) -> None:
-        """Remember a change; one of the same name is replaced."""
+        """Prepare a change; it replaces one of the same name."""
         place, yaw_rad = (
             ((0.0, 0.0, 0.0), 0.0) if set_point is None else (set_point.position_m, set_point.yaw_rad)
         )
@@ -87,7 +81,7 @@ class Regrouping:
         self._change = Change(operation, tuple(links), np.array(place), yaw_rad, expires_s)
 
     def commit(self, operation: str, epoch: int, frame: int, clock: FleetClock) -> str | None:
-        """Fix the frame; a refusal is returned as its reason."""
+        """Set the frame of a change; return the reason of a refusal, or None."""
         change = self._present()
         if change is None or change.operation != operation:
             return f"nothing is prepared under {operation!r}"
@@ -99,12 +93,12 @@ class Regrouping:
         return None
 
     def withdraw(self, operation: str) -> None:
-        """Forget a change."""
+        """Discard a change."""
         if self._change is not None and self._change.operation == operation:
             self._change = None
 
     def due(self, clock: FleetClock) -> Change | None:
-        """The change whose frame has come; handed out once."""
+        """Return the change whose frame has come, once; else None."""
         change = self._present()
         if change is None or change.epoch != clock.epoch or clock.current_frame < change.frame:
             return None

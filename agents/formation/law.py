@@ -75,27 +75,11 @@ def follower_reference(
     period_s: float,
     stages: int,
 ) -> Trajectory:
-    """Reference (6) of a follower.
+    """Return the reference (6) of a follower: the leader's plan at the follower's stages, with the offset.
 
-    Parameters
-    ----------
-    plan
-        Leader's plan.
-    offset
-        d_(L,F), at rest or on its way.
-    start_s
-        Time from the first stage of the plan to the first stage of the reference: zero for equal frames and
-        equal delays, one period for a plan that is one period old.
-    period_s
-        Follower's control period.
-    stages
-        Follower's horizon N.
-
-    Returns
-    -------
-    Trajectory
-        The plan, read at the follower's stages and displaced by the offset, with the velocity and the
-        acceleration that a turning or moving offset brings.
+    It has the velocity and acceleration that a turning or moving offset brings. `start_s` is the time from
+    the first stage of the plan to the first stage of the reference: zero for equal frames and equal delays,
+    one period for a plan that is one period old.
     """
     if isinstance(offset, FormationOffset) and offset.frame == "inertial":
         return plan.displaced(start_s, period_s, stages, offset.position_m, offset.yaw_rad)
@@ -150,22 +134,9 @@ def _pose(offset: FormationOffset) -> Array:
 
 
 def combined_reference(references: Sequence[Trajectory], weights: Sequence[float]) -> Trajectory:
-    """Reference of a follower of several leaders.
+    """Return the weighted mean of the references to several leaders, of equal stages and periods.
 
-    Quadratic terms with weights that add up to one have the same minimum as one term around the weighted mean
-    of the references, so the mean is all a controller needs.
-
-    Parameters
-    ----------
-    references
-        One per leader, equal stages and periods.
-    weights
-        Positive; only their ratios count.
-
-    Returns
-    -------
-    Trajectory
-        Weighted mean.
+    Quadratic terms with weights that add up to one have the same minimum as one term around that mean.
     """
     if len(references) == 1:
         return references[0]

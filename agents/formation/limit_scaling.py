@@ -1,11 +1,11 @@
-"""Leaders plan within what their followers can do, whoever these are at the moment.
+"""Limits of leaders, which plan within the abilities of their present followers.
 
 A leader that flies at its own limits cannot be followed by an equal vehicle in a gust, and not at all by one
-that accelerates less. And what its pitch and roll do together, a follower with another heading may need of
-one stick alone: sticks are limited one by one, so that 0.65 of both are 0.92 of one. So a leader plans with
-0.65 of what the weakest of its followers can do, with four fifths of what that one may plan with if others
-follow it, and no faster than the slowest of them. A leader's heading turns with 0.92 of the yaw rate that its
-followers may have: one that has fallen behind could not catch up, and would fly along its bound.
+that accelerates less. A follower with another heading may need of one stick alone what the leader's pitch and
+roll do together: sticks are limited one by one, so that 0.65 of both are 0.92 of one. So a leader plans with
+0.65 of the ability of the weakest of its followers, with four fifths of the limits of a follower that leads
+others, and no faster than the slowest of them. Its heading turns with 0.92 of the yaw rate of its followers:
+one that has fallen behind could not catch up otherwise.
 """
 
 from collections.abc import Mapping
@@ -26,29 +26,22 @@ YAW_RATE_SHARE = 0.92
 """Share of the yaw rate that its followers may have that a leader plans with."""
 ARM_SPEED_SHARE = 0.8
 ARM_ACCELERATION_SHARE = 0.5
-"""Shares of what a follower can do that a turn of its leader may ask of it; the rest is for all else."""
+"""Shares of a follower's limits that a turn of its leader may use."""
 SHORTEST_ARM_M = 0.02
 
 _RATES_OF_LEADERS = np.array([1.0, 1.0, 1.0, YAW_RATE_SHARE])
 
 
 def limit_scale_of(links: FormationGraph, models: Mapping[str, Model], name: str) -> LimitScale:
-    """Scale of its own limits a vehicle may plan with.
+    """Return the share of its own limits that a vehicle plans with.
 
-    Parameters
-    ----------
-    links
-        Who follows whom.
-    models
-        Vehicles by name; one that is missing is taken for an equal of its leader.
-    name
-        The vehicle.
+    Vehicles without a model count as equal to their leader.
     """
     return _scale(links, models, name, len(links))
 
 
 def _scale(links: FormationGraph, models: Mapping[str, Model], name: str, levels: int) -> LimitScale:
-    """Scale by the followers of so many levels; there are no more of them, except in a cycle."""
+    """Return the scale by the followers of `levels` levels, which bounds the recursion in a cycle."""
     inputs, rates = np.ones(4), np.ones(4)
     followers = [other for other in links if name in leaders_of(links, other)] if levels else []
     for other in followers:
@@ -61,19 +54,10 @@ def _scale(links: FormationGraph, models: Mapping[str, Model], name: str, levels
 
 
 def turn_limits_of(links: FormationGraph, models: Mapping[str, Model], name: str) -> TurnLimits | None:
-    """How fast a vehicle may turn, for those it carries round; None where there are none.
+    """Return the turn limits of a vehicle for the followers it carries round; None if it carries none.
 
-    Followers whose offsets turn with the heading fly an arc as their leader turns; those at the end of long
-    arms soon cannot.
-
-    Parameters
-    ----------
-    links
-        Who follows whom.
-    models
-        Vehicles by name; one that is missing is taken for an equal of its leader.
-    name
-        The vehicle.
+    Followers whose offsets turn with the heading fly an arc as their leader turns, faster at longer arms.
+    Vehicles without a model count as equal to this one.
     """
     rate, acceleration = np.inf, np.inf
     for follower, arm_m in arms_of(links, name).items():
@@ -87,7 +71,7 @@ def turn_limits_of(links: FormationGraph, models: Mapping[str, Model], name: str
 
 
 def arms_of(links: FormationGraph, name: str) -> dict[str, float]:
-    """Radii of the circles on which a vehicle carries others round when it turns [m]."""
+    """Return the radii [m] of the circles on which a vehicle carries others round when it turns."""
     turning = {**links, name: ()}
     heads = {other: np.zeros(4) for other, own in turning.items() if not own}
     ahead = places(turning, heads)
@@ -108,7 +92,7 @@ def _compared(follower: Model | None, leader: Model | None) -> tuple[Array, Arra
 
 
 def _accelerations(model: Model) -> Array:
-    """What the inputs can do in either direction from hovering, in the order of the inputs."""
+    """Accelerations by the inputs in either direction from hovering, in the order of the inputs."""
     reach = model.b * np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
     return _at_any_heading(reach)
 
@@ -119,51 +103,30 @@ def _speeds(model: Model) -> Array:
 
 
 def _at_any_heading(reach: Array) -> Array:
-    """Pitch and roll alike, because a follower's heading is another one than its leader's."""
+    """Return equal values for pitch and roll, because follower and leader may differ in heading."""
     horizontal = float(reach[:2].min())
     return np.array([horizontal, horizontal, *reach[2:]])
 
 
 class LimitScaling:
-    """Keeps a controller's limits in step with the vehicles that follow.
-
-    Parameters
-    ----------
-    vehicle
-        Own name.
-    models
-        All vehicles of the fleet by name.
-    """
+    """Keeps a controller's limits in step with the vehicles that follow."""
 
     def __init__(self, vehicle: str, models: Mapping[str, Model]) -> None:
         self._vehicle = vehicle
         self._models = models
-        self._told: tuple[Controller, LimitScale] | None = None
-        self._leaders: dict[str, tuple[str, ...]] = {}
-        """Of every vehicle, when the controller was told last."""
+        self._last: tuple[Controller, LimitScale] | None = None
 
     def update(self, controller: Controller, settings: Mapping[str, object], links: FormationGraph) -> None:
-        """Tell the controller its scale if that, or the controller, is another one than before.
+        """Set the limits of the present controller, if they or the controller have changed.
 
-        Parameters
-        ----------
-        controller
-            Present controller.
-        settings
-            Its settings; a fixed `input_range` among them is left alone.
-        links
-            Who follows whom; where nobody is heard of, nothing is known and nothing changes.
+        A fixed `input_range` in its settings has priority, and nothing changes while no other vehicle is
+        known.
         """
         if "input_range" in settings or not links.keys() - {self._vehicle}:
             return
-        leaders = {name: leaders_of(links, name) for name in links}
-        told = self._told
-        if (told is not None and told[0] is controller and leaders == self._leaders) or not isinstance(
-            controller, ScalesLimits
-        ):
+        if not isinstance(controller, ScalesLimits):
             return
         scale = limit_scale_of(links, self._models, self._vehicle)
-        if told is None or told[0] is not controller or told[1] != scale:
+        if self._last is None or self._last[0] is not controller or self._last[1] != scale:
             controller.set_limit_scale(scale)
-            self._told = (controller, scale)
-        self._leaders = leaders
+            self._last = (controller, scale)

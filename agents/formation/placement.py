@@ -1,4 +1,4 @@
-"""Refuses places in a formation that lead out of the flight volume or too close to somebody."""
+"""Refusal of places in a formation that leave the flight volume or are too close to another vehicle."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three
 
 TOLERANCE_M = 1e-6
-NOBODY: Mapping[str, Array] = MappingProxyType({})
+NO_PLACES: Mapping[str, Array] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Room:
     minimum_distance_m: float | None
 
     def outside(self, place: Array) -> str | None:
-        """Where a place, x y z first, or the first of several leaves the volume, in words."""
+        """Describe how a place, x y z first, or the first of several leaves the volume; None if none does."""
         places_m = np.atleast_2d(place)[:, :3].T
         for axis, values_m, low, high in zip("xyz", places_m, self.min_m, self.max_m, strict=True):
             inside = (low - TOLERANCE_M <= values_m) & (values_m <= high + TOLERANCE_M)
@@ -43,7 +43,7 @@ class Room:
         return None
 
     def too_close(self, place: Array, other: Array) -> str | None:
-        """Why two places, x y z first, are too close, or one of several and another, in words."""
+        """Describe the distance of a place, or of the nearest of several, to another if it is too small."""
         if self.minimum_distance_m is None:
             return None
         distance_m = float(np.linalg.norm(place[..., :3] - other[:3], axis=-1).min())
@@ -53,10 +53,7 @@ class Room:
 
 
 def offset_problem(name: str, following: Iterable[LeaderLink], room: Room) -> str | None:
-    """Why offsets alone are too small, None if they are not; a single leader only.
-
-    Several leaders share a place between them, which only their own places tell.
-    """
+    """Return why an offset is too small; None if it is not, and for several leaders, whose places count."""
     links = tuple(following)
     if len(links) != 1:
         return None
@@ -71,25 +68,9 @@ def place_problem(
     heads: Mapping[str, Array],
     room: Room,
 ) -> str | None:
-    """Why a vehicle must not follow its new leaders, None if it may.
+    """Return why a vehicle cannot follow its new leaders, None if it can; its own followers come along.
 
-    Its own followers come along, so their places count as well.
-
-    Parameters
-    ----------
-    name
-        The vehicle.
-    following
-        Its new leaders, with the offsets to be reached.
-    links, heads
-        The others, as of `rcopterx.agents.formation.present.formation_of`.
-    room
-        Limits.
-
-    Returns
-    -------
-    str or None
-        Who would be where, and what is allowed.
+    `links` and `heads` are those of the others (`rcopterx.agents.formation.present.formation_of`).
     """
     after = {**links, name: following}
     where = places(after, heads)
@@ -117,29 +98,9 @@ def take_off_problem(
     statuses: Mapping[str, AgentStatus],
     room: Room,
 ) -> str | None:
-    """Why a vehicle must not take off from where it stands, None if it may.
+    """Return why a vehicle cannot take off from a place, shape (3,); None if it can.
 
-    The column above it must be free, and so must its place beside its leaders if they are in the air.
-
-    Parameters
-    ----------
-    name
-        The vehicle.
-    floor_m
-        Where it stands, shape (3,).
-    height_m
-        How far it will climb.
-    following
-        Its leaders.
-    statuses
-        Statuses of the others.
-    room
-        Limits.
-
-    Returns
-    -------
-    str or None
-        Who is in the way, how far off, and what is allowed.
+    The column above it must be free, and its place beside its leaders if they are in the air.
     """
     for other, status in statuses.items():
         if status.position_m is None or other == name:
@@ -156,29 +117,22 @@ def take_off_problem(
 
 
 def move_problem(
-    name: str, samples: Array, links: FormationGraph, room: Room, unrelated: Mapping[str, Array] = NOBODY
+    name: str, samples: Array, links: FormationGraph, room: Room, unrelated: Mapping[str, Array] = NO_PLACES
 ) -> str | None:
-    """Why a vehicle that leads must not go somewhere, None if it may: its followers come along.
+    """Return why a vehicle that leads cannot go somewhere, None if it can; its followers come along.
 
     Parameters
     ----------
-    name
-        The vehicle.
     samples
-        Where it will be, x, y, z [m], yaw [rad] first, shape (k, 4 or more).
-    links
-        Who follows whom.
-    room
-        Limits.
+        Its places in future, x, y, z [m], yaw [rad] first, shape (k, 4 or more).
     unrelated
-        Places of others, x y z first, that have to be kept off because nobody plans around them. Vehicles
-        that do plan around each other may well be sent to each other's places.
+        Places of others to keep clear of, x y z first. Vehicles that avoid each other's plans are not among
+        them: they may be sent to each other's places.
     """
     where = places({**links, name: ()}, {name: samples[:, :4]})
-    for moved in followers(links, name):
-        problem = room.outside(where[moved]) if moved in where else None
-        if problem is not None:
-            return f"{moved} would leave: {problem}"
+    problem = _leaving(followers(links, name), where, room)
+    if problem is not None:
+        return problem
     for moved in (name, *followers(links, name)):
         for other, place in unrelated.items():
             problem = room.too_close(where[moved], place) if moved in where else None

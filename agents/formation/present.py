@@ -1,4 +1,4 @@
-"""The formation as the vehicles report it: who follows whom now, and where those that lead will be."""
+"""The formation by the vehicles' statuses: present links, and the places of those that lead."""
 
 from collections.abc import Iterable, Mapping
 
@@ -10,27 +10,16 @@ from rcopterx.bus.messages import AgentStatus, LeaderLink
 from rcopterx.vehicles.state import Array
 
 AT_WORK = (Phase.TAKEOFF, Phase.FLYING)
-"""Phases in which a vehicle is at its place in the formation, or on the way there."""
+"""Phases in which a vehicle is at its place in the formation, or on the way to it."""
 
 
 def formation_of(
     statuses: Mapping[str, AgentStatus], flying: Iterable[str] = ()
 ) -> tuple[FormationGraph, dict[str, Array]]:
-    """Formation graph of the vehicles at work, and the places of those that keep one of their own.
+    """Return links and heads of the vehicles at work, as arguments of `topology.places`.
 
     A vehicle on the floor or on its way there keeps its place, and so does one whose leaders are not at work.
-
-    Parameters
-    ----------
-    statuses
-        Statuses by vehicle.
-    flying
-        Others that are at work as well.
-
-    Returns
-    -------
-    links, heads
-        As `rcopterx.agents.formation.topology.places` takes them.
+    `flying` names further vehicles at work.
     """
     at_work = {name for name, status in statuses.items() if status.phase in AT_WORK} | set(flying)
     links: dict[str, tuple[LeaderLink, ...]] = {}

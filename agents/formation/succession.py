@@ -1,7 +1,7 @@
-"""What a follower does about leaders it has lost: a table, and a successor all agree on without asking.
+"""Loss of leaders: a table of what a follower does, and the successor of a lost leader.
 
-A lost leader is one whose plan does not come any more, or who does not fly freely any more. First its last
-plan is used up, then the place is held; after a while the vehicle does what the fleet file says.
+A leader is lost if its plans stop, or if it leaves free flight. The follower first uses up the last plan,
+then holds its place; after a while it applies the policy of the fleet file.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -17,20 +17,20 @@ from rcopterx.bus.messages import LeaderLink
 
 
 class Finding(StrEnum):
-    """How a follower's leaders are."""
+    """State of a follower's leaders."""
 
     HERE = "here"
-    """At least one plan of the last few frames."""
+    """There is a plan of the last few frames."""
     LATE = "late"
-    """No such plan, but one that reaches into the present."""
+    """The newest plan is older, but reaches into the present."""
     GONE = "gone"
-    """No plan to fly by."""
+    """No plan reaches into the present."""
     LOST = "lost"
-    """No plan to fly by for so long that they are not waited for any more."""
+    """The same for longer than `Succession.after_s`."""
 
 
 class Policy(StrEnum):
-    """What to do about lost leaders."""
+    """Policy for lost leaders."""
 
     HOLD = "hold"
     PROMOTE = "promote"
@@ -38,7 +38,7 @@ class Policy(StrEnum):
 
 
 class Successor(StrEnum):
-    """Who leads instead."""
+    """The vehicle that replaces a lost leader."""
 
     NONE = "none"
     SELF = "self"
@@ -50,25 +50,25 @@ class FollowingMode(StrEnum):
 
     FOLLOW = "follow"
     USE_LAST_PLAN = "use_last_plan"
-    """Fly by the last plan."""
+    """Follow the last plan."""
     HOLD = "hold"
-    """Keep the place."""
+    """Hold the place."""
     LEAD = "lead"
-    """Keep the place, and lead those who lost the same leader."""
+    """Hold the place, and lead those that lost the same leader."""
     FOLLOW_SUCCESSOR = "follow_successor"
     LAND = "land"
 
 
 @dataclass(frozen=True)
 class Succession:
-    """What a follower does about lost leaders.
+    """Settings for lost leaders.
 
     Attributes
     ----------
     policy
         `hold`, `promote` or `land`.
     after_s
-        Time without a plan to fly by after which leaders are not waited for any more.
+        Time without a usable plan after which a leader counts as lost.
     orders
         Successors of each leader, the first one first; the same on every vehicle.
     promotable
@@ -105,32 +105,16 @@ FOLLOWING_MODES: Final = MappingProxyType(
         for successor in Successor
     }
 )
-"""Every combination; nothing else than the present decides, so a leader that returns is followed again."""
+"""Every combination; only the present decides, so that a leader that returns is followed again."""
 
 
 def successor_of(
     lost: str, links: FormationGraph, ready: Collection[str], order: Iterable[str]
 ) -> str | None:
-    """Who leads the followers of a lost leader.
+    """Return the vehicle that leads the followers of a lost leader; None if there is none.
 
-    Everybody who lost the leader comes to the same answer from what vehicles tell of themselves: the first
-    one in a fixed order that followed it, flies, and may lead.
-
-    Parameters
-    ----------
-    lost
-        The leader.
-    links
-        Assigned leaders of everybody.
-    ready
-        Vehicles that fly and may lead.
-    order
-        Successors of this leader, the first one first; from the fleet file, the same for everybody.
-
-    Returns
-    -------
-    str or None
-        Its name; None if nobody can.
+    It is the first one in `order` that followed the leader and is `ready`: it flies and may lead. All
+    followers come to the same result by the published statuses.
     """
     for name in order:
         if name in ready and any(link.leader == lost for link in links.get(name, ())):
@@ -141,17 +125,7 @@ def successor_of(
 def link_to_successor(
     vehicle: str, successor: str, lost: str, links: Mapping[str, tuple[LeaderLink, ...]], yaw_rad: float
 ) -> LeaderLink | None:
-    """Link that keeps a vehicle where it was beside its fellow follower; None where that is not known.
-
-    Parameters
-    ----------
-    vehicle, successor, lost
-        Names.
-    links
-        Assigned leaders of both followers.
-    yaw_rad
-        Last heading of the lost leader, for offsets in its heading frame.
-    """
+    """Link that keeps a vehicle where it was beside its fellow follower; None where that is not known."""
     own, other = (
         next((link for link in links.get(name, ()) if link.leader == lost), None)
         for name in (vehicle, successor)

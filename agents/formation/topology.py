@@ -1,7 +1,6 @@
-"""Who follows whom as a graph: lines of ancestors, cycles, places in space, and roles that change hands.
+"""The formation as a graph: ancestors, cycles, places in space, and exchanges of roles.
 
-Pure functions on the links that vehicles tell of themselves; the same ones refuse a request in an agent,
-check a fleet file and work out a change of leaders on the ground.
+Pure functions of the published links, used by agents, by the checks of a fleet file and on the ground.
 """
 
 from collections.abc import Iterable, Mapping
@@ -12,11 +11,11 @@ from rcopterx.bus.messages import LeaderLink
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
 
 FormationGraph = Mapping[str, tuple[LeaderLink, ...]]
-"""Leaders of each vehicle; empty for one that follows nobody."""
+"""Leaders of each vehicle; empty for one without."""
 
 
 class TopologyError(ValueError):
-    """A change of leaders that makes no sense; says why."""
+    """An impossible change of leaders."""
 
 
 def leaders_of(links: FormationGraph, name: str) -> tuple[str, ...]:
@@ -41,7 +40,7 @@ def followers(links: FormationGraph, name: str) -> tuple[str, ...]:
 
 
 def roots(links: FormationGraph, name: str) -> tuple[str, ...]:
-    """Vehicles at the head of the formation a vehicle flies in: itself if it follows nobody."""
+    """Vehicles at the head of a vehicle's formation: itself if it has no leaders."""
     line = ancestors(links, name) or (name,)
     return tuple(leader for leader in line if not links.get(leader))
 
@@ -81,21 +80,18 @@ def in_words(line: Iterable[str]) -> str:
 
 
 def places(links: FormationGraph, heads: Mapping[str, Array]) -> dict[str, Array]:
-    """Where everybody is once the formation has settled.
+    """Return the places of all vehicles in the steady state of the formation.
 
     Parameters
     ----------
-    links
-        An acyclic graph.
     heads
-        Places of the vehicles that follow nobody: x, y, z [m], yaw [rad], shape (4,), or (k, 4) for several
-        moments.
+        Places of the vehicles without leaders: x, y, z [m], yaw [rad], shape (4,), or (k, 4) for k moments.
 
     Returns
     -------
     dict
-        Places of all vehicles whose leaders' places are known, of the same shape. Offsets to several leaders
-        that do not agree meet in their weighted mean, as in flight.
+        Places of the vehicles whose leaders' places are known, of the same shape. Contradicting offsets to
+        several leaders give their weighted mean, as in flight.
     """
     found: dict[str, Array] = {}
 
@@ -134,7 +130,7 @@ def station(following: Iterable[LeaderLink], leading: Iterable[Array]) -> Array:
 
 
 def link_between(follower: Array, leader: Array, like: LeaderLink, name: str) -> LeaderLink:
-    """Link to a leader that keeps a follower at its place; frame and weight as in another link."""
+    """Return a link to a leader that keeps a follower in place; frame and weight as in another link."""
     arm = follower - leader
     if like.frame == "heading":
         arm[:2] = heading_matrix(leader[YAW]).T @ arm[:2]
@@ -147,30 +143,21 @@ def link_between(follower: Array, leader: Array, like: LeaderLink, name: str) ->
 def exchanged(
     links: FormationGraph, where: Mapping[str, Array], first: str, second: str
 ) -> dict[str, tuple[LeaderLink, ...]]:
-    """Leaders after two vehicles have changed roles while everybody keeps its place in space.
+    """Return the leaders after two vehicles have exchanged their roles, while all keep their places.
 
     Each of the two follows whom the other one followed and leads whom the other one led. Exchanging two names
     cannot make a cycle where there was none.
 
-    Parameters
-    ----------
-    links
-        An acyclic graph.
-    where
-        Places, as of `places`.
-    first, second
-        Who changes roles.
-
     Returns
     -------
     dict
-        New leaders of the vehicles that get other ones, leaders before their followers: the first few of them
-        alone make no cycle either.
+        New leaders of the vehicles that change them, leaders before their followers, so that no cycle arises
+        if only the first few of them change.
 
     Raises
     ------
     TopologyError
-        Somebody is missing, or the place of somebody involved is not known.
+        A vehicle is missing, or the place of one involved is not known.
     """
     for name in (first, second):
         if name not in links:

@@ -68,12 +68,6 @@ class GuardedCall:
 
         Parameters
         ----------
-        name
-            Name of the object that is called, for the description of a failure.
-        limit_s
-            Time that the call may take but for the first ones.
-        call
-            May raise anything.
         problem
             Returns the reason why a result is unusable, None for a usable one. May raise as well.
         """

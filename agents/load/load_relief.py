@@ -1,7 +1,7 @@
-"""Has an agent leave out what its overload decides, at a step that a replay knows of.
+"""Relief of an overloaded agent: it leaves out work, from a step on that a replay can repeat.
 
-Where more agents run on a computer than it serves, control periods are left out from take-off on: to find out
-in flight would take agents all processors for a while, and starve what is below them.
+Where more agents run on a computer than it serves, control periods are left out from take-off on. Detecting
+the overload in flight would need all processors for a while, and starve processes of lower priority.
 """
 
 import time
@@ -20,28 +20,20 @@ from rcopterx.bus.subscription import Inbox, Received
 FLOOR_EVERY: Final = 2
 """Largest number of control periods of which one is computed on the floor."""
 NEAREST: Final = 3
-"""Plans heard for avoidance while those of far vehicles are left out."""
-RELIEF: Final = "relief_"
-"""Notes begin with it; the number of the relief follows."""
+"""Number of plans received for avoidance while those of far vehicles are left out."""
 TOO_SLOW: Final = "this computer is too slow for its fleet"
-_EVENTS: Final = {relief: f"{RELIEF}{int(relief)}" for relief in Relief}
+_EVENTS: Final = {relief: f"relief_{int(relief)}" for relief in Relief}
 
 
 class LoadRelief:
-    """Watches how late one agent's commands are, and lets its parts do less.
+    """Watches how late one agent's commands are, and reduces the work of its parts.
 
-    What is decided by measured times takes effect by a note on the bus, so that a replay does the same.
+    Decisions by measured times take effect by an event on the bus, so that a replay does the same.
 
     Parameters
     ----------
-    bus
-        The agent's seat on it.
-    period_s
-        Control period.
-    pacing, traffic
-        The agent's own.
     launcher
-        Filled by the bus with what the launcher of this host tells; None without one.
+        Statuses of the launcher of this host; None without one.
     processor_clock
         Processor time of this process [s].
     """
@@ -62,8 +54,8 @@ class LoadRelief:
         self._processor_clock = processor_clock
         self._used_s, self._since_s = processor_clock(), bus.clock()
         self._seen = 0, 0
-        self.launcher = Inbox(LAUNCHER) if launcher is None else launcher
-        self._heard: Received[LauncherStatus] | None = None
+        self._launcher = Inbox(LAUNCHER) if launcher is None else launcher
+        self._launcher_status: Received[LauncherStatus] | None = None
         self._planned = self._noted = Relief.NONE
         self.relief = Relief.NONE
         """What is left out at present."""
@@ -71,17 +63,17 @@ class LoadRelief:
 
     @property
     def remark(self) -> str:
-        """What people should know; empty while nothing is left out."""
+        """What is left out and why, for people; empty if nothing is."""
         if not self.relief:
             return ""
         reason = "more agents run on this computer than it serves" if self._planned else TOO_SLOW
         return f"{reason}: {self.relief.words}"
 
     def watch(self, late_s: float, flying: bool) -> None:
-        """Take in a control period: from the arrival of its pose until its command was sent."""
+        """Process a control period, which took `late_s` from the arrival of its pose to its command."""
         pacing, (missed_before, overtaken_before) = self._pacing, self._seen
         self._seen = pacing.missed_ticks, pacing.overtaken_ticks
-        # Missed for want of poses, however many, are one event; those behind which it lags are time.
+        # Periods missed for want of poses count once, those missed for want of time count all.
         missed = max(pacing.missed_ticks > missed_before, pacing.overtaken_ticks - overtaken_before)
         if self.relief:
             self._pace(flying)
@@ -90,31 +82,28 @@ class LoadRelief:
             self._bus.note(_EVENTS[overload.relief])
 
     def update(self) -> bool:
-        """Leave out what was decided before this step, or do it again; True if that is news.
-
-        To be asked in steps that take in notes or what the launcher tells.
-        """
-        news = [self._hear(), self._take_note()]
+        """Apply the decisions made before this step; return whether there were any."""
+        news = [self._plan(), self._take_decision()]
         relief = max(self._planned, self._noted)
         if relief is not self.relief:
             self._change(relief)
         return any(news)
 
-    def _hear(self) -> bool:
-        """Plan by what the launcher tells of this computer; True if that is news."""
-        heard = self.launcher.latest()
-        if heard is None or heard is self._heard:
+    def _plan(self) -> bool:
+        """Plan by the newest status of the launcher; return whether the plan changes."""
+        received = self._launcher.latest()
+        if received is None or received is self._launcher_status:
             return False
-        self._heard = heard
-        planned = planned_relief(heard.message.crowding)
+        self._launcher_status = received
+        planned = planned_relief(received.message.crowding)
         if planned is self._planned:
             return False
-        # What was decided before belongs to another load.
+        # Earlier decisions belong to another load.
         self._planned, self._noted = planned, Relief.NONE
         self._overload.plan(planned)
         return True
 
-    def _take_note(self) -> bool:
+    def _take_decision(self) -> bool:
         events = self._bus.events
         decided = next((relief for relief, event in _EVENTS.items() if event in events), None)
         if decided is None:
@@ -132,7 +121,7 @@ class LoadRelief:
         self._pace(flying=False)
 
     def _pace(self, flying: bool) -> None:
-        # On the floor no planned inputs bridge what is left out, and arming asks for fresh commands.
+        # On the floor no planned inputs bridge a period that is left out, and arming needs fresh commands.
         self._pacing.every = self.relief.every if flying else min(FLOOR_EVERY, self.relief.every)
 
     def processor_share(self) -> float:

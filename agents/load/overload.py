@@ -1,7 +1,7 @@
-"""What an agent leaves out while its computer cannot keep up, and in which order.
+"""Work that an agent leaves out while its computer cannot keep up, in order.
 
-Poses, commands and the arbiter are never among it. A shorter horizon is not, either: half the stages save a
-tenth of a control step. No bus, no clock, no logging.
+Poses, commands and the arbiter are never left out. The horizon stays, too: half the stages save a tenth of a
+control step. No bus, no clock, no logging.
 """
 
 from collections import deque
@@ -12,25 +12,25 @@ LATE_PERIODS: Final = 0.9
 """A command that leaves so many control periods after its pose arrived is late."""
 WINDOW_S: Final = 1.0
 LATE_SHARE: Final = 0.3
-"""More of the control periods of a window than this late, or missed: something is left out."""
+"""Share of late and missed control periods in a window above which work is left out."""
 HALF_RATE_SERVES: Final = 1.3
-"""At half rate a computer flies so many times the vehicles that it flies at full rate."""
+"""Vehicles that a computer flies at half rate, over those at full rate."""
 EASE_AFTER_S: Final = 10.0
-"""Without that for so long: the newest of what is left out is done again."""
+"""Time without overload after which the last work that was left out is done again."""
 LONGEST_EASE_AFTER_S: Final = 160.0
-"""It doubles up to here each time when what was done again had to be left out at once."""
+"""The time doubles up to this each time when work that was done again had to be left out at once."""
 
 
 class Relief(IntEnum):
-    """What is left out; each kind includes all that stand before it."""
+    """Work that is left out; each level includes all before it."""
 
     NONE = 0
     STATUSES = 1
-    """Statuses and intents go out half as often."""
+    """Statuses and intents are published half as often."""
     TELEMETRY = 2
-    """What a replay needs is not told: the flight log has a gap there."""
+    """The inputs of steps are not published: the replay has a gap there."""
     FAR_PLANS = 3
-    """Only the plans of the nearest vehicles are heard for avoidance."""
+    """Only the plans of the nearest vehicles are received for avoidance."""
     HALF_RATE = 4
     """Every second control period flies the input that was planned for it."""
     QUARTER_RATE = 5
@@ -59,20 +59,14 @@ _WORDS: Final = {
 
 
 def planned_relief(crowding: float) -> Relief:
-    """What is left out from take-off on, by the agents for each vehicle that the computer flies."""
+    """Return the relief from take-off on, by the agents per vehicle that the computer can fly."""
     if crowding <= 1.0:
         return Relief.NONE
     return Relief.HALF_RATE if crowding <= HALF_RATE_SERVES else Relief.QUARTER_RATE
 
 
 class Overload:
-    """Decides what an agent leaves out.
-
-    Parameters
-    ----------
-    period_s
-        Control period.
-    """
+    """Decides which work an agent leaves out."""
 
     def __init__(self, period_s: float) -> None:
         self.relief = self._planned = Relief.NONE
@@ -83,19 +77,10 @@ class Overload:
         self._eased = False
 
     def observe(self, late_s: float, missed: int) -> bool:
-        """Take in a control period.
+        """Process a control period; return whether `relief` has changed, by one level.
 
-        Parameters
-        ----------
-        late_s
-            From the arrival of its pose until its command was sent.
-        missed
-            How many control periods before it were missed although there was something to compute.
-
-        Returns
-        -------
-        bool
-            Whether `relief` has changed, by one step.
+        `late_s` is the time from the arrival of its pose to its command; `missed` periods before it had
+        something to compute.
         """
         period_s = self._period_s * self.relief.every
         if missed:
@@ -107,12 +92,12 @@ class Overload:
         return self._calm_s >= self._ease_after_s and self._do_again()
 
     def plan(self, relief: Relief) -> None:
-        """Begin anew, and leave out at least this from now on, however calm it is."""
+        """Leave out at least this from now on, and forget what was observed."""
         self._planned = relief
         self.forget()
 
     def forget(self) -> bool:
-        """The vehicle does not fly: leave out what is planned, and no more; True if it was more."""
+        """Leave out no more than is planned, as the vehicle does not fly; return whether it was more."""
         changed, self.relief = self.relief is not self._planned, self._planned
         self._late.clear()
         self._calm_s, self._ease_after_s, self._eased = 0.0, EASE_AFTER_S, False
@@ -129,7 +114,7 @@ class Overload:
         return True
 
     def _do_again(self) -> bool:
-        # Calm for long after something was done again: that was right.
+        # A long calm after work was done again confirms that decision.
         if self.relief is self._planned:
             self._ease_after_s, self._calm_s, self._eased = EASE_AFTER_S, 0.0, False
             return False

@@ -15,19 +15,7 @@ from rcopterx.vehicles.tuples import four
 
 
 class ExternalControl:
-    """Who flies a vehicle from outside, if anybody.
-
-    Parameters
-    ----------
-    vehicle
-        Name of the vehicle.
-    pilot
-        Its pilot.
-    answers
-        Inbox of inputs from outside.
-    publish
-        Sends a task.
-    """
+    """Who flies a vehicle from outside, if anybody."""
 
     def __init__(
         self,

@@ -58,13 +58,6 @@ _SAYS_WHERE_TO_GO = (TakeOff, Land, GoTo, Lead, Excite, CommitLeaders)
 class RequestHandler:
     """Requests of one agent.
 
-    Parameters
-    ----------
-    settings, pilot, room, changes, peers, tuning, external
-        The agent's own.
-    wake
-        Called from another thread when there is something to `settle_trajectory`.
-
     Attributes
     ----------
     verbs

@@ -26,14 +26,8 @@ class TrajectoryRequests:
 
     Parameters
     ----------
-    settings, pilot
-        The agent's own.
     refusal
         Why no trajectory is taken now, None if one is.
-    formation_check
-        Check of the formation as it is now.
-    wake
-        Called from another thread when there is something to `settle`.
     """
 
     def __init__(

@@ -72,13 +72,6 @@ def near(
     """Find the plans that come near.
 
     The obstacles are in the order of their names, so that a vehicle keeps its place among the constraints.
-
-    Parameters
-    ----------
-    plan
-        The own previous plan, whose second stage is the present's first one.
-    delay_s
-        Time from the present to the first stage.
     """
     own_m = plan.positions_from(period_s, period_s, stages)
     obstacles: list[Obstacle] = []

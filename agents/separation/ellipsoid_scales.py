@@ -25,17 +25,6 @@ def ellipsoid_scale(
     formation that an operator has chosen are respected: mates keep at most `FORMATION_SCALE` of their
     distance.
 
-    Parameters
-    ----------
-    ellipsoid
-        The ellipsoid.
-    links
-        Who follows whom.
-    places
-        Where vehicles are once their formations have settled, x y z first.
-    name, other
-        Own and other vehicle.
-
     Returns
     -------
     float

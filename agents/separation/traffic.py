@@ -46,8 +46,6 @@ class Traffic:
 
     Parameters
     ----------
-    vehicle
-        Own name.
     ellipsoid
         The ellipsoid; None for no avoidance.
     subscribe
@@ -79,15 +77,7 @@ class Traffic:
         return self._ellipsoid is not None and self._ticks % TEND_EVERY_TICKS == 1
 
     def update(self, own: AgentStatus, others: Mapping[str, AgentStatus]) -> None:
-        """Look who could come near, and hear those.
-
-        Parameters
-        ----------
-        own
-            Own present status.
-        others
-            Newest statuses of those who are not silent.
-        """
+        """Look who could come near, and hear those."""
         if self._ellipsoid is None:
             return
         wanted: dict[str, float] = {}

@@ -35,17 +35,6 @@ DEFAULTS_AFTER: Final = 2
 class Handover:
     """Intent of one agent.
 
-    Parameters
-    ----------
-    bus
-        The bus.
-    settings
-        The vehicle's.
-    lease
-        The agent's own.
-    pilot, tuning
-        The agent's own.
-
     Attributes
     ----------
     intents

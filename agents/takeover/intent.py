@@ -42,14 +42,6 @@ def intent_of(
 
     Parameters
     ----------
-    lease
-        Control lease of the agent.
-    task
-        The task, its times on the vehicle's clock.
-    configuration, previous
-        Controller and estimator, and those before the last change.
-    epoch, frame, time_s
-        Present moment, on the fleet's clock and on the vehicle's.
     yaw_rad
         Present heading with all its turns; None before the vehicle has been seen.
 
@@ -103,17 +95,7 @@ def _flown_by(configuration: Configuration) -> FlownBy:
 
 
 def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
-    """Task of a predecessor on the clock of its successor.
-
-    Parameters
-    ----------
-    intent
-        What the predecessor meant to do.
-    time_s
-        Present time of the successor.
-    passed_s
-        Time since the intent was told.
-    """
+    """Task of a predecessor on the clock of its successor."""
     told_s = time_s - passed_s
     source: ReferenceSource = SetPointReference(
         np.array(intent.set_point.position_m), intent.set_point.yaw_rad

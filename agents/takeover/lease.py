@@ -21,10 +21,6 @@ class ControlLease:
 
     Parameters
     ----------
-    agent
-        Identifies this process in bids and answers.
-    take_over
-        Whether it shall take over from the agent that commands, once it is warm.
     now_s
         Now [monotonic s].
 
@@ -63,8 +59,6 @@ class ControlLease:
         ----------
         agent, number
             Whom it is about, and its lease; 0 if it was given none.
-        commanding
-            Lease whose commands count.
         now_s
             Now [monotonic s].
         """
@@ -111,8 +105,6 @@ class ControlLease:
         ----------
         now_s
             Now [monotonic s].
-        ready
-            Whether the vehicle is seen.
         """
         return self.take_over and ready and now_s - self._began_s >= WARM_S
 

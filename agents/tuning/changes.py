@@ -73,21 +73,7 @@ def prepare(
 
 
 class Tuning:
-    """The present configuration of a pilot, the one before, and at most one change under way.
-
-    Parameters
-    ----------
-    configuration
-        What the pilot was built with.
-    pilot
-        The vehicle's pilot.
-    period_s
-        Control period.
-    limit_scale
-        What the followers leave the vehicle until more is known of them.
-    wake
-        Called from the thread when there is something to `finish`.
-    """
+    """The present configuration of a pilot, the one before, and at most one change under way."""
 
     def __init__(
         self,

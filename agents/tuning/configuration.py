@@ -74,15 +74,6 @@ class Configuration:
     def controller_for(self, model: Model, period_s: float, limit_scale: LimitScale) -> Controller:
         """Build the controller.
 
-        Parameters
-        ----------
-        model
-            The vehicle.
-        period_s
-            Control period.
-        limit_scale
-            What the vehicle's followers leave it; a fixed `input_range` of the settings goes before.
-
         Raises
         ------
         ValueError

@@ -45,13 +45,7 @@ def without_guard(configuration: Configuration) -> Configuration:
 
 
 class OscillationGuard:
-    """Watches one vehicle.
-
-    Parameters
-    ----------
-    pilot, tuning
-        The agent's own.
-    """
+    """Watches one vehicle."""
 
     def __init__(self, pilot: Pilot, tuning: Tuning) -> None:
         self._pilot = pilot
@@ -71,15 +65,7 @@ class OscillationGuard:
         return self._seen if lowered else ""
 
     def watch(self, output: ControlOutput, flown_by_own: bool = True) -> None:
-        """Take in the control period that was just flown, and lower the bandwidth if need be.
-
-        Parameters
-        ----------
-        output
-            What was flown.
-        flown_by_own
-            False while a program outside flies, whose bandwidth is not ours.
-        """
+        """Take in the control period that was just flown, and lower the bandwidth if need be."""
         pilot = self._pilot
         if output.reference is None or pilot.exciter.under_way:
             # Sines that an identification adds are no oscillation; should they bring one about, the vehicle

@@ -37,15 +37,6 @@ def loops_of(model: Model, period_s: float, configuration: Configuration) -> Map
 
     Integral action, which the cascade needs only without an estimated disturbance, is left out.
 
-    Parameters
-    ----------
-    model
-        The vehicle.
-    period_s
-        Control period.
-    configuration
-        Controller and estimator, for which `unknown_loops` has no objection.
-
     Raises
     ------
     SettingsError

@@ -207,7 +207,7 @@ def held_and_given_back(guidance: Guidance, time_s: float) -> Estimate:
     guidance.on_event(Event.OVERRIDE, ALOFT)
     here = still((0.5, 0.5, 0.6), 1.0)
     guidance.on_event(Event.ARM, here)
-    guidance.go_on(here, time_s)
+    guidance.resume_interrupted(here, time_s)
     return here
 
 
@@ -277,7 +277,7 @@ def test_a_successor_goes_on_with_a_climb_that_the_gateway_interrupts_again(held
     assert successor.phase is Phase.TAKEOFF
     for event in (Event.OVERRIDE, Event.ARM):
         successor.on_event(event, halfway)
-        successor.go_on(halfway, 3.1)
+        successor.resume_interrupted(halfway, 3.1)
     assert successor.phase is Phase.TAKEOFF
     assert successor.set_point()[0] == pytest.approx(end_m)
     assert not successor.followable
