@@ -1,7 +1,6 @@
-"""Who may say, serve and ask what: rules for routers, made from the tables of channels and requests.
+"""Rules of access for routers, derived from the tables of channels and requests.
 
-Rules are checked where a message enters a router; what has entered may be heard by everybody who is known.
-Everything else is refused.
+A router checks messages where they enter it. Every known client may receive everything; all else is denied.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,24 +19,14 @@ ALIVE_AS: Final = {
     "simulator": (SIMULATOR_UNIT, "simulator"),
     "recorder": ("host", "recorder"),
 }
-"""Liveliness tokens by role: of which unit, and the last chunk of the key."""
+"""Liveliness tokens by role: kind of unit, and last chunk of the key."""
 _LISTENING: Final = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
 _EVERYTHING: Final = ["put", "query", "reply", "declare_queryable", "liveliness_token", *_LISTENING]
 
 
 @dataclass(frozen=True)
 class Seat:
-    """A role in a fleet, and whom it is for.
-
-    Attributes
-    ----------
-    role
-        As the tables of channels and requests name it.
-    vehicles
-        Vehicles it is for.
-    host
-        Host it is for, if it is for one.
-    """
+    """A role in a fleet, with the vehicles or the host that it is for."""
 
     role: str
     vehicles: tuple[str, ...] = ()
@@ -46,14 +35,9 @@ class Seat:
 
 @dataclass(frozen=True)
 class Subject:
-    """Somebody who is let in, and the seats taken.
+    """A client that may connect, with its roles; one without seats may only subscribe.
 
-    Attributes
-    ----------
-    certificate
-        Common name of the certificate; None for processes of this computer, by the Unix socket.
-    seats
-        None to listen only.
+    `certificate` is the common name of its certificate, or None for local processes on the Unix socket.
     """
 
     certificate: str | None
@@ -66,25 +50,12 @@ class Subject:
 
 
 def access_control(fleet: str, namespace: str | None, subjects: Sequence[Subject]) -> dict[str, object]:
-    """Zenoh's table `access_control` for a router.
-
-    Parameters
-    ----------
-    fleet, namespace
-        For the keys.
-    subjects
-        Everybody who is let in.
-
-    Returns
-    -------
-    dict
-        Refuses everything but what it allows.
-    """
+    """Return Zenoh's table `access_control` for a router; it denies what it does not allow."""
     prefix = f"{namespace}/" if namespace else ""
-    rules = [_rule("hear", "egress", _EVERYTHING, [f"{prefix}{ROOT}/**"])]
-    rules.append(_rule("listen", "ingress", _LISTENING, [f"{prefix}{ROOT}/**"]))
+    rules = [_rule("receive", "egress", _EVERYTHING, [f"{prefix}{ROOT}/**"])]
+    rules.append(_rule("subscribe", "ingress", _LISTENING, [f"{prefix}{ROOT}/**"]))
     policies: list[dict[str, object]] = [
-        {"rules": ["hear", "listen"], "subjects": [subject.name for subject in subjects]}
+        {"rules": ["receive", "subscribe"], "subjects": [subject.name for subject in subjects]}
     ]
     for subject in subjects:
         own = [
@@ -97,7 +68,7 @@ def access_control(fleet: str, namespace: str | None, subjects: Sequence[Subject
             for messages, keys in (
                 (["put"], sorted(published_keys(fleet, subject.seats))),
                 (["reply", "declare_queryable"], sorted(served_keys(fleet, subject.seats))),
-                (["query"], sorted(asked_keys(fleet, subject.seats))),
+                (["query"], sorted(requested_keys(fleet, subject.seats))),
                 (["liveliness_token"], sorted(announced_keys(fleet, subject.seats))),
             )
             if keys
@@ -119,7 +90,7 @@ def access_control(fleet: str, namespace: str | None, subjects: Sequence[Subject
 
 
 def published_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
-    """Keys these seats may publish on."""
+    """Return the keys on which these seats may publish."""
     keys = {
         key(fleet, unit, channel.topic)
         for seat in seats
@@ -135,12 +106,12 @@ def published_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
 
 
 def served_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
-    """Keys of the requests these seats may answer."""
+    """Return the keys of the requests that these seats may answer."""
     return {request_key(fleet, unit, verb) for unit, verb in _served(seats)}
 
 
-def asked_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
-    """Keys of the requests these seats may make; what anybody may ask is asked of all at once."""
+def requested_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
+    """Return the keys of the requests that these seats may send; requests for anybody may go to all units."""
     keys = {request_key("*", "*", verb.name) for verb in VERBS.values() if verb.asker == ANYBODY}
     return keys | {
         request_key(fleet, unit, verb.name)
@@ -152,7 +123,7 @@ def asked_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
 
 
 def announced_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
-    """Keys of the liveliness tokens these seats may hold."""
+    """Return the keys of the liveliness tokens that these seats may hold."""
     return {
         alive_key(fleet, unit, ALIVE_AS[seat.role][1])
         for seat in seats
@@ -162,7 +133,7 @@ def announced_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
 
 
 def _served(seats: Sequence[Seat]) -> Iterator[tuple[str, str]]:
-    """Unit and verb of every request that is served."""
+    """Unit and verb of every request that the seats serve."""
     for seat in seats:
         for verb in VERBS.values():
             if verb.server == seat.role:

@@ -1,7 +1,6 @@
 """The one table of channels.
 
-Keys, codecs, liveness, recording, access rules, documentation and tests read it; nobody writes a key string
-elsewhere. See docs/messages.md.
+Keys, codecs, liveness, recording, access rules, documentation and tests use it; no other module writes keys.
 """
 
 from dataclasses import dataclass
@@ -48,14 +47,12 @@ class Channel(Generic[M]):
     ----------
     topic
         Last chunk of the key `rcopterx/<fleet>/<unit>/<topic>`.
-    message
-        Type of the message.
     unit
         `vehicle`, `host`, or the fixed unit of the channel.
     publisher
-        Role that writes it.
+        Role that publishes it.
     rate_hz
-        Nominal rate; 0 for messages sent on events only.
+        Nominal rate; 0 for messages on events only.
     stale_after_s
         Age from which the sender counts as silent.
     priority
@@ -63,7 +60,7 @@ class Channel(Generic[M]):
     recorded
         Whether flight logs keep it.
     purpose
-        What it is for, in a line.
+        For the reference, in a line.
     """
 
     topic: str
@@ -78,7 +75,7 @@ class Channel(Generic[M]):
 
     @property
     def encoding(self) -> str:
-        """Zenoh encoding with schema, for instance `application/msgpack;rcopterx.plan.v1`."""
+        """Zenoh encoding with schema, for instance `application/msgpack;rcopterx.plan.v2`."""
         return f"application/msgpack;{ROOT}.{self.topic}.v{SCHEMA_VERSION}"
 
 
@@ -96,7 +93,7 @@ COMMAND: Final = Channel(
 )  # fmt: skip
 LEASE_BID: Final = Channel(
     "lease_bid", messages.LeaseBid, "vehicle", "agent", 0, 1.0, REAL_TIME, True,
-    "an agent that starts asks for the lease that its commands need",
+    "request of an agent for the lease that its commands need",
 )  # fmt: skip
 LEASE: Final = Channel(
     "lease", messages.Lease, "vehicle", "transmitter_gateway", 0, 1.0, REAL_TIME, True,
@@ -140,7 +137,7 @@ LAUNCHER: Final = Channel(
 )  # fmt: skip
 BEAT: Final = Channel(
     "beat", Beat, "host", "router", 12.5, 0.32, REAL_TIME, False,
-    "whether routers of different hosts hear each other",
+    "whether messages between routers of different hosts arrive",
 )  # fmt: skip
 ROUTER_STATUS: Final = Channel(
     "links", RouterStatus, "host", "router", 2, 2.0, DATA_LOW, True,
@@ -152,7 +149,7 @@ KILL: Final = Channel(
 )  # fmt: skip
 
 ANSWERED: Final = Channel(
-    "answered", log_messages.AnsweredRequest, "vehicle", "whoever answers", 0, 1.0, DATA_LOW, True,
+    "answered", log_messages.AnsweredRequest, "vehicle", "server of the request", 0, 1.0, DATA_LOW, True,
     "requests and their answers, for flight logs",
 )  # fmt: skip
 LAUNCHER_EVENT: Final = Channel(
@@ -161,11 +158,11 @@ LAUNCHER_EVENT: Final = Channel(
 )  # fmt: skip
 AGENT_STEPS: Final = Channel(
     "steps", log_messages.AgentSteps, "vehicle", "agent", 50, 0.5, DATA_LOW, True,
-    "what an agent took in at each step, for replays",
+    "inputs of an agent at each step, for replays",
 )  # fmt: skip
 RECORDER: Final = Channel(
     "recorder", log_messages.RecorderStatus, "host", "recorder", 1, 3.0, DATA_LOW, True,
-    "what the flight log is doing",
+    "state of the flight log",
 )  # fmt: skip
 
 CHANNELS: Final[tuple[Channel[Message], ...]] = (

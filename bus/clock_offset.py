@@ -1,21 +1,16 @@
-"""Offset between the clocks of two hosts, from messages that go to and fro between them."""
+"""Offset between the clocks of two hosts, estimated from messages in both directions."""
 
 from collections import deque
 from typing import Final, NamedTuple
 
 SAMPLES: Final = 125
-"""Of which the one with the shortest round trip counts: ten seconds of beats."""
+"""Newest exchanges that are kept: ten seconds of beats."""
 
 
 class ClockOffset(NamedTuple):
-    """What one exchange tells.
+    """Result of one exchange.
 
-    Attributes
-    ----------
-    offset_s
-        Clock of the other host minus that of this one; wrong by at most half the round trip.
-    round_trip_s
-        Time on the way, there and back.
+    `offset_s` is the other host's clock minus this one's, wrong by at most half of `round_trip_s`.
     """
 
     offset_s: float
@@ -23,25 +18,17 @@ class ClockOffset(NamedTuple):
 
 
 class ClockFilter:
-    """The exchange with the shortest round trip of the newest ones counts, as in NTP (RFC 5905)."""
+    """Selects the exchange with the shortest round trip of the newest ones, as in NTP (RFC 5905)."""
 
     def __init__(self) -> None:
         self._samples: deque[ClockOffset] = deque(maxlen=SAMPLES)
 
     def add(self, sent_s: float, received_s: float, answered_s: float, arrived_s: float) -> None:
-        """Take an exchange into account.
-
-        Parameters
-        ----------
-        sent_s, arrived_s
-            When this host sent its message and got the answer, on its own clock.
-        received_s, answered_s
-            When the other host got the message and sent its answer, on its own clock.
-        """
+        """Add an exchange: sent and arrived by this host's clock, received and answered by the other's."""
         offset_s = ((received_s - sent_s) + (answered_s - arrived_s)) / 2
         round_trip_s = (arrived_s - sent_s) - (answered_s - received_s)
         self._samples.append(ClockOffset(offset_s, max(0.0, round_trip_s)))
 
     def best(self) -> ClockOffset | None:
-        """The most accurate of the newest exchanges, None before the first."""
+        """Return the most accurate of the newest exchanges, None before the first."""
         return min(self._samples, key=lambda sample: sample.round_trip_s, default=None)

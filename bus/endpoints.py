@@ -1,4 +1,4 @@
-"""Zenoh configurations of routers and clients (keys of Zenoh's `DEFAULT_CONFIG.json5`)."""
+"""Zenoh configurations of routers and clients."""
 
 import json
 import os
@@ -10,33 +10,23 @@ from typing import Final
 import zenoh
 
 TLS: Final = "tls/"
-"""Beginning of an endpoint whose both ends show a certificate."""
+"""Prefix of an endpoint at which both ends show a certificate."""
 LINK_PRIORITIES: Final = ("prio=0-1", "prio=2-7")
-"""Two routers are linked twice: by a connection for what is real-time, and by one for everything else.
+"""Two routers have two links: one for real-time messages, one for the rest.
 
-On one connection a cut lets plans fill the window of TCP, and commands wait with them until TCP tries again,
-each time after twice as long. Few small packets are tried again at a steady pace (`link_sockets.hasten`)."""
+On a single one, after an interruption, commands would wait behind plans that fill the window of TCP, whose
+pause between retransmissions doubles. Few small packets are retransmitted steadily (`hasten`)."""
 LINKS_PER_ROUTER: Final = len(LINK_PRIORITIES)
 QUEUE_SIZE = 16
 LEASE_MS = 1000
 _THREADS: Final = "ZENOH_RUNTIME", "(rx: (handover: app), tx: (handover: app), acc: (handover: app))"
-"""Environment variable that Zenoh reads when its first session opens. One thread reads sockets, handles what
-arrives and writes what is sent; by default each message passes three. In a router the one that accepts
-connections would be a second, because it is told first of all that arrives through them."""
+"""Environment variable of Zenoh: one thread reads, handles and writes each message instead of three."""
 _SOURCE_PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
 
 
 @dataclass(frozen=True)
 class Credentials:
-    """Files by which a process shows who it is, and knows the others.
-
-    Attributes
-    ----------
-    authority
-        Certificate of the authority that issued all certificates of the fleet.
-    certificate, private_key
-        Its own.
-    """
+    """Paths of the certificate of the fleet's authority, and of the process's own certificate and key."""
 
     authority: str
     certificate: str
@@ -45,27 +35,19 @@ class Credentials:
 
 @dataclass(frozen=True)
 class Protection:
-    """What keeps strangers out of a router, and everybody else to what their seats may say.
-
-    Attributes
-    ----------
-    credentials
-        Certificate of the router.
-    access_control
-        Rules of access, see `rcopterx.bus.access`.
-    """
+    """Certificate of a router, and its rules from `rcopterx.bus.access`."""
 
     credentials: Credentials
     access_control: Mapping[str, object]
 
 
 def open_session(config: zenoh.Config) -> zenoh.Session:
-    """Open a session; all sessions of a process are opened here, because they share their threads.
+    """Open a Zenoh session; all sessions of a process are opened here, because they share their threads.
 
     Raises
     ------
     zenoh.ZError
-        No router answers, or none can be one here.
+        No router answers, or a router cannot listen.
     """
     os.environ.setdefault(*_THREADS)
     return zenoh.open(config)
@@ -74,23 +56,18 @@ def open_session(config: zenoh.Config) -> zenoh.Session:
 def router_config(
     listen: list[str], connect: list[str], namespace: str | None, protection: Protection | None = None
 ) -> zenoh.Config:
-    """Configuration of the router of a host.
+    """Return the configuration of the router of a host; it does no discovery.
 
     Parameters
     ----------
     listen
-        Endpoints the clients and routers of other hosts connect to, for instance `tcp/127.0.0.1:7447`.
+        Endpoints for clients and for routers of other hosts, for instance `tcp/127.0.0.1:7447`.
     connect
-        Routers of other hosts to link to, by `LINK_PRIORITIES`; retried in the background.
+        Routers of other hosts to link to, with the links of `LINK_PRIORITIES`; retried in the background.
     namespace
-        Prefix that keeps fleets of tests apart, or None.
+        Prefix that separates the fleets of tests, or None.
     protection
-        None for a router that believes everybody.
-
-    Returns
-    -------
-    zenoh.Config
-        Router mode, no discovery of any kind.
+        None for a router that accepts every client.
     """
     settings = _common(namespace, None if protection is None else protection.credentials) | {
         "mode": "router",
@@ -110,24 +87,7 @@ def router_config(
 def client_config(
     endpoints: list[str], namespace: str | None, timeout_s: float, credentials: Credentials | None = None
 ) -> zenoh.Config:
-    """Configuration of every other process: a client of its host's router.
-
-    Parameters
-    ----------
-    endpoints
-        Endpoints of the router.
-    namespace
-        As for the router.
-    timeout_s
-        How long opening may take.
-    credentials
-        For endpoints that ask for a certificate.
-
-    Returns
-    -------
-    zenoh.Config
-        Client mode with automatic reconnection.
-    """
+    """Return the configuration of a client of its host's router, which reconnects automatically."""
     settings = _common(namespace, credentials) | {
         "mode": "client",
         "connect": {
@@ -141,7 +101,7 @@ def client_config(
 
 
 def reason_of(error: zenoh.ZError) -> str:
-    """What Zenoh says, without the places in its own source code."""
+    """Return Zenoh's message without positions in its source code."""
     return _SOURCE_PLACE.sub("", str(error))
 
 

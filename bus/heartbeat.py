@@ -1,8 +1,7 @@
 """How a process shows its supervisor that its working loop makes progress.
 
-The supervisor hands each process a page of shared memory. The process counts the turns of its loop in it,
-which takes no system call and wakes nobody; the supervisor looks whether the count changes. Nothing but the
-loop itself may beat: a helper thread would go on while the loop hangs.
+Each process inherits a page of shared memory and counts the turns of its loop in it; the supervisor checks
+that the count changes. Only the loop itself beats: a helper thread would continue while the loop hangs.
 """
 
 import mmap
@@ -12,58 +11,52 @@ from functools import cache
 from typing import Final
 
 VARIABLE: Final = "RCOPTERX_HEARTBEAT"
-"""Environment variable with the descriptor of the page."""
+"""Environment variable with the file descriptor of the page."""
 LONGEST_WAIT_S: Final = 0.05
-"""How long a loop may wait for something to do: an idle one makes progress as well."""
+"""Longest wait of a loop for events: an idle loop makes progress as well."""
 _COUNT, _PHASE = 0, 1
 _BYTES = 16
 
 
 class Phase(IntEnum):
-    """What a process says of itself beside the count."""
+    """What a process reports beside the count."""
 
     STARTING = 0
     """Its loop does not run yet."""
     WORKING = 1
     FLYING = 2
-    """Working, and knows of a vehicle whose rotor turns."""
+    """Working, and a vehicle's rotor turns."""
     ENDING = 3
-    """Its loop does not run any more."""
+    """Its loop has ended."""
 
 
 _WORKING, _FLYING = int(Phase.WORKING), int(Phase.FLYING)
 
 
 class Heartbeat:
-    """The process's side.
-
-    Parameters
-    ----------
-    page
-        Memory of at least 16 bytes; a process without a supervisor beats into memory of its own.
-    """
+    """The process's side, on a page of at least 16 bytes."""
 
     def __init__(self, page: mmap.mmap | bytearray) -> None:
         # Aligned words of eight bytes are stored at once; there is one writer.
         self._words = memoryview(page).cast("Q")
 
     def beat(self, flying: bool = False) -> None:
-        """Show that the loop has come round; `flying` tells whether a rotor is known to turn."""
+        """Count a turn of the loop; `flying` if a rotor is known to turn."""
         words = self._words
         words[_COUNT] += 1
         words[_PHASE] = _FLYING if flying else _WORKING
 
     def starting(self) -> None:
-        """Ask for the patience that a process needs until its loop runs; a spare does when it takes over."""
+        """Request the longer limit that applies until the loop runs; for a spare that takes over."""
         self._words[_PHASE] = Phase.STARTING
 
     def ending(self) -> None:
-        """Ask for the patience that a process needs after its loop has ended."""
+        """Request the longer limit that applies after the loop has ended."""
         self._words[_PHASE] = Phase.ENDING
 
 
 class HeartbeatPage:
-    """The supervisor's side: made before the process, kept as long as somebody reads it.
+    """The supervisor's side; created before the process.
 
     Raises
     ------
@@ -87,19 +80,19 @@ class HeartbeatPage:
 
     @property
     def beats(self) -> int:
-        """How often the loop has come round."""
+        """Number of turns of the loop."""
         return self._words[_COUNT]
 
     @property
     def phase(self) -> Phase:
-        """What the process says of itself."""
+        """Phase that the process reports."""
         value = self._words[_PHASE]
         return Phase(value) if value <= Phase.ENDING else Phase.STARTING
 
 
 @cache
 def own_heartbeat() -> Heartbeat:
-    """Heartbeat of this process: on the page that its supervisor handed over, if there is one."""
+    """Return the heartbeat of this process; without a supervisor it is on memory of its own."""
     descriptor = os.environ.pop(VARIABLE, None)
     if descriptor is None:
         return Heartbeat(bytearray(_BYTES))

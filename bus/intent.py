@@ -1,4 +1,4 @@
-"""What an agent means to do, complete: what a successor needs to go on as if nothing had happened."""
+"""The intent of an agent: all that a successor needs to continue its task."""
 
 from typing import ClassVar
 
@@ -9,14 +9,14 @@ from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
 
 
 class OffsetMove(Struct, frozen=True, kw_only=True):
-    """An offset to a leader on its way to where it is assigned."""
+    """An offset to a leader that moves to its assigned value."""
 
     leader: Name
     start_offset_m: Place
     start_yaw_offset_rad: Heading
-    """Where it began, in the frame of the assigned offset."""
+    """At its start, in the frame of the assigned offset."""
     elapsed_s: float
-    """Time since it began."""
+    """Time since its start."""
     duration_s: Seconds
 
 
@@ -39,32 +39,32 @@ class Intent(Message, frozen=True, kw_only=True):
     frame: Count
     """Epoch and frame of that moment; elapsed times count up to it."""
     yaw_rad: Heading | None = None
-    """Heading at that moment with all its turns: a motion capture does not count them."""
+    """Heading at that moment with all its turns, which a motion capture does not count."""
     set_point: SetPoint
-    """What the vehicle holds without a path, and while it hears no leader."""
+    """Held without a path, and while no plan of a leader arrives."""
     path: FloatArray | None = None
-    """Trajectory of a vehicle that follows nobody, shape (n, 13) as in the request `fly`."""
+    """Trajectory of a vehicle without leaders, shape (n, 13) as in the request `fly`."""
     path_elapsed_s: float = 0.0
-    """Time since the path began."""
+    """Time since the start of the path."""
     floor_m: float = 0.0
-    """Height of the floor below the vehicle when it took off."""
+    """Height of the floor below the vehicle at take-off."""
     assigned: tuple[LeaderLink, ...] = ()
-    """Leaders with the offsets to be reached."""
+    """Leaders with their final offsets."""
     following: tuple[Name, ...] = ()
-    """Leaders that are followed now; others than the assigned ones while those are lost."""
+    """Leaders at present; they differ from the assigned ones while those are lost."""
     joined: tuple[Name, ...] = ()
-    """Leaders whose offsets have begun to move from the vehicle's own place."""
+    """Leaders whose offsets have started to move from the vehicle's own place."""
     moves: tuple[OffsetMove, ...] = ()
-    """Offsets that are on their way."""
+    """Offsets that are moving."""
     controller: Name
     controller_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
-    """Settings that the fleet file or a request has given; all others have their defaults."""
+    """Settings that the fleet file or a request changed; all others have their defaults."""
     estimator: Name
     estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
     interrupted: Name | None = None
-    """Phase that goes on once the transmitter gateway obeys again; only in the phase `emergency`."""
+    """Phase that continues once the transmitter gateway obeys again; only in the phase `emergency`."""
     previous: FlownBy | None = None
-    """What flew before the last change, to go back to if the change ends the process."""
+    """Controller and estimator before the last change, for a return if the change ends the process."""
     lease: Count = 0
     """Control lease of the agent."""
 

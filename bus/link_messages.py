@@ -1,4 +1,4 @@
-"""What routers of different hosts tell each other, and everybody else, about the links between them."""
+"""Messages of routers about the links between them."""
 
 from typing import Annotated
 
@@ -7,29 +7,29 @@ from msgspec import Meta, Struct
 from rcopterx.bus.message import Count, Message, Name, Seconds
 
 RouterId = Annotated[str, Meta(pattern="^[0-9a-f]{1,32}$")]
-"""Zenoh's identity of a router process; another one after every start."""
+"""Zenoh's identity of a router process; a new one after every start."""
 
 
 class Echo(Struct, frozen=True, kw_only=True):
-    """The newest beat that was heard from a host."""
+    """The newest beat from a host."""
 
     router: RouterId
     sent_s: float
-    """Its `sent_s`: monotonic clock of the host that sent it."""
+    """`sent_s` of the beat, on the monotonic clock of its sender."""
     held_s: Seconds
     """Time since its arrival."""
 
 
 class Beat(Message, frozen=True, kw_only=True):
-    """What a router sends through its links all the time, so that the others know that they hear it."""
+    """What routers send each other all the time, with the newest beats that they received."""
 
     router: RouterId
     sent_s: float
     """Monotonic clock of its host; meaningless on other hosts."""
     time_of_day_s: float
-    """Time of the same moment since 1970, as its host believes."""
+    """Time of the same moment since 1970 by the clock of its host."""
     echoes: dict[Name, Echo]
-    """What it heard from the other hosts."""
+    """Newest beat from each other host."""
 
 
 class LinkState(Struct, frozen=True, kw_only=True):
@@ -38,15 +38,15 @@ class LinkState(Struct, frozen=True, kw_only=True):
     linked: bool
     """Beats arrive in both directions."""
     redials: Count
-    """How often the link was closed because one direction or both were silent."""
+    """How often the link was closed because a direction was silent."""
     late: Count
-    """Beats that arrived more than 0.1 s later than the fastest ones: what was stored while the link hung."""
+    """Beats that arrived more than 0.1 s later than the fastest ones: the link hung."""
     round_trip_s: Seconds | None = None
     """Shortest of the last few seconds."""
     clock_offset_s: float | None = None
     """Time of day of the other host minus that of this one; wrong by at most half the round trip."""
     monotonic_offset_s: float | None = None
-    """The same of the monotonic clocks, for whoever subtracts times that two hosts have told."""
+    """The same of the monotonic clocks, to subtract times of two hosts."""
 
 
 class RouterStatus(Message, frozen=True, kw_only=True):

@@ -1,7 +1,6 @@
-"""TCP sockets of this process, found by what the operating system says of them.
+"""TCP sockets of the links of this process, found through its file descriptors.
 
-Zenoh closes and dials links by its own timers only. It does both at once when the socket of a link is shut
-down, or while it is still being connected; the file descriptors are those of this process.
+Zenoh closes and dials links by its own timers only; it reacts at once when the socket is shut down.
 """
 
 import os
@@ -30,7 +29,7 @@ SYN_SENT: Final = 2
 
 
 def close_link(link: RouterLink) -> bool:
-    """Shut down the socket of a link; False if there is none."""
+    """Shut down the socket of a link; return False if there is none."""
     found = False
     for opened in _sockets():
         if _ends(opened) == (link.local, link.remote):
@@ -43,10 +42,10 @@ def close_link(link: RouterLink) -> bool:
 
 
 def hasten(link: RouterLink) -> bool:
-    """Repeat lost packets of a link after 10 ms instead of 200 ms; False where the kernel cannot.
+    """Retransmit lost packets of a link after 10 ms instead of 200 ms; return False where the kernel cannot.
 
-    While less than four packets are on their way, they are repeated at this pace six times before the pauses
-    double: a link that was cut for a while carries again soon after its return, not after as long once more.
+    While fewer than four packets are under way, the pause stays the same for six retransmissions before it
+    doubles, so that an interrupted link carries messages soon after its return.
     """
     complete = True
     for opened in _sockets():
@@ -66,7 +65,7 @@ class Dials:
         self._since_s: dict[int, float] = {}
 
     def abandon_lost(self, now_s: float) -> int:
-        """End attempts whose request was lost, so that the next one begins at once; returns how many."""
+        """End attempts whose request was lost, so that the next one begins at once; return how many."""
         since_s: dict[int, float] = {}
         abandoned = 0
         for opened in _sockets():
@@ -83,7 +82,7 @@ class Dials:
 
 
 def _sockets() -> Iterator[socket.socket]:
-    """TCP sockets of this process; each is a descriptor of its own, so that it stays what it is."""
+    """TCP sockets of this process, as duplicates of their descriptors."""
     for name in os.listdir("/proc/self/fd"):
         try:
             descriptor = os.dup(int(name))

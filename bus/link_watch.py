@@ -1,7 +1,7 @@
-"""Which links between routers carry nothing any more: decided by what arrives, in both directions.
+"""Detection of links between routers that carry nothing in one direction or both.
 
-TCP notices a cut link after seconds to minutes, and Zenoh may then reopen one direction only
-(docs/multi-host.md). Every router therefore publishes beats that name the routers whose beats arrive.
+TCP notices a cut link after seconds to minutes, and Zenoh may then reopen one direction only. So routers send
+beats all the time, with the newest beats that they received.
 """
 
 import math
@@ -15,16 +15,16 @@ from rcopterx.bus.clock_offset import ClockFilter
 from rcopterx.bus.link_messages import Beat, Echo, LinkState
 
 SILENCE_S: Final = 0.32
-"""A direction without a beat for so long is dead: four beats, and a stall of 0.2 s is none."""
+"""A direction without a beat for so long is dead: four beats. A stall of 0.2 s must not close a link."""
 LONGEST_PATIENCE_S: Final = 2.0
-"""With a router that is never heard: where redialling does not help, it must not be all that happens."""
+"""With a router whose beats never arrive: dialling does not help then."""
 MOST_DOUBLINGS: Final = 8
-"""Of the patience, which is the longest by then."""
+"""Doublings until the patience is the longest."""
 STALL_S: Final = 0.25
-"""A watch that was not called for so long does not know whether others were silent or itself was."""
+"""A watch that was not called for so long cannot judge the silence of others."""
 LATE_S: Final = 0.1
 RECENT_S: Final = 5.0
-"""Delays are compared with the shortest one of so long; until then clocks drift little."""
+"""Delays are compared with the shortest one of this time, in which clocks drift little."""
 
 
 class RouterLink(NamedTuple):
@@ -43,7 +43,7 @@ class RecentMinimum:
         self._blocks: list[float] = []
 
     def add(self, value: float, now_s: float) -> None:
-        """Take another value into account."""
+        """Add a value."""
         if not self._blocks or now_s - self._since_s > RECENT_S:
             self._since_s = now_s
             self._blocks = [*self._blocks[-1:], value]
@@ -57,27 +57,19 @@ class RecentMinimum:
 
 @dataclass
 class _Neighbour:
-    """What is known of the router of another host."""
+    """Knowledge of the router of another host."""
 
     beat: Beat
     arrived_s: float
     answered_s: float
-    """Arrival of its newest beat that says that it hears this router."""
+    """Arrival of its newest beat that contains a fresh echo of this router."""
     delay: RecentMinimum = field(default_factory=RecentMinimum)
-    """Between its clock at sending and ours at arrival."""
+    """Between its clock at sending and the clock of this host at arrival."""
     clock: ClockFilter = field(default_factory=ClockFilter)
 
 
 class LinkWatch:
-    """Judges the links of one router.
-
-    Parameters
-    ----------
-    host, router
-        Host this router serves, and its identity.
-    now_s
-        Monotonic clock, as in all methods.
-    """
+    """Judges the links of one router; `now_s` is the monotonic clock in all methods."""
 
     def __init__(self, host: str, router: str, now_s: float) -> None:
         self._host = host
@@ -90,10 +82,10 @@ class LinkWatch:
         self._redials: dict[str, int] = {}
         self._late: dict[str, int] = {}
         self.due_s = math.inf
-        """When the next link that `broken` left open counts as silent, unless it is heard of before."""
+        """When the next link that `broken` left open counts as silent, unless a beat arrives before."""
 
-    def hear(self, host: str, beat: Beat, arrived_s: float) -> None:
-        """Take a beat of another host into account; arrivals of a host do not decrease."""
+    def add_beat(self, host: str, beat: Beat, arrived_s: float) -> None:
+        """Add a beat of another host; arrivals from a host do not decrease."""
         known = self._neighbours.get(host)
         if known is None or known.beat.router != beat.router:
             known = self._neighbours[host] = _Neighbour(beat, arrived_s, -math.inf)
@@ -108,7 +100,7 @@ class LinkWatch:
             known.clock.add(echo.sent_s, beat.sent_s - echo.held_s, beat.sent_s, arrived_s)
 
     def beat(self, now_s: float, time_of_day_s: float) -> Beat:
-        """The beat to be sent now; the same moment on both clocks."""
+        """Return the beat to send now."""
         echoes = {
             host: Echo(
                 router=known.beat.router,
@@ -120,17 +112,10 @@ class LinkWatch:
         return Beat(router=self._router, sent_s=now_s, time_of_day_s=time_of_day_s, echoes=echoes)
 
     def broken(self, links: Collection[RouterLink], now_s: float) -> list[RouterLink]:
-        """Links to be closed, so that they are dialled again.
+        """Return the links of `links`, all that are open now, to be closed and dialled again.
 
-        The links to a router are closed together: Zenoh tells a router anew what it has to know when the last
-        one ends, and what was on its way through a single one that ended is lost. They are given the time in
-        which a direction counts as dead to carry their first beats, then twice that if they were closed in
-        vain before, and so on.
-
-        Parameters
-        ----------
-        links
-            All links to routers that are open now.
+        All links to a router are closed together: Zenoh sends a router what it needs to know only after its last
+        link ended. New links have `SILENCE_S` for their first beats, twice that after each attempt in vain.
         """
         asleep = now_s - self._judged_s > STALL_S
         self._judged_s = now_s
@@ -160,14 +145,14 @@ class LinkWatch:
         return broken
 
     def _halved(self, links: Collection[RouterLink]) -> set[str]:
-        """Routers of whose links one ended by itself while another one stayed."""
+        """Routers of which one link ended by itself while another one stayed."""
         before = self._opened_s.keys() - self._closed
         return {link.router for link in before.difference(links)} & {
             link.router for link in before.intersection(links)
         }
 
     def _silent_at_s(self, router: str, opened_s: float) -> float:
-        """When links that have been open since a moment carry nothing in one direction for too long."""
+        """When links that have been open since a moment count as silent."""
         host = self._host_of(router)
         alive_s = -math.inf if host is None else self._both_ways_s(host)
         if alive_s >= opened_s:
@@ -176,7 +161,7 @@ class LinkWatch:
         return max(alive_s, opened_s) + min(LONGEST_PATIENCE_S, SILENCE_S * 2.0**doublings)
 
     def states(self, hosts: Collection[str], now_s: float, time_of_day_s: float) -> dict[str, LinkState]:
-        """State of the links to these hosts; the same moment on both clocks."""
+        """Return the state of the links to these hosts."""
         return {host: self._state(host, now_s, time_of_day_s) for host in hosts}
 
     def _state(self, host: str, now_s: float, time_of_day_s: float) -> LinkState:

@@ -1,4 +1,4 @@
-"""Keeps the links of a router to those of other hosts alive: sends beats, listens, closes what is silent."""
+"""Keeps the links of a router to those of other hosts alive: sends beats, and closes silent links."""
 
 import sys
 import threading
@@ -18,26 +18,14 @@ from rcopterx.bus.subscription import Subscription
 
 BEAT_S: Final = 0.08
 DIAL_CHECK_S: Final = 0.02
-"""Between two looks at attempts to dial, while a host is missing."""
+"""Pause between checks of dialling attempts while a host is missing."""
 SHORTEST_PAUSE_S: Final = 0.005
 STATUS_S: Final = 0.5
 BEATS_KEPT: Final = 32
 
 
 class LinkService:
-    """Watches the links of a router in a thread of its own.
-
-    Parameters
-    ----------
-    session
-        The router.
-    fleet, host
-        Fleet and host it serves.
-    others
-        The other hosts of the fleet file.
-    clock, time_of_day
-        Monotonic clock, and time since 1970 [s].
-    """
+    """Watches the links of a router in a thread of its own."""
 
     def __init__(
         self,
@@ -55,7 +43,7 @@ class LinkService:
         self._watch = LinkWatch(host, str(session.zid()), clock())
         self._dials = Dials()
         self._links: set[RouterLink] = set()
-        self._told_s = clock()
+        self._published_s = clock()
         self._inboxes = {
             other: Subscription(
                 session,
@@ -93,10 +81,10 @@ class LinkService:
             pause_s = min(pause_s, max(SHORTEST_PAUSE_S, self._watch.due_s - self._clock()))
 
     def _turn(self) -> bool:
-        """Listen, judge, act, tell; returns whether every other host is linked completely."""
+        """Receive, judge, act, publish; whether every other host is linked completely."""
         for other, inbox in self._inboxes.items():
             for received in inbox.drain():
-                self._watch.hear(other, received.message, received.arrived_s)
+                self._watch.add_beat(other, received.message, received.arrived_s)
         now_s = self._clock()
         links = open_links(self._session)
         for link in links - self._links:
@@ -111,15 +99,15 @@ class LinkService:
             self._dials.abandon_lost(now_s)
         now_s, time_of_day_s = self._clock(), self._time_of_day()
         self._beats.put(encode(self._watch.beat(now_s, time_of_day_s)))
-        if now_s - self._told_s >= STATUS_S:
-            self._told_s = now_s
-            links_told = self._watch.states(self._others, now_s, time_of_day_s)
-            self._status.put(encode(RouterStatus(links=links_told)))
+        if now_s - self._published_s >= STATUS_S:
+            self._published_s = now_s
+            states = self._watch.states(self._others, now_s, time_of_day_s)
+            self._status.put(encode(RouterStatus(links=states)))
         return complete
 
 
 def open_links(session: zenoh.Session) -> set[RouterLink]:
-    """Links of a router to other routers that are open now."""
+    """Return the open links of a router to other routers."""
     routers = {str(router) for router in session.info.routers_zid()}
     return {
         RouterLink(str(link.zid), _address(str(link.src)), _address(str(link.dst)))

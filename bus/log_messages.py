@@ -1,7 +1,4 @@
-"""Messages that exist for flight logs: what was asked and answered, what the launcher saw, and the recorder.
-
-Messages about how to fly are in `rcopterx.bus.messages`.
-"""
+"""Messages for flight logs: answered requests, events of launchers, steps of agents, state of the recorder."""
 
 import math
 import struct
@@ -18,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_REQUEST_BYTES: Final = 131072
-"""Of the largest request, a trajectory."""
+"""The largest request is a trajectory."""
 MAX_REPLY_BYTES: Final = 32768
 _COUNTS: Final = struct.Struct("<16i")
 _EXACT: Final = struct.Struct("<16d")
@@ -26,7 +23,7 @@ _MOST: Final = 2.0**31 - 1.0
 
 
 class AnsweredRequest(Message, frozen=True, kw_only=True):
-    """A request and what was answered, told by whoever answered it."""
+    """A request with its answer, published by the process that answered."""
 
     MAX_BYTES: ClassVar[int] = MAX_REQUEST_BYTES + MAX_REPLY_BYTES
 
@@ -40,7 +37,7 @@ class AnsweredRequest(Message, frozen=True, kw_only=True):
 
 
 class LauncherEvent(Message, frozen=True, kw_only=True):
-    """Something that happened to the processes of a host, for people."""
+    """An event of the processes of a host, as text."""
 
     text: Text
 
@@ -52,22 +49,21 @@ class RecorderStatus(Message, frozen=True, kw_only=True):
     reason: Text = ""
     """Why it stopped."""
     file: Text = ""
-    """File that is being written."""
+    """File under construction."""
     messages: Count = 0
     written_bytes: Count = 0
     """Of this recorder process, after compression."""
     lost: Count = 0
-    """Messages that were sent and did not arrive, by the counters of their senders, and messages dropped
-    because the disk was too slow."""
+    """Messages that did not arrive, by the counters of their senders, and messages dropped for a slow disk."""
 
 
 class RoundedEstimate(Struct, frozen=True):
-    """Motion (8), actuators (4) and disturbance (4) as estimated at a frame, to find causes by."""
+    """Motion (8), actuators (4) and disturbance (4) as estimated at a frame."""
 
     checksum: Count
-    """CRC-32 of the 64-bit little-endian floats: tells whether a replay differs."""
+    """CRC-32 of the 64-bit little-endian floats: shows whether a replay differs."""
     data: Annotated[bytes, Meta(min_length=64, max_length=64)]
-    """Where and how much: 32-bit little-endian integers in units of 2^-16, the lowest bytes of all first."""
+    """32-bit little-endian integers in units of 2^-16, the lowest bytes of all first."""
 
     UNIT: ClassVar[float] = 2.0**-16
 
@@ -75,16 +71,16 @@ class RoundedEstimate(Struct, frozen=True):
     def of(cls, values: Sequence[float]) -> "RoundedEstimate":
         """Round and pack 16 values."""
         # Plain numbers: arrays of sixteen take longer than the arithmetic on them.
-        told, unit, largest = values, cls.UNIT, _MOST * cls.UNIT
+        bounded, unit, largest = values, cls.UNIT, _MOST * cls.UNIT
         # What is not a number spreads to the sum, whereas least and largest pass over it.
         if min(values) < -largest or max(values) > largest or not math.isfinite(sum(values)):
-            told = [max(-largest, min(value, largest)) for value in values]
-        octets = _COUNTS.pack(*[round(value / unit) for value in told])
+            bounded = [max(-largest, min(value, largest)) for value in values]
+        octets = _COUNTS.pack(*[round(value / unit) for value in bounded])
         planes = b"".join([octets[place::4] for place in range(4)])
         return cls(zlib.crc32(_EXACT.pack(*values)), planes)
 
     def to_numpy(self) -> "NDArray[np.float64]":
-        """The rounded values, shape (16,)."""
+        """Return the rounded values, shape (16,)."""
         import numpy as np
 
         planes = np.frombuffer(self.data, dtype=np.uint8).reshape(4, -1)
@@ -93,10 +89,10 @@ class RoundedEstimate(Struct, frozen=True):
 
 
 class AgentSteps(Message, frozen=True, kw_only=True):
-    """What an agent took in, step by step: with the messages themselves, all that a replay needs.
+    """Inputs of an agent, step by step: with the messages themselves, all that a replay needs.
 
-    A step begins with whatever has arrived, at one time; nothing else enters into what the agent does in it,
-    but that calls may be given up for time.
+    A step begins with the inputs that have arrived, at one time. Nothing else influences what the agent does
+    in it, except for calls that were given up for time.
     """
 
     MAX_BYTES: ClassVar[int] = 131072
@@ -104,26 +100,26 @@ class AgentSteps(Message, frozen=True, kw_only=True):
     life: Count
     """Identifies the process."""
     began_s: float
-    """Monotonic clock of the host when the agent was made."""
+    """Monotonic clock of the host at the start of the agent."""
     number: Count
     """Counts up from 0 in one life."""
     times_s: tuple[float, ...]
     """Beginning of each step [monotonic s]."""
     counts: tuple[Count, ...]
-    """How many inputs each step took in."""
+    """Number of inputs of each step."""
     keys: tuple[Text, ...]
-    """Of each input: unit and topic (`h1/plan`), a request (`request/land`), or a word of its own."""
+    """Of each input: unit and topic (`h1/plan`), a request (`request/land`), or an event of the process."""
     subscriptions: tuple[Count, ...]
-    """Of each input: which subscription of the agent received it, in the order in which they were made."""
+    """Of each input: number of the subscription that received it, in the order in which the agent made them."""
     checksums: tuple[Count, ...]
     """Of each input: CRC-32 of its bytes, by which it is found in the flight log."""
     arrivals_s: tuple[float, ...]
-    """Of each input: when it arrived [monotonic s]."""
+    """Of each input: time of its arrival [monotonic s]."""
     overtime: tuple[tuple[Count, Count, Count], ...] = ()
-    """What was given up because it took too long: the step, the call of a controller or an estimator in it,
-    and the question of the solver in that call from which on its time was over; 0 for the whole call."""
+    """Calls given up for time: the step, the call of a controller or an estimator in it, and the solver call
+    in that from which on its time was over; 0 for the whole call."""
     replies: tuple[Annotated[bytes, Meta(max_length=MAX_REPLY_BYTES * 3)], ...] = ()
-    """Replies to what the agent itself asked for when it was made."""
+    """Replies to the requests of the agent during its start."""
     estimate: RoundedEstimate | None = None
     """Of the control period that ends these steps, if there is one."""
 

@@ -1,4 +1,4 @@
-"""What all messages are made of: their base, arrays, and numbers with their limits."""
+"""Base class, arrays and limited numbers of messages."""
 
 import math
 import struct
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = 2
 MAX_POSITION_M = 100.0
 MAX_MAGNITUDE = 1e6
-"""Of any number of a trajectory, and of headings, which count turns; more would overflow in a controller."""
+"""Limit of trajectories, and of headings, which count turns; more would overflow in a controller."""
 MAX_SETTINGS = 40
 
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
@@ -34,11 +34,11 @@ Place = tuple[Coordinate, Coordinate, Coordinate]
 
 
 class InvalidMessageError(ValueError):
-    """A message of valid types that makes no sense; says which field and what is allowed."""
+    """A message of valid types with forbidden contents; names the field and what is allowed."""
 
 
 class FloatArray(Struct, frozen=True):
-    """A matrix of 64-bit floats as it travels: its shape and its little-endian bytes, row by row.
+    """A matrix of 64-bit little-endian floats, row by row.
 
     numpy is imported on first use: routers and `kill` start without it.
     """
@@ -59,11 +59,11 @@ class FloatArray(Struct, frozen=True):
         return np.frombuffer(self.data, dtype="<f8").reshape(self.shape)
 
     def rows(self) -> list[tuple[float, ...]]:
-        """Rows as floats, for those who have only a few to look at."""
+        """Return the rows as tuples of floats, without numpy."""
         return list(struct.iter_unpack(f"<{self.shape[1]}d", self.data))
 
     def check(self, field: str, columns: int, max_rows: int, min_rows: int = 0) -> None:
-        """Refuse wrong shapes before any array is built, then values that are not finite or absurd.
+        """Reject wrong shapes, and values that are not finite or too large.
 
         Raises
         ------
@@ -87,14 +87,14 @@ class FloatArray(Struct, frozen=True):
 
 
 class Message(Struct, frozen=True, kw_only=True):
-    """What all messages share."""
+    """Base class of all messages."""
 
     MAX_BYTES: ClassVar[int] = 32768
 
     schema_version: Annotated[int, Meta(ge=1)] = SCHEMA_VERSION
 
     def check(self) -> None:
-        """Refuse contents that the types allow but the meaning forbids.
+        """Reject contents that the types allow but the meaning forbids.
 
         Raises
         ------

@@ -1,9 +1,7 @@
-"""The messages on the bus: typed, in SI units, valid on arrival or not at all.
+"""The messages on the bus: typed, in SI units, validated on arrival.
 
-Every message carries `schema_version`. Fields are only ever appended, with defaults, so that old and new
-programs understand each other. Numbers are finite, names are key-safe, arrays state their shape; `check`
-holds what types cannot say. The table of channels is `rcopterx.bus.channels`, the coding
-`rcopterx.bus.codec`.
+Every message carries `schema_version`. Fields are only ever appended, with defaults, so that programs of
+different versions understand each other. `check` holds what types cannot express.
 """
 
 from typing import TYPE_CHECKING, Annotated
@@ -59,7 +57,7 @@ class Pose(Message, frozen=True, kw_only=True):
     period_s: Annotated[float, Meta(ge=1 / MAX_RATE_HZ, le=1)]
     """Time between frames."""
     latency_s: Seconds
-    """From capture to arrival at the gateway, as far as the Tracker and the network tell."""
+    """From capture to arrival at the gateway, as far as the Tracker and the network report it."""
     received_s: float
     """Monotonic clock of the gateway's host at arrival; meaningless on other hosts."""
     occluded: bool
@@ -67,9 +65,9 @@ class Pose(Message, frozen=True, kw_only=True):
     position_m: Three | None = None
     quaternion_xyzw: Four | None = None
     quality: Annotated[float, Meta(ge=0, le=1)] | None = None
-    """0 (bad) to 1 (good); absent where the Tracker does not tell."""
+    """0 (bad) to 1 (good); absent where the Tracker does not report it."""
     host: Name | None = None
-    """Of the gateway: whose monotonic clock `received_s` is."""
+    """Host of the gateway, whose monotonic clock `received_s` is."""
 
     def check(self) -> None:
         """See `Message.check`."""
@@ -89,14 +87,14 @@ class Pose(Message, frozen=True, kw_only=True):
 
 
 class SetPoint(Struct, frozen=True, kw_only=True):
-    """Where a vehicle shall be, inertial frame."""
+    """Target position and heading, inertial frame."""
 
     position_m: Place
     yaw_rad: Heading
 
 
 class LeaderLink(Struct, frozen=True, kw_only=True):
-    """Whom a vehicle follows and where it keeps itself."""
+    """A leader and the offset to it."""
 
     leader: Name
     offset_m: Place = (0.0, 0.0, 0.0)
@@ -108,18 +106,18 @@ class LeaderLink(Struct, frozen=True, kw_only=True):
 
 
 class Plan(Message, frozen=True, kw_only=True):
-    """Predicted trajectory of a vehicle; following it means subscribing to it."""
+    """Predicted trajectory of a vehicle; its followers subscribe to it."""
 
     epoch: Count
     frame: Count
     """Epoch and frame of the pose it was computed from."""
     source: Name
     ancestors: Annotated[tuple[Name, ...], Meta(max_length=64)]
-    """Leaders of the source, nearest first: a vehicle in this list must not be followed by its followers."""
+    """Leaders of the source, nearest first; none of them may follow the source."""
     period_s: Annotated[float, Meta(gt=0, le=1)]
     """Time between stages."""
     start_s: float
-    """Time of the first stage after the capture of `frame`: the delay the source compensated."""
+    """Time of the first stage after the capture of `frame`: the delay that the source compensated."""
     airborne: bool = True
     """False while the source stands on the floor: followers then keep their own place."""
     trajectory: TrajectoryArray
@@ -144,13 +142,13 @@ class Plan(Message, frozen=True, kw_only=True):
 
 
 class Command(Message, frozen=True, kw_only=True):
-    """Stick command of a vehicle, with the inputs to play if the next command is late."""
+    """Stick command of a vehicle, with the inputs to use if the next command is late."""
 
     epoch: Count
     frame: Count
     """Epoch and frame of the pose it was computed from."""
     lease: Count
-    """Control lease of the agent; commands of an earlier one than that which commands are refused."""
+    """Control lease of the agent; commands of an earlier lease than the present one are rejected."""
     sequence: Count
     """Strictly increasing within a lease."""
     input: Four
@@ -167,23 +165,23 @@ class Command(Message, frozen=True, kw_only=True):
 
 
 class LeaseBid(Message, frozen=True, kw_only=True):
-    """An agent asks the transmitter gateway for the lease that its commands need, until it has one."""
+    """Request of an agent to the transmitter gateway for a control lease, repeated until it has one."""
 
     agent: Count
     """Identifies the process."""
     host: Name | None = None
-    """Where it runs."""
+    """Host of the agent."""
     take_over: bool = False
-    """It is ready to take over from the agent that commands, as an operator wants it to."""
+    """It is ready to replace the agent that commands, on request of an operator."""
 
 
 class Lease(Message, frozen=True, kw_only=True):
     """Answer to a bid, and news that another agent commands."""
 
     agent: Count
-    """Whom it is about."""
+    """Agent that it is about."""
     number: Count
-    """Its lease; 0 if it is given none while another agent commands."""
+    """Its lease; 0 while another agent commands."""
     commanding: Count
     """Lease whose commands count."""
     issued: Count
@@ -191,18 +189,18 @@ class Lease(Message, frozen=True, kw_only=True):
 
 
 class ControlTask(Message, frozen=True, kw_only=True):
-    """What a program outside the agent needs to fly the vehicle, once every control period."""
+    """Input of a program outside the agent that flies the vehicle, once every control period."""
 
     epoch: Count
     frame: Count
     """Epoch and frame of the newest pose behind it."""
     client: Name
-    """Who is to answer."""
+    """Program that has to answer."""
     number: Count
-    """Counts up; the answer names it."""
+    """Counts up; the answer repeats it."""
     period_s: Annotated[float, Meta(gt=0, le=1)]
     motion: Eight
-    """State when the answer begins to act: x, y, z [m], yaw [rad], body velocities, yaw rate [rad/s]."""
+    """State when the answer takes effect: x, y, z [m], yaw [rad], body velocities, yaw rate [rad/s]."""
     actuator: Four
     """Inputs after their lag."""
     disturbance: Four
@@ -210,7 +208,7 @@ class ControlTask(Message, frozen=True, kw_only=True):
     reference: FloatArray
     """From that moment on, shape (N, 12): x, y, z, yaw, their rates and accelerations, inertial frame."""
     last_input: Four
-    """Input that acts until then."""
+    """Input in effect until then."""
     hover_input: Four
     """Input at rest."""
     input_gain: Four
@@ -228,7 +226,7 @@ class ExternalInput(Message, frozen=True, kw_only=True):
 
     source: Name
     number: Count
-    """Of the task that is answered."""
+    """Number of the task."""
     inputs: FloatArray
     """`period_s` apart, shape (k, 4): pitch, roll, thrust, yaw. Later rows are flown if answers are late."""
 
@@ -238,12 +236,12 @@ class ExternalInput(Message, frozen=True, kw_only=True):
 
 
 class Diagnostics(Struct, frozen=True, kw_only=True):
-    """How well an agent works, for people and recorders; nothing is decided by it."""
+    """Condition of an agent, for people and recorders; no decision depends on it."""
 
     controller: Name
     estimator: Name
     controller_settings: Settings = {}
-    """Settings that the fleet file or a request has given; all others have their defaults."""
+    """Settings that the fleet file or a request changed; all others have their defaults."""
     estimator_settings: Settings = {}
     horizon: Count
     effort_factor: Annotated[float, Meta(ge=1)] = 1.0
@@ -255,7 +253,7 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Age of the leader's plan at the last step."""
     ticks: Count = 0
     missed_ticks: Count = 0
-    """Control periods in which no command was sent although the vehicle was to be controlled."""
+    """Control periods without a command although the vehicle was to be controlled."""
     solve_ms_p50: Seconds = 0.0
     solve_ms_p99: Seconds = 0.0
     solve_ms_max: Seconds = 0.0
@@ -263,40 +261,40 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Steps that were not the optimum and other departures from the plan, by kind."""
     estimator_events: dict[str, Count] = {}
     rejected: dict[str, Count] = {}
-    """Refused messages by topic and reason."""
+    """Rejected messages by topic and reason."""
     avoiding_ticks: Count = 0
-    """Control periods in which the plan was held off that of another vehicle."""
+    """Control periods in which the plan avoided that of another vehicle."""
     closest_plan_m: Annotated[float, Meta(ge=0)] | None = None
-    """Smallest distance predicted to a vehicle whose plan was heard."""
+    """Smallest predicted distance to a vehicle whose plan is known."""
     hover_thrust: Share | None = None
     """Share of the largest thrust at which the vehicle hovers: it grows as the battery empties; in flight."""
     wind_m_s2: tuple[float, float] | None = None
-    """Horizontal acceleration by wind and all else that is not in the model, inertial frame; in flight."""
+    """Horizontal acceleration by wind and everything else outside the model, inertial frame; in flight."""
     position_deviation_m: tuple[Deviation, Deviation, Deviation] | None = None
-    """Standard deviations of the estimated position, inertial frame, if the estimator tells; in flight."""
+    """Standard deviations of the estimated position, inertial frame, if the estimator knows them; in flight."""
     realtime: bool = False
     """The process runs in a real-time scheduling class."""
     process: Count = 0
     """Process id."""
     host: Name | None = None
-    """Where the agent runs."""
+    """Host of the agent."""
     remarks: Annotated[tuple[Text, ...], Meta(max_length=MAX_REMARKS)] = ()
-    """What people should know of the vehicle: what failed, and what takes its place."""
+    """Notes for people: what failed, and what replaces it."""
     processor_share: Seconds = 0.0
-    """Share of one processor that the agent has used since the status before."""
+    """Share of one processor that the agent has used since the previous status."""
 
 
 class AgentStatus(Message, frozen=True, kw_only=True):
-    """What a vehicle does: what others coordinate by, and apart from it what people read."""
+    """State of a vehicle: the part that others coordinate by, and diagnostics for people."""
 
     phase: Name
     epoch: Count
     frame: Count
     set_point: SetPoint
     following: tuple[LeaderLink, ...] = ()
-    """Leaders now, with the offsets of this moment; empty for a vehicle that follows nobody."""
+    """Leaders now, with the offsets of this moment; empty without leaders."""
     assigned: tuple[LeaderLink, ...] = ()
-    """Leaders by fleet file or request, with the offsets to be reached."""
+    """Leaders by fleet file or request, with their final offsets."""
     following_mode: Name = "follow"
     """`follow`, and while the assigned leaders are lost `use_last_plan`, `hold`, `lead`, `follow_successor`
     or `land`."""
@@ -306,23 +304,23 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     error_m: Annotated[float, Meta(ge=0)] | None = None
     """Distance from the reference when the newest command takes effect; absent on the floor."""
     path_left_s: Seconds = 0.0
-    """Time until the trajectory ends that the vehicle flies; 0 without one."""
+    """Remaining time of the trajectory that the vehicle flies; 0 without one."""
     excitation_left_s: Seconds = 0.0
-    """Time until the excitation for an identification ends; 0 without one."""
+    """Remaining time of the excitation for an identification; 0 without one."""
     excitation: Text = ""
     """`under way`, `done`, or why the last excitation ended early; empty before the first."""
     diagnostics: Diagnostics
 
 
 class TransmitterStatus(Message, frozen=True, kw_only=True):
-    """State of one transmitter and of the arbiter in front of it."""
+    """State of one transmitter and of its arbiter."""
 
     state: ArbiterState
     reason: Text
     link: Name
     """State of the serial port."""
     module: Text
-    """What the radio module says of itself."""
+    """State of the radio module as it reports it."""
     ready: bool
     lease: Count = 0
     """Control lease whose commands count; 0 before the first command."""
@@ -352,7 +350,7 @@ class Applied(Message, frozen=True, kw_only=True):
     written_s: float = 0.0
     """Monotonic clocks of the gateway's host."""
     host: Name | None = None
-    """Of the gateway."""
+    """Host of the gateway."""
     timing: CommandTiming | None = None
     """Of the command, where it is fresh."""
     lease: Count = 0
@@ -378,7 +376,7 @@ class TrackerStatus(Message, frozen=True, kw_only=True):
 
     state: Name
     trying: Text
-    """What the gateway is doing to get a stream, in words."""
+    """What the gateway does to get a stream, as text."""
     address: Text
     epoch: Count = 0
     frame: Count = 0
@@ -408,41 +406,41 @@ class LaboratoryVehicle(Struct, frozen=True, kw_only=True):
 
 
 class LaboratoryState(Message, frozen=True, kw_only=True):
-    """Truth of the simulated laboratory, for measurement only; no controller reads it."""
+    """True state of the simulated laboratory, for measurement only; no controller reads it."""
 
     frame: Count
     sent_s: float
     """Monotonic clock when the Tracker emulator sent this frame."""
     vehicles: dict[Name, LaboratoryVehicle]
     faults: tuple[Text, ...] = ()
-    """Faults that were asked for and last now."""
+    """Requested faults that last now."""
     refused_faults: tuple[Text, ...] = ()
     """Faults of a scenario that could not begin when their time came: the newest reasons."""
 
 
 class LauncherStatus(Message, frozen=True, kw_only=True):
-    """What the launcher of a host keeps running."""
+    """Processes of the launcher of a host."""
 
     running: tuple[Name, ...]
-    """Vehicles whose agents are to run here; they are started again when they die."""
+    """Vehicles whose agents are to run here; they are restarted when they die."""
     absent: tuple[Name, ...]
     """Vehicles whose agents run here by the fleet file, and do not at present."""
     restarts: dict[Text, Count] = field(default_factory=dict)
-    """How often each process was started again."""
+    """Restarts of each process."""
     spare_ready: bool = False
     """A warm process waits to replace an agent."""
     watchdog: bool = False
-    """Processes that make no progress are ended and started again."""
+    """Processes without progress are ended and restarted."""
     hung: dict[Text, Count] = field(default_factory=dict)
-    """How often each process was ended because it made no progress; also counted among its restarts."""
+    """How often each process was ended for lack of progress; also counted among its restarts."""
     longest_silence_s: dict[Text, Seconds] = field(default_factory=dict)
     """Longest time without progress of each process that runs."""
     forgiven: dict[Text, Count] = field(default_factory=dict)
     """How often a process was silent for longer than its limit and did not hang, by reason."""
     flies: Count | None = None
-    """About how many vehicles like its own this computer flies without missed control periods."""
+    """Estimated number of vehicles like its own that this computer flies without missed periods."""
     measuring: bool = False
-    """That is being found out, and may be less than what runs here: a take-off had better wait."""
+    """That estimate is still being measured and may be too low: take-offs should wait."""
 
     @property
     def crowding(self) -> float:
@@ -456,4 +454,4 @@ class Kill(Message, frozen=True, kw_only=True):
     source: Name
     reason: Text
     vehicles: tuple[Name, ...] = ()
-    """Empty means every vehicle."""
+    """Empty for every vehicle."""

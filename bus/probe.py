@@ -1,4 +1,4 @@
-"""Shows that a router routes: messages that its process sends through it to itself come back."""
+"""Checks that a router routes: messages that its process sends through it to itself come back."""
 
 import select
 from typing import Final
@@ -11,22 +11,14 @@ from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.keys import probe_key
 
 CONTENT: Final = b"probe"
-"""Messages without content are those of `rcopterx doctor`."""
+"""`rcopterx doctor` sends messages without content on the same key."""
 PERIOD_S: Final = LONGEST_WAIT_S
 OPENING_LIMIT_S: Final = 10.0
-"""How long the router may take to accept its own process."""
+"""Longest wait until the router accepts its own process."""
 
 
 class Probe:
-    """Sends messages through a router.
-
-    Parameters
-    ----------
-    sender, receiver
-        Sessions that are linked to the router; nothing is routed back to the one that sent it.
-    key
-        Key of the messages; nobody else listens to it.
-    """
+    """Sends messages through a router from one session to another; nothing is routed back to its sender."""
 
     def __init__(self, sender: zenoh.Session, receiver: zenoh.Session, key: str) -> None:
         self._received = 0
@@ -44,7 +36,7 @@ class Probe:
         self._publisher.put(CONTENT)
 
     def came_back(self) -> bool:
-        """Whether a message has arrived since the last call."""
+        """Return whether a message has arrived since the last call."""
         seen, self._seen = self._seen, self._received
         return self._seen != seen
 
@@ -57,19 +49,7 @@ def probe_until(
     host: str,
     credentials: Credentials | None = None,
 ) -> None:
-    """Let the heartbeat of this process go on as long as its router routes.
-
-    Parameters
-    ----------
-    ended
-        Descriptor that becomes readable when this is to end.
-    endpoint, namespace
-        Where the router listens.
-    fleet, host
-        For the key of the messages.
-    credentials
-        For an endpoint that asks for a certificate.
-    """
+    """Beat as long as the router of this process routes, until the descriptor `ended` becomes readable."""
     config = client_config([endpoint], namespace, OPENING_LIMIT_S, credentials)
     sender, receiver = (open_session(config) for _ in range(2))
     with sender, receiver:

@@ -1,7 +1,4 @@
-"""What a process asks of the operating system before it joins the bus.
-
-The scheduling class has to be set before `zenoh.open`, whose threads inherit it.
-"""
+"""Scheduling of a process; to be set before its first Zenoh session, whose threads inherit it."""
 
 import gc
 import os
@@ -11,11 +8,11 @@ from typing import Final
 
 SPIN_LIMIT_S: Final = 5.0
 """Processor time of a real-time thread without any sleep after which the kernel ends its process (SIGXCPU,
-then SIGKILL): the last resort where no launcher looks, or where it gets no processor."""
+then SIGKILL): the last resort where no launcher runs."""
 SWITCH_INTERVAL_S = 0.0005
 ONE_THREAD: Final = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Environment in which numerical libraries use one thread: with small matrices more would only wait.
-To be set before they are imported."""
+"""Environment, set before the import of numerical libraries, in which they use one thread: for small matrices
+more would only wait."""
 
 
 def request_realtime(priority: int, *, children: bool = True) -> bool:
@@ -24,15 +21,14 @@ def request_realtime(priority: int, *, children: bool = True) -> bool:
     Parameters
     ----------
     priority
-        SCHED_FIFO priority 1..99; 0 leaves everything as it is.
+        SCHED_FIFO priority 1..99; 0 changes nothing.
     children
-        Whether threads and processes that this one starts inherit that.
+        Whether threads and processes that this one starts inherit it.
 
     Returns
     -------
     bool
-        True if the process runs in the real-time class now. Without the right (CAP_SYS_NICE or an rtprio
-        limit) the answer is False and the status of the process says so.
+        False without the permission (CAP_SYS_NICE or an rtprio limit), or for priority 0.
     """
     if priority == 0 or not hasattr(os, "sched_setscheduler"):
         return False
@@ -46,13 +42,13 @@ def request_realtime(priority: int, *, children: bool = True) -> bool:
 
 
 def leave_realtime() -> None:
-    """Move this thread, and the ones it starts from now on, back among other programs."""
+    """Move this thread, and the ones it starts from now on, back to the normal class."""
     if hasattr(os, "sched_setscheduler"):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def _limit_spinning() -> None:
-    """Have the kernel end this process, and the ones it starts, if one of their real-time threads spins."""
+    """Let the kernel end this process, and the ones it starts, if one of their real-time threads spins."""
     limit_us = round(1e6 * SPIN_LIMIT_S)
     _, most_us = resource.getrlimit(resource.RLIMIT_RTTIME)
     hard_us = 2 * limit_us if most_us == resource.RLIM_INFINITY else min(2 * limit_us, most_us)

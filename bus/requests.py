@@ -1,7 +1,4 @@
-"""Requests: what can be asked of a running process, and the typed answers.
-
-One table, as for the channels: the verb, who serves it, the request and the reply type.
-"""
+"""Requests to running processes and their replies, in one table: verb, server, types of request and reply."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
@@ -24,7 +21,7 @@ from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, Applied, LeaderLink, 
 
 MAX_PATH_S: Final = 600.0
 REST_TOLERANCE: Final = 1e-6
-"""Rates and accelerations below it are rounding: whoever computes a trajectory seldom gets exact zeros."""
+"""Computed trajectories seldom end with exact zeros."""
 
 OPERATOR: Final = "operator"
 ANYBODY: Final = "anybody"
@@ -36,24 +33,24 @@ MAX_LINES: Final = 200
 """In one answer."""
 LogName = Annotated[str, Meta(max_length=80)]
 LogPositions = Annotated[dict[LogName, Count], Meta(max_length=256)]
-"""How many bytes of each log are known."""
+"""Number of bytes of each log that are known."""
 Amplitude = Annotated[float, Meta(ge=0, le=0.5)]
 FieldName = Annotated[str, Meta(max_length=40)]
 FaultField = bool | int | float | Text | tuple[float, ...] | None
 
 
 class Request(Message, frozen=True, kw_only=True):
-    """What all requests share."""
+    """Base class of all requests."""
 
     source: Name = "operator"
 
 
 class Reply(Message, frozen=True, kw_only=True):
-    """Answer to a request."""
+    """Base class of all replies."""
 
     accepted: bool
     reason: Text = ""
-    """Why it was refused, or what will happen."""
+    """Why the request was refused, or what will happen."""
 
 
 class Arm(Request, frozen=True, kw_only=True):
@@ -91,7 +88,7 @@ class GoTo(Request, frozen=True, kw_only=True):
 
 
 class Fly(Request, frozen=True, kw_only=True):
-    """Fly a trajectory, after a smooth way to its beginning; ends at rest where it ends."""
+    """Fly a trajectory, after a smooth way to its beginning; it ends at rest."""
 
     MAX_BYTES: ClassVar[int] = 131072
 
@@ -116,28 +113,28 @@ class Follow(Request, frozen=True, kw_only=True):
 
     following: Annotated[tuple[LeaderLink, ...], Meta(min_length=1, max_length=8)]
     transition_s: Annotated[float, Meta(ge=0, le=60)] | None = None
-    """Time over which the offset moves from the present place to the new one; absent: at a fair speed."""
+    """Time over which the offset moves to the new one; absent: at a moderate speed."""
 
 
 class Lead(Request, frozen=True, kw_only=True):
-    """Follow nobody: hold the place where the vehicle is."""
+    """Follow no leader: hold the present place."""
 
 
 class Tune(Request, frozen=True, kw_only=True):
-    """Fly with another controller, estimator or other settings; answered when they have taken over."""
+    """Change controller, estimator or their settings; answered when the change is in effect."""
 
     controller: Name | None = None
     controller_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
-    """Weights, limits, horizon and other settings; they are added to the present ones."""
+    """Weights, limits, horizon and other settings, added to the present ones."""
     estimator: Name | None = None
     estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
 
 
 class Excite(Request, frozen=True, kw_only=True):
-    """Add a multisine to the sticks of a flying vehicle that follows nobody, to identify it."""
+    """Add a multisine to the sticks of a flying vehicle without leaders, to identify it."""
 
     duration_s: Annotated[float, Meta(ge=0, le=300)]
-    """0 ends an excitation that is under way."""
+    """0 ends the present excitation."""
     amplitude: tuple[Amplitude, Amplitude, Amplitude, Amplitude] = (0.0, 0.0, 0.0, 0.0)
     """Root mean square on pitch, roll, thrust and yaw."""
     reach_m: Annotated[float, Meta(gt=0, le=5)] = 0.3
@@ -152,22 +149,22 @@ class TakeControl(Request, frozen=True, kw_only=True):
 
 
 class ReleaseControl(Request, frozen=True, kw_only=True):
-    """Give a vehicle that `source` flies back to its own controller."""
+    """Return a vehicle that `source` flies to its own controller."""
 
 
 class PrepareLeaders(Request, frozen=True, kw_only=True):
-    """Get ready for other leaders, or none, that several vehicles take at one frame."""
+    """Prepare other leaders, or none, that several vehicles adopt at one frame."""
 
     operation: Name
-    """Names the change; the same for all who take part."""
+    """Names the change; the same for all vehicles that take part."""
     following: Annotated[tuple[LeaderLink, ...], Meta(max_length=8)] = ()
-    """Leaders to come; empty for a vehicle that shall lead."""
+    """New leaders; empty for a vehicle that will lead."""
     set_point: SetPoint | None = None
-    """Where a vehicle that shall lead has its place; absent for one that shall follow."""
+    """Place of a vehicle that will lead; absent for one that will follow."""
 
 
 class CommitLeaders(Request, frozen=True, kw_only=True):
-    """Take the leaders that were prepared at a frame to come."""
+    """Adopt the prepared leaders at a future frame."""
 
     operation: Name
     epoch: Annotated[int, Meta(ge=0)]
@@ -176,56 +173,56 @@ class CommitLeaders(Request, frozen=True, kw_only=True):
 
 
 class WithdrawLeaders(Request, frozen=True, kw_only=True):
-    """Forget the leaders that were prepared, if they have not been taken yet."""
+    """Discard the prepared leaders, unless they have been adopted."""
 
     operation: Name
 
 
 class StartVehicle(Request, frozen=True, kw_only=True):
-    """Let a vehicle of the fleet file take part: start its agent on this host and keep it running."""
+    """Start the agent of a vehicle of the fleet file on this host and keep it running."""
 
     vehicle: Name
 
 
 class StopVehicle(Request, frozen=True, kw_only=True):
-    """Let a vehicle that stands on the floor leave: end its agent on this host."""
+    """End the agent of a vehicle on the floor."""
 
     vehicle: Name
 
 
 class TakeVehicle(Request, frozen=True, kw_only=True):
-    """Start a vehicle's agent on this host, and let it take over from the one elsewhere once it is warm."""
+    """Start a vehicle's agent on this host; it replaces the one elsewhere once it is warm."""
 
     vehicle: Name
 
 
 class StartHost(Request, frozen=True, kw_only=True):
-    """Start what the fleet file lets run on a host; its daemon is there already."""
+    """Start the processes of the fleet file on a host whose daemon runs."""
 
     without: Annotated[tuple[Name, ...], Meta(max_length=64)] = ()
     """Vehicles that do not take part at first."""
 
 
 class StopHost(Request, frozen=True, kw_only=True):
-    """End what runs on a host, but for its router and its daemon; refused while vehicles are in the air."""
+    """End the processes of a host, except router and daemon; refused while vehicles are in the air."""
 
 
 class LoggedLine(Struct, frozen=True):
     """A line of the log of a process."""
 
     time: Annotated[str, Meta(max_length=40)]
-    """UTC, as it was written; empty if that is on a line that was sent before."""
+    """UTC, as it was written; empty if it is on a line that was sent before."""
     process: LogName
     text: Annotated[str, Meta(max_length=MAX_LINE)]
 
 
 class ReadLogs(Request, frozen=True, kw_only=True):
-    """What have the processes of a host logged?"""
+    """Read the logs of the processes of a host."""
 
     names: Annotated[tuple[LogName, ...], Meta(max_length=64)] = ()
-    """Of processes or vehicles; none for all."""
+    """Processes or vehicles; none for all."""
     positions: LogPositions = field(default_factory=dict)
-    """Of the answer before; none to begin at the beginning."""
+    """Of the previous answer; none to begin at the beginning."""
 
 
 class ReadLogsReply(Reply, frozen=True, kw_only=True):
@@ -235,13 +232,13 @@ class ReadLogsReply(Reply, frozen=True, kw_only=True):
 
     lines: Annotated[tuple[LoggedLine, ...], Meta(max_length=MAX_LINES)] = ()
     positions: LogPositions = field(default_factory=dict)
-    """Where to go on, by file."""
+    """Where to continue, by file."""
     more: bool = False
     """There are further lines already."""
 
 
 class Recall(Request, frozen=True, kw_only=True):
-    """What did the agent of a vehicle mean to do? Agents that start ask the launcher of their host."""
+    """Return the last intent of a vehicle's agent; sent by an agent that starts."""
 
     vehicle: Name
 
@@ -251,13 +248,13 @@ class RecallReply(Reply, frozen=True, kw_only=True):
 
     intent: Intent | None = None
     age_s: Seconds = 0.0
-    """Time since it became known."""
+    """Time since it was received."""
     quick_deaths: Annotated[int, Meta(ge=0)] = 0
     """How often in a row the process has died shortly after its start."""
 
 
 class RecallTransmitter(Request, frozen=True, kw_only=True):
-    """What was last written to this vehicle's radio? Asked by a transmitter gateway that restarts."""
+    """Return what was last written to this vehicle's radio; sent by a transmitter gateway that restarts."""
 
 
 class RecallTransmitterReply(Reply, frozen=True, kw_only=True):
@@ -265,7 +262,7 @@ class RecallTransmitterReply(Reply, frozen=True, kw_only=True):
 
     applied: Applied | None = None
     age_s: Seconds = 0.0
-    """Time since the last frame it wrote became known."""
+    """Time since its last frame was received."""
     lease: Count = 0
     """Control lease whose commands counted."""
     issued: Count = 0
@@ -284,7 +281,7 @@ class InjectedFault(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Identify(Request, frozen=True, kw_only=True):
-    """Which fleet is up here? Asked before anything else, so that nobody steers another fleet than meant."""
+    """Return which fleet is up here; sent before anything else, so that commands reach the right fleet."""
 
 
 class IdentifyReply(Reply, frozen=True, kw_only=True):
@@ -293,14 +290,14 @@ class IdentifyReply(Reply, frozen=True, kw_only=True):
     fleet: Name
     host: Name
     digest: Text
-    """Digest of the fleet file; two programs with the same one mean the same fleet."""
+    """Digest of the fleet file; two programs with the same one use the same fleet file."""
     vehicles: Annotated[tuple[Name, ...], Meta(max_length=64)] = ()
     version: Text = ""
     """Of the software on this host."""
 
 
 class Inject(Request, frozen=True, kw_only=True):
-    """Let the simulated laboratory show faults: its Tracker or its radio modules, now or later."""
+    """Inject faults into the simulated laboratory, now or later: its Tracker or its radio modules."""
 
     faults: Annotated[tuple[InjectedFault, ...], Meta(min_length=1, max_length=MAX_FAULTS)]
     """All of them, or none if one is refused."""
@@ -308,7 +305,7 @@ class Inject(Request, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Verb:
-    """One row of the table: who serves the verb, who may ask, and the types that travel."""
+    """One row of the table: who serves the verb, who may send it, and the types that travel."""
 
     name: str
     server: str
@@ -316,9 +313,9 @@ class Verb:
     purpose: str
     reply: type[Reply] = Reply
     asker: str = OPERATOR
-    """Role that may ask; `ANYBODY` for whoever may connect."""
+    """Role that may send it; `ANYBODY` for every client."""
     unit: str = "vehicle"
-    """Who is asked, as in the table of channels: `vehicle`, `host`, or a fixed unit."""
+    """Receiver, as in the table of channels: `vehicle`, `host`, or a fixed unit."""
     recorded: bool = True
     """Whether flight logs have requests and answers."""
 
@@ -335,19 +332,19 @@ VERBS: Final = {
         Verb("go_to", "agent", GoTo, "new set point"),
         Verb("fly", "agent", Fly, "fly a trajectory"),
         Verb("follow", "agent", Follow, "follow another vehicle's plan"),
-        Verb("lead", "agent", Lead, "follow nobody"),
+        Verb("lead", "agent", Lead, "follow no leader"),
         Verb("tune", "agent", Tune, "change controller, estimator or their settings"),
         Verb("excite", "agent", Excite, "move the sticks a little, to identify the vehicle"),
         Verb("take_control", "agent", TakeControl, "fly the vehicle from outside the agent"),
-        Verb("release_control", "agent", ReleaseControl, "give the vehicle back to its own controller"),
+        Verb("release_control", "agent", ReleaseControl, "return the vehicle to its own controller"),
         Verb(
             "prepare_leaders",
             "agent",
             PrepareLeaders,
-            "get ready for a change of leaders of several vehicles",
+            "prepare a change of leaders of several vehicles",
         ),
-        Verb("commit_leaders", "agent", CommitLeaders, "take the prepared leaders at a frame"),
-        Verb("withdraw_leaders", "agent", WithdrawLeaders, "forget the prepared leaders"),
+        Verb("commit_leaders", "agent", CommitLeaders, "adopt the prepared leaders at a frame"),
+        Verb("withdraw_leaders", "agent", WithdrawLeaders, "discard the prepared leaders"),
         Verb("start_vehicle", "launcher", StartVehicle, "let a vehicle take part", unit="host"),
         Verb("stop_vehicle", "launcher", StopVehicle, "let a vehicle leave", unit="host"),
         Verb("take_vehicle", "launcher", TakeVehicle, "move the agent of a vehicle here", unit="host"),
@@ -381,14 +378,14 @@ VERBS: Final = {
             "transmitter_gateway",
         ),
         Verb("identify", "router", Identify, "which fleet is up", IdentifyReply, ANYBODY, "host"),
-        Verb("inject", "simulator", Inject, "let the simulated laboratory show faults", unit=SIMULATOR_UNIT),
+        Verb("inject", "simulator", Inject, "inject faults into the simulated laboratory", unit=SIMULATOR_UNIT),
     )
 }
 """Every verb by name. The key is `rcopterx/<fleet>/<vehicle>/request/<verb>`."""
 
 
 def verb_of(kind: type[Request]) -> Verb:
-    """Row of the table a type of requests belongs to.
+    """Return the row of a type of requests.
 
     Raises
     ------

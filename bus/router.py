@@ -1,4 +1,4 @@
-"""The router process of a host. No Python code runs per message, but for those it sends to itself."""
+"""The router process of a host. No Python code runs per message, except for its own probe."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.requests import IdentifyReply
 
 REFUSALS: Final = "off,zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=info"
-"""What of Zenoh's log tells of connections that were refused, or of certificates of nobody in the fleet."""
+"""Zenoh's log of refused connections and certificates."""
 
 
 def run_router(
@@ -30,24 +30,18 @@ def run_router(
     others: Sequence[str] = (),
     protection: Protection | None = None,
 ) -> None:
-    """Route until SIGTERM or SIGINT.
-
-    Its heartbeat goes on as long as messages go round: from a client in this process to the router and back.
+    """Route until SIGTERM or SIGINT; the heartbeat continues as long as messages pass through the router.
 
     Parameters
     ----------
-    listen, connect, namespace
-        See `rcopterx.bus.endpoints.router_config`.
+    listen, connect, namespace, protection
+        See `rcopterx.bus.endpoints.router_config`; with protection Zenoh logs refusals on standard output.
     realtime_priority
         SCHED_FIFO priority, 0 for none.
     identity
-        Answer to whoever asks which fleet this is; None leaves the question open, and the router without a
-        heartbeat.
+        Answer to the request `identify`; None for a router without identity and heartbeat.
     others
         Other hosts of the fleet, whose routers are linked to this one.
-    protection
-        None for a router that believes everybody. With it, whoever is refused for the certificate is told
-        of on standard output, by Zenoh.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A process's seat on the bus: publish, subscribe, ask, answer, be seen alive."""
+"""A process's connection to the bus: publish, subscribe, send and serve requests, liveliness."""
 
 import time
 import weakref
@@ -26,13 +26,13 @@ M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Reply)
 
 MOST_REQUESTS: Final = 256
-"""Requests that wait for the loop of a process; further ones are turned away."""
+"""Requests that wait for the loop of a process; further ones are rejected."""
 RETRY_S = 0.02
-"""Pause before asking again where nobody serves a request."""
+"""Pause before a request is sent again where no process serves it."""
 FIRST_ATTEMPT_S = 0.1
-"""For one endpoint; each round takes twice as long, for routers on a busy machine."""
+"""Time for one endpoint; it doubles in each round, for routers on a busy machine."""
 SILENT_SHARE = 0.8
-"""Share of the time-out after which an empty result means that the one who was asked kept silent."""
+"""Share of the time-out after which an empty result means that the server did not answer."""
 
 _PRIORITIES = {
     channels.REAL_TIME: zenoh.Priority.REAL_TIME,
@@ -43,23 +43,23 @@ _PRIORITIES = {
 
 
 class BusUnreachableError(ConnectionError):
-    """No router answered at the endpoints within the time-out; says where and for how long was tried."""
+    """No router answered at the endpoints within the time-out."""
 
 
 class RequestFailedError(RuntimeError):
-    """Nobody serves the request, or it was not answered in time or not understood."""
+    """A request was not served, not answered in time, or not understood."""
 
 
 class NobodyServesError(RequestFailedError):
-    """Nobody serves the request at all."""
+    """No process serves the request."""
 
 
 @dataclass(frozen=True)
 class BusAddress:
-    """Where the bus is: router endpoints, namespace (tests only) and the fleet's name in the keys.
+    """Router endpoints, name of the fleet in the keys, and namespace (tests only).
 
-    `host` is the name of this computer in the fleet file, empty where there is no fleet file; `credentials`
-    are for endpoints that ask for a certificate.
+    `host` is the name of this computer in the fleet file, empty without one; `credentials` are for endpoints
+    that require a certificate.
     """
 
     endpoints: tuple[str, ...]
@@ -91,16 +91,7 @@ class Incoming:
 class RawMessage(NamedTuple):
     """A message as it arrived, undecoded.
 
-    Attributes
-    ----------
-    unit, topic
-        From its key.
-    payload
-        Its bytes.
-    arrived_s
-        Monotonic clock of the listener.
-    number
-        Counter of its sender on this key, from 1 on; 0 where the sender does not count.
+    `number` is the count of its sender on this key, from 1 on; 0 where the sender does not count.
     """
 
     unit: str
@@ -111,7 +102,7 @@ class RawMessage(NamedTuple):
 
 
 def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
-    """Zenoh client of the router at the first endpoint that answers.
+    """Open a Zenoh client of the router at the first endpoint that answers.
 
     Zenoh spends its whole time-out on the first endpoint of a list, so they are tried in turn.
 
@@ -145,15 +136,12 @@ class Session:
 
     Parameters
     ----------
-    address
-        Endpoints, fleet and namespace.
     wake
-        Called on receive threads whenever a message or request arrived; other threads of the process may
-        call it, too.
+        Called on receive threads when a message or request arrived.
     clock
         Monotonic clock [s].
     timeout_s
-        How long to try to reach a router.
+        Limit for reaching a router.
 
     Raises
     ------
@@ -187,11 +175,11 @@ class Session:
         self.close()
 
     def close(self) -> None:
-        """Leave the bus; done at the end of the program where nobody did it before."""
+        """Leave the bus; done at the end of the program otherwise."""
         self._close()
 
     def connected(self) -> bool:
-        """Whether a router is linked at this moment."""
+        """Return whether a router is linked at this moment."""
         return bool(list(self._zenoh.info.routers_zid()))
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
@@ -211,7 +199,7 @@ class Session:
         return publisher
 
     def republish(self, unit: str, topic: str, payload: bytes) -> None:
-        """Send a message of a flight log again, as it was."""
+        """Send a message of a flight log again, unchanged."""
         key = channels.key(self.address.fleet, unit, topic)
         self._zenoh.put(key, payload, congestion_control=zenoh.CongestionControl.DROP)
 
@@ -231,18 +219,16 @@ class Session:
 
         Parameters
         ----------
-        channel, unit, depth
-            What to receive, and how many messages are kept until they are read.
-        waking
-            Whether its messages wake the loop.
-        wake
-            Called on receive threads after each message, instead of what wakes the loop.
+        depth
+            Messages kept until they are read.
+        waking, wake
+            Whether messages wake the loop; a function to call on the receive thread instead.
         fleet
-            Whose channel, by default that of the own fleet.
+            Another fleet than the own one.
         own
-            Whether what this session publishes comes back to it.
+            Whether messages of this session are received, too.
         deliver
-            Called on receive threads to put a payload into the inbox.
+            Called on the receive thread to put a payload into the inbox.
         """
         full_key = channels.key(fleet or self.address.fleet, unit, channel.topic)
         if wake is None:
@@ -259,17 +245,7 @@ class Session:
         return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth, deliver)
 
     def tap(self, store: Callable[[RawMessage], None], topic: str = "*", fleet: str | None = None) -> None:
-        """Hear every message of the fleet, or of one topic, undecoded; for recorders.
-
-        Parameters
-        ----------
-        store
-            Called on the receive thread.
-        topic
-            Of the channel; by default all.
-        fleet
-            Whose messages, by default those of the own fleet.
-        """
+        """Receive all messages of a fleet, or of one topic, undecoded; receive threads call `store`."""
 
         def on_sample(sample: zenoh.Sample) -> None:
             chunks = str(sample.key_expr).split("/")
@@ -287,7 +263,7 @@ class Session:
         self._tokens.append(self._zenoh.liveliness().declare_token(key))
 
     def alive_units(self) -> set[tuple[str, str]]:
-        """(unit, role) of every process whose token is seen now."""
+        """Return unit and role of every process whose token exists."""
         pattern = channels.alive_key(self.address.fleet, "*", "*")
         replies = self._zenoh.liveliness().get(pattern, timeout=0.5)
         found = set()
@@ -337,41 +313,41 @@ class Session:
         self.wake()
 
     def pending(self) -> list[Incoming]:
-        """Requests that arrived since the last call; each must be answered."""
+        """Return the requests that arrived since the last call; each must be answered."""
         incoming = []
         while not self._incoming.empty():
             incoming.append(self._incoming.get_nowait())
         return incoming
 
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
-        """Ask a unit and wait for the typed answer.
+        """Send a request to a unit and wait for the typed reply.
 
         Parameters
         ----------
         unit, request
-            Whom, and what; the verb follows from the type.
+            The verb follows from the type of the request.
         timeout_s
-            For an answer of somebody who serves the verb.
+            For the reply of a process that serves the verb.
         patience_s
-            For somebody to serve it at all: a process that has just been replaced is not found for a moment.
+            For a process to serve it: one that has just been replaced is not found for a moment.
 
         Raises
         ------
         NobodyServesError
-            Nobody serves it.
+            No process serves it.
         RequestFailedError
-            No answer in time, refused as malformed, the answer is malformed, or the session is closed.
+            No reply in time, rejected as malformed, the reply is malformed, or the session is closed.
         """
         verb = verb_of(type(request))
         key = channels.request_key(self.address.fleet, unit, verb.name)
         payload = encode(request)
         give_up_s = time.monotonic() + patience_s
         while True:
-            asked_s = time.monotonic()
+            sent_s = time.monotonic()
             try:
                 replies = self._zenoh.get(key, payload=payload, timeout=timeout_s)
             except zenoh.ZError as error:
-                raise RequestFailedError(f"{unit} was not asked to {verb.name}: {error}") from error
+                raise RequestFailedError(f"{verb.name} was not sent to {unit}: {error}") from error
             for reply in replies:
                 if reply.ok is not None:
                     return self._reply(unit, verb, reply.ok.payload.to_bytes())
@@ -379,14 +355,14 @@ class Session:
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: {text}")
             now_s = time.monotonic()
             # Some time-outs come without an error; where nobody serves a key, the answer is there at once.
-            if now_s - asked_s >= SILENT_SHARE * timeout_s:
+            if now_s - sent_s >= SILENT_SHARE * timeout_s:
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: Timeout")
             if now_s >= give_up_s:
                 raise NobodyServesError(f"nobody serves {verb.name} for {unit}")
             time.sleep(RETRY_S)
 
     def identify(self, timeout_s: float = 0.5) -> list[IdentifyReply]:
-        """Which fleet the routers say is up here: an answer for each router that is linked and can tell."""
+        """Return the answer of each linked router that knows which fleet it serves."""
         pattern = channels.request_key("*", "*", "identify")
         found = []
         for reply in self._zenoh.get(
@@ -401,4 +377,4 @@ class Session:
         try:
             return decode(payload, verb.reply)
         except RejectedError as error:
-            raise RequestFailedError(f"{unit} answered {verb.name} with nonsense: {error}") from None
+            raise RequestFailedError(f"{unit} answered {verb.name} with an invalid reply: {error}") from None

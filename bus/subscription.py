@@ -1,7 +1,6 @@
-"""Subscribers that answer for themselves: newest message, its age, and whether the sender keeps its rate.
+"""Inboxes that hold the newest message, its age, and whether the sender keeps its rate.
 
-A direct callback stores the payload and wakes the loop; nothing is decoded on Zenoh's thread and nothing ever
-queues up unread.
+A callback on Zenoh's thread stores the payload and wakes the loop; decoding is left to the loop.
 """
 
 import threading
@@ -31,40 +30,39 @@ class Received(Struct, Generic[M], frozen=True):
 
 
 class Rejections:
-    """Counts of refused messages, written by receive threads while others read them."""
+    """Counts of rejected messages by kind; threads may share it."""
 
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
         self._lock = threading.Lock()
 
     def count(self, kind: str) -> None:
-        """Count one more of a kind."""
+        """Count a rejected message."""
         with self._lock:
             self._counts[kind] += 1
 
     def counts(self) -> Counter[str]:
-        """Counts of this moment."""
+        """Return the present counts."""
         with self._lock:
             return Counter(self._counts)
 
 
 class Inbox(Generic[M]):
-    """Messages of one channel of one unit, newest first in importance; knows no bus.
+    """Messages of one channel of one unit; independent of the bus.
 
     Parameters
     ----------
-    channel
-        Row of the channel table.
     depth
         How many undecoded payloads are kept; older ones are dropped and counted as `overrun`.
     unit
-        Whose messages they are, where that is known.
+        Sender, where it is known.
 
     Attributes
     ----------
     unread
-        Payloads that have not been read, and when they arrived; whoever polls many inboxes reads only where
-        there are some.
+        Payloads that have not been read, with the times of their arrival.
+    reason
+        Why the last message was rejected.
     """
 
     def __init__(self, channel: Channel[M], depth: int = 1, unit: str = "") -> None:
@@ -86,7 +84,7 @@ class Inbox(Generic[M]):
         self._arrivals.append(arrived_s)
 
     def drain(self, limit: int | None = None) -> list[Received[M]]:
-        """Valid messages that arrived since the last call, oldest first, from at most `limit` payloads."""
+        """Return the valid messages since the last call, oldest first, from at most `limit` payloads."""
         received: list[Received[M]] = []
         unread = self.unread
         for _ in range(len(unread) if limit is None else min(limit, len(unread))):
@@ -104,50 +102,50 @@ class Inbox(Generic[M]):
         return received
 
     def waiting_since_s(self) -> float | None:
-        """Arrival of the oldest message that has not been read; None if all have been."""
+        """Return the arrival of the oldest unread message, None without one."""
         try:
             return self.unread[0][1] if self.unread else None
         except IndexError:
             return None
 
     def latest(self) -> Received[M] | None:
-        """Newest valid message, None before the first."""
+        """Return the newest valid message, None before the first."""
         if self.unread:
             self.drain()
         return self._newest
 
     def reject(self, kind: str, reason: str) -> None:
-        """Count a message that is not acceptable, here or to whoever reads the inbox."""
+        """Count a message that is not acceptable, here or to the reader of the inbox."""
         self._rejections.count(kind)
         self.reason = reason
 
     def close(self) -> None:
-        """Receive no more; for one that nobody fills from a bus there is nothing to do."""
+        """Stop receiving; nothing to do without a bus."""
 
     @property
     def rejected(self) -> Counter[str]:
-        """Refused messages so far, by kind."""
+        """Rejected messages so far, by kind."""
         return self._rejections.counts()
 
     def age_s(self, now_s: float) -> float | None:
-        """Age of the newest valid message on the local monotonic clock."""
+        """Return the age of the newest valid message on the local monotonic clock."""
         newest = self.latest()
         return None if newest is None else max(0.0, now_s - newest.arrived_s)
 
     def alive(self, now_s: float) -> bool:
-        """Whether the newest valid message is younger than the channel's `stale_after_s`."""
+        """Return whether the newest valid message is younger than the channel's `stale_after_s`."""
         age_s = self.age_s(now_s)
         return age_s is not None and age_s <= self.channel.stale_after_s
 
     def rate_hz(self) -> float:
-        """Rate of arrival over the last few messages; 0 before there are two."""
+        """Return the rate of arrival over the last few messages; 0 before there are two."""
         arrivals = tuple(self._arrivals)
         if len(arrivals) < 2 or arrivals[-1] <= arrivals[0]:
             return 0.0
         return (len(arrivals) - 1) / (arrivals[-1] - arrivals[0])
 
     def rate_ok(self, now_s: float, nominal_hz: float | None = None) -> bool:
-        """Whether the sender is alive and keeps at least 70 % of the nominal rate."""
+        """Return whether the sender is alive and keeps at least 70 % of the nominal rate."""
         nominal_hz = self.channel.rate_hz if nominal_hz is None else nominal_hz
         return self.alive(now_s) and self.rate_hz() >= RATE_TOLERANCE * nominal_hz
 
@@ -159,24 +157,8 @@ Deliver = Callable[[Inbox[Any], bytes, float], None]
 class Subscription(Inbox[M]):
     """An inbox filled from the bus.
 
-    Parameters
-    ----------
-    session
-        Open Zenoh session.
-    channel
-        Row of the channel table.
-    full_key
-        Key of the unit subscribed to.
-    clock
-        Monotonic clock [s].
-    wake
-        Called on the receive thread after each message.
-    depth
-        See `Inbox`.
-    origin
-        Whose messages count: also those of this session, or only those of others.
-    deliver
-        Called on the receive thread to put a payload into the inbox.
+    `wake` is called on the receive thread after each message, `deliver` to put it into the inbox; `origin`
+    selects whether messages of the own session are received, too.
     """
 
     def __init__(
@@ -214,7 +196,7 @@ class Subscription(Inbox[M]):
 
 
 class UnitSubscriptions(Generic[M]):
-    """One channel of every unit of a fleet, an inbox each; for ground stations, recorders and gateways."""
+    """One channel of every unit of a fleet, with an inbox for each; parameters as in `Subscription`."""
 
     def __init__(
         self,
@@ -254,7 +236,7 @@ class UnitSubscriptions(Generic[M]):
 
     @property
     def rejected(self) -> Counter[str]:
-        """What was put on a wildcard key and so belongs to no unit."""
+        """Messages on wildcard keys, which belong to no unit."""
         return self._rejections.counts()
 
     def close(self) -> None:

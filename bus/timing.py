@@ -1,4 +1,4 @@
-"""When a command passed the stages between the motion capture and the radio."""
+"""Times of a command between the motion capture and the radio."""
 
 from msgspec import Struct
 
@@ -6,14 +6,14 @@ from rcopterx.bus.message import Name, Seconds
 
 
 class CommandTiming(Struct, frozen=True, kw_only=True):
-    """Times of one command on its way; each is on the monotonic clock of the host that is named beside it.
+    """Times of one command; each is on the monotonic clock of the host named beside it.
 
-    Times of different hosts must not be subtracted without the offset of their clocks, which routers
-    measure (`rcopterx.bus.link_messages.LinkState.monotonic_offset_s`).
+    Differences between hosts need the offset of their clocks, which routers measure
+    (`rcopterx.bus.link_messages.LinkState.monotonic_offset_s`).
     """
 
     latency_s: Seconds
-    """From capture to the Vicon gateway, as far as the Tracker and the network tell."""
+    """From capture to the Vicon gateway, as far as the Tracker and the network report it."""
     gateway_host: Name
     received_s: float
     """Arrival of the frame at the Vicon gateway, on the clock of `gateway_host`."""
@@ -21,6 +21,6 @@ class CommandTiming(Struct, frozen=True, kw_only=True):
     arrived_s: float
     """Arrival of the pose at the agent, on the clock of `agent_host`."""
     began_s: float
-    """The controller began: the estimate was ready, and plans of leaders had arrived or were overdue."""
+    """Start of the controller: the estimate was ready, and plans of leaders had arrived or were overdue."""
     ready_s: float
-    """The controller had finished."""
+    """End of the controller."""

@@ -8,7 +8,7 @@ from rcopterx.bus.access import (
     Subject,
     access_control,
     announced_keys,
-    asked_keys,
+    requested_keys,
     published_keys,
     served_keys,
 )  # fmt: skip
@@ -39,7 +39,7 @@ def test_a_role_publishes_its_own_channels_only(role: str) -> None:
 
 
 def test_every_request_has_somebody_who_may_ask_and_answer_it() -> None:
-    asked = asked_keys("lab", [seat(verb.asker) for verb in VERBS.values()])
+    asked = requested_keys("lab", [seat(verb.asker) for verb in VERBS.values()])
     served = served_keys("lab", [seat(role) for role in SERVERS])
     for verb in VERBS.values():
         unit = {"vehicle": "h1", "host": "main"}.get(verb.unit, verb.unit)
@@ -61,7 +61,7 @@ def test_nobody_but_operators_may_kill_or_steer(role: str) -> None:
     assert not killing & published_keys("lab", [seat(role)])
     assert killing <= published_keys("lab", [seat("operator")])
     steering = {request_key("lab", "h1", verb.name) for verb in VERBS.values() if verb.asker == "operator"}
-    assert not steering & asked_keys("lab", [seat(role)])
+    assert not steering & requested_keys("lab", [seat(role)])
 
 
 def test_a_watcher_may_say_nothing() -> None:
@@ -77,6 +77,6 @@ def test_wildcards_are_only_in_what_anybody_may_ask() -> None:
     seats = [seat(role) for role in {*ROLES, *SERVERS}]
     for keys in (published_keys, served_keys, announced_keys):
         assert not any("*" in name for name in keys("lab", seats))
-    assert {name for name in asked_keys("lab", seats) if "*" in name} == {
+    assert {name for name in requested_keys("lab", seats) if "*" in name} == {
         request_key("*", "*", verb.name) for verb in VERBS.values() if verb.asker == ANYBODY
     }

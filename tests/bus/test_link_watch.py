@@ -44,7 +44,7 @@ class Pair:
             sent_s, arrived_s = self._answered
             echo = Echo(router="a0", sent_s=sent_s, held_s=self.now_s - arrived_s)
             beat = Beat(router=LINK.router, sent_s=self.now_s + 7000.0, time_of_day_s=0.0, echoes={"a": echo})
-            self.watch.hear("b", beat, self.now_s)
+            self.watch.add_beat("b", beat, self.now_s)
         self.closed += [(self.now_s, link) for link in self.watch.broken(links, self.now_s)]
 
     def steps(self, count: int, **how: bool) -> None:
@@ -169,11 +169,11 @@ def test_a_neighbour_that_started_again_has_to_hear_this_router_anew() -> None:
     pair = Pair()
     pair.steps(20)
     again = LINK._replace(router="b1")
-    pair.watch.hear("b", Beat(router="b1", sent_s=3.0, time_of_day_s=0.0, echoes={}), pair.now_s)
+    pair.watch.add_beat("b", Beat(router="b1", sent_s=3.0, time_of_day_s=0.0, echoes={}), pair.now_s)
     assert not pair.linked
     for _ in range(10):
         pair.now_s += BEAT_S
-        pair.watch.hear("b", Beat(router="b1", sent_s=pair.now_s, time_of_day_s=0.0, echoes={}), pair.now_s)
+        pair.watch.add_beat("b", Beat(router="b1", sent_s=pair.now_s, time_of_day_s=0.0, echoes={}), pair.now_s)
         pair.closed += [(pair.now_s, link) for link in pair.watch.broken((again,), pair.now_s)]
     assert pair.closed
 
@@ -181,21 +181,21 @@ def test_a_neighbour_that_started_again_has_to_hear_this_router_anew() -> None:
 def test_beats_that_waited_while_the_link_hung_are_counted_as_late() -> None:
     watch = LinkWatch("a", "a0", 0.0)
     for number in range(10):
-        watch.hear(
+        watch.add_beat(
             "b",
             Beat(router="b0", sent_s=number * BEAT_S, time_of_day_s=0.0, echoes={}),
             number * BEAT_S + 0.002,
         )
     assert watch.states(["b"], 0.5, 0.0)["b"].late == 0
     for number in range(10, 14):
-        watch.hear("b", Beat(router="b0", sent_s=number * BEAT_S, time_of_day_s=0.0, echoes={}), 1.5)
+        watch.add_beat("b", Beat(router="b0", sent_s=number * BEAT_S, time_of_day_s=0.0, echoes={}), 1.5)
     assert watch.states(["b"], 1.5, 0.0)["b"].late == 4
 
 
 def test_the_round_trip_leaves_out_how_long_the_other_host_held_the_beat() -> None:
     watch = LinkWatch("a", "a0", 0.0)
     echo = Echo(router="a0", sent_s=1.0, held_s=0.04)
-    watch.hear("b", Beat(router="b0", sent_s=9000.0, time_of_day_s=0.0, echoes={"a": echo}), 1.043)
+    watch.add_beat("b", Beat(router="b0", sent_s=9000.0, time_of_day_s=0.0, echoes={"a": echo}), 1.043)
     assert watch.states(["b"], 1.05, 0.0)["b"].round_trip_s == pytest.approx(0.003)
 
 
@@ -204,7 +204,7 @@ def test_clocks_of_another_host_are_told_apart_from_ours() -> None:
     # Its monotonic clock is 7000 s ahead of ours, its time of day 0.25 s; the way takes 1 ms each time.
     echo = Echo(router="a0", sent_s=10.0, held_s=0.02)
     beat = Beat(router="b0", sent_s=7010.021, time_of_day_s=5010.271, echoes={"a": echo})
-    watch.hear("b", beat, 10.022)
+    watch.add_beat("b", beat, 10.022)
     state = watch.states(["b"], 10.05, 5010.05)["b"]
     assert state.monotonic_offset_s == pytest.approx(7000.0)
     assert state.clock_offset_s == pytest.approx(0.25)
@@ -213,8 +213,8 @@ def test_clocks_of_another_host_are_told_apart_from_ours() -> None:
 
 def test_a_beat_echoes_the_newest_of_every_host_and_how_long_it_was_held() -> None:
     watch = LinkWatch("a", "a0", 0.0)
-    watch.hear("b", Beat(router="b0", sent_s=70.0, time_of_day_s=0.0, echoes={}), 1.0)
-    watch.hear("c", Beat(router="c0", sent_s=80.0, time_of_day_s=0.0, echoes={}), 1.02)
+    watch.add_beat("b", Beat(router="b0", sent_s=70.0, time_of_day_s=0.0, echoes={}), 1.0)
+    watch.add_beat("c", Beat(router="c0", sent_s=80.0, time_of_day_s=0.0, echoes={}), 1.02)
     beat = watch.beat(1.05, 5e8)
     assert (beat.router, beat.sent_s, beat.time_of_day_s) == ("a0", 1.05, 5e8)
     assert beat.echoes["b"] == Echo(router="b0", sent_s=70.0, held_s=pytest.approx(0.05))
