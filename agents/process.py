@@ -15,7 +15,7 @@ from rcopterx.agents.telemetry import command_message, plan_message, timing_of
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
 from rcopterx.bus.messages import LeaseBid
-from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import Session
 from rcopterx.bus.stepping import StepBus, SteppedSession
@@ -264,7 +264,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
     with Session(settings.bus, wake=wake.set) as session:
         agent = Agent(settings, pilot, SteppedSession(session), realtime, limit=AlarmTimeLimit())
         heartbeat = own_heartbeat()
-        settle()
+        prepare_loop()
         while not (signals or agent.lost):
             agent.beat(heartbeat)
             time.sleep(max(0.0, agent.rest_until_s - session.clock()))

@@ -114,8 +114,8 @@ class LinkWatch:
     def broken(self, links: Collection[RouterLink], now_s: float) -> list[RouterLink]:
         """Return the links of `links`, all that are open now, to be closed and dialled again.
 
-        All links to a router are closed together: Zenoh sends a router what it needs to know only after its last
-        link ended. New links have `SILENCE_S` for their first beats, twice that after each attempt in vain.
+        All links to a router are closed together: Zenoh informs a router anew only after its last link ended.
+        New links have `SILENCE_S` for their first beats, twice that after each attempt in vain.
         """
         asleep = now_s - self._judged_s > STALL_S
         self._judged_s = now_s

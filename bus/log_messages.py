@@ -1,6 +1,5 @@
-"""Messages for flight logs: answered requests, events of launchers, steps of agents, state of the recorder."""
+"""Messages for flight logs: answered requests, events of launchers, steps of agents, recorder state."""
 
-import math
 import struct
 import zlib
 from collections.abc import Sequence
@@ -54,7 +53,7 @@ class RecorderStatus(Message, frozen=True, kw_only=True):
     written_bytes: Count = 0
     """Of this recorder process, after compression."""
     lost: Count = 0
-    """Messages that did not arrive, by the counters of their senders, and messages dropped for a slow disk."""
+    """Messages that did not arrive, by the counters of their senders, or were dropped for a slow disk."""
 
 
 class RoundedEstimate(Struct, frozen=True):
@@ -70,13 +69,10 @@ class RoundedEstimate(Struct, frozen=True):
     @classmethod
     def of(cls, values: Sequence[float]) -> "RoundedEstimate":
         """Round and pack 16 values."""
-        # Plain numbers: arrays of sixteen take longer than the arithmetic on them.
-        bounded, unit, largest = values, cls.UNIT, _MOST * cls.UNIT
-        # What is not a number spreads to the sum, whereas least and largest pass over it.
-        if min(values) < -largest or max(values) > largest or not math.isfinite(sum(values)):
-            bounded = [max(-largest, min(value, largest)) for value in values]
-        octets = _COUNTS.pack(*[round(value / unit) for value in bounded])
-        planes = b"".join([octets[place::4] for place in range(4)])
+        # In this order NaN becomes the lower limit.
+        counts = [max(-_MOST, min(value / cls.UNIT, _MOST)) for value in values]
+        octets = _COUNTS.pack(*map(round, counts))
+        planes = b"".join(octets[place::4] for place in range(4))
         return cls(zlib.crc32(_EXACT.pack(*values)), planes)
 
     def to_numpy(self) -> "NDArray[np.float64]":
@@ -110,7 +106,7 @@ class AgentSteps(Message, frozen=True, kw_only=True):
     keys: tuple[Text, ...]
     """Of each input: unit and topic (`h1/plan`), a request (`request/land`), or an event of the process."""
     subscriptions: tuple[Count, ...]
-    """Of each input: number of the subscription that received it, in the order in which the agent made them."""
+    """Of each input: number of the agent's subscription that received it."""
     checksums: tuple[Count, ...]
     """Of each input: CRC-32 of its bytes, by which it is found in the flight log."""
     arrivals_s: tuple[float, ...]

@@ -77,7 +77,6 @@ class Pose(Message, frozen=True, kw_only=True):
             return
         if self.position_m is None or self.quaternion_xyzw is None:
             raise InvalidMessageError("position_m: missing in a pose that is not occluded")
-        # Written out: every process of a fleet that hears poses passes here for each.
         if max(map(abs, self.position_m)) > MAX_POSITION_M:
             raise InvalidMessageError(f"position_m: {self.position_m}, allowed is up to {MAX_POSITION_M} m")
         x, y, z, w = self.quaternion_xyzw
@@ -271,7 +270,7 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     wind_m_s2: tuple[float, float] | None = None
     """Horizontal acceleration by wind and everything else outside the model, inertial frame; in flight."""
     position_deviation_m: tuple[Deviation, Deviation, Deviation] | None = None
-    """Standard deviations of the estimated position, inertial frame, if the estimator knows them; in flight."""
+    """Standard deviations of the estimated position, inertial frame, if known; in flight."""
     realtime: bool = False
     """The process runs in a real-time scheduling class."""
     process: Count = 0

@@ -55,8 +55,8 @@ def _limit_spinning() -> None:
     resource.setrlimit(resource.RLIMIT_RTTIME, (min(limit_us, hard_us), hard_us))
 
 
-def settle() -> None:
-    """Call after start-up: short thread switches, and no garbage collection of what start-up created."""
+def prepare_loop() -> None:
+    """Shorten thread switches and disable garbage collection; to be called after start-up."""
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     gc.collect()
     gc.freeze()

@@ -378,7 +378,7 @@ VERBS: Final = {
             "transmitter_gateway",
         ),
         Verb("identify", "router", Identify, "which fleet is up", IdentifyReply, ANYBODY, "host"),
-        Verb("inject", "simulator", Inject, "inject faults into the simulated laboratory", unit=SIMULATOR_UNIT),
+        Verb("inject", "simulator", Inject, "inject faults into the laboratory", unit=SIMULATOR_UNIT),
     )
 }
 """Every verb by name. The key is `rcopterx/<fleet>/<vehicle>/request/<verb>`."""

@@ -48,7 +48,7 @@ def run_router(
     OSError
         A listen endpoint cannot be opened.
     """
-    # A signal that comes a moment before a wait for an event begins does not end it; a byte in a pipe does.
+    # A byte in a pipe also ends a wait that begins a moment after the signal.
     ended, end = os.pipe()
     os.set_blocking(end, False)
     signal.set_wakeup_fd(end)

@@ -50,7 +50,7 @@ class RequestFailedError(RuntimeError):
     """A request was not served, not answered in time, or not understood."""
 
 
-class NobodyServesError(RequestFailedError):
+class NotServedError(RequestFailedError):
     """No process serves the request."""
 
 
@@ -165,7 +165,7 @@ class Session:
         self._tokens: list[zenoh.LivelinessToken] = []
         self._incoming: SimpleQueue[Incoming] = SimpleQueue()
         self._zenoh = opened(address, timeout_s)
-        # A session that is still open when the interpreter ends waits for callbacks that cannot run any more.
+        # An open session would keep the interpreter from ending: it waits for callbacks.
         self._close = weakref.finalize(self, self._zenoh.close)
 
     def __enter__(self) -> "Session":
@@ -249,7 +249,7 @@ class Session:
 
         def on_sample(sample: zenoh.Sample) -> None:
             chunks = str(sample.key_expr).split("/")
-            # What was put on a wildcard key is nobody's message; every reader refuses it.
+            # A message on a wildcard key belongs to no unit.
             if len(chunks) == 4 and "*" not in str(sample.key_expr):
                 number = number_of(sample.attachment)
                 store(RawMessage(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock(), number))
@@ -333,7 +333,7 @@ class Session:
 
         Raises
         ------
-        NobodyServesError
+        NotServedError
             No process serves it.
         RequestFailedError
             No reply in time, rejected as malformed, the reply is malformed, or the session is closed.
@@ -354,11 +354,11 @@ class Session:
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else ""
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: {text}")
             now_s = time.monotonic()
-            # Some time-outs come without an error; where nobody serves a key, the answer is there at once.
+            # Some time-outs come without an error; without a server Zenoh answers at once.
             if now_s - sent_s >= SILENT_SHARE * timeout_s:
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: Timeout")
             if now_s >= give_up_s:
-                raise NobodyServesError(f"nobody serves {verb.name} for {unit}")
+                raise NotServedError(f"no process serves {verb.name} for {unit}")
             time.sleep(RETRY_S)
 
     def identify(self, timeout_s: float = 0.5) -> list[IdentifyReply]:

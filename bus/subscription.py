@@ -182,8 +182,7 @@ class Subscription(Inbox[M]):
         )
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
-        # A put on a wildcard key reaches everyone; only messages for exactly this key count. Zenoh compares
-        # them, because a string would have to be made for every message.
+        # A message on a wildcard key arrives, too; only messages on exactly this key count.
         if sample.key_expr != self._key:
             self.reject("key", f"sent to {sample.key_expr}, not to {self._key}")
             return
@@ -216,7 +215,7 @@ class UnitSubscriptions(Generic[M]):
         self._clock = clock
         self._wake = wake
         self._unit_at = pattern.split("/").index("*")
-        # The Tracker tells its status, too, but another one than vehicles do.
+        # Other units use the same topic for another type, as the Tracker does for its status.
         self._others = {row.unit for row in CHANNELS if row.topic == channel.topic} - {channel.unit}
         self._subscriber = session.declare_subscriber(pattern, Callback(self._on_sample, indirect=False))
 

@@ -7,7 +7,7 @@ import signal
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.messages import LaboratoryState, LaboratoryVehicle
-from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.requests import Inject, Reply
 from rcopterx.bus.rounding import PULSE_BITS, TIME_BITS, all_rounded, rounded
 from rcopterx.bus.session import Incoming, Session
@@ -175,7 +175,7 @@ def run_simulator(settings: SimulatorSettings) -> None:
     request_realtime(settings.realtime_priority)
     with Session(settings.bus) as session:
         simulator, heartbeat = Simulator(settings, session), own_heartbeat()
-        settle()
+        prepare_loop()
         try:
             while not stopping:
                 heartbeat.beat()

@@ -11,7 +11,7 @@ from functools import partial
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import Heartbeat, own_heartbeat
 from rcopterx.bus.messages import Pose
-from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
@@ -249,7 +249,7 @@ def run_gateway(settings: GatewaySettings) -> None:
     ):
         heartbeat = own_heartbeat()
         gateway = Gateway(settings, session, wakeup, keys, realtime, heartbeat)
-        settle()
+        prepare_loop()
         try:
             run_until_stopped(gateway, caught)
         except BaseException:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from queue import SimpleQueue
 
 from rcopterx.bus.requests import RecallTransmitter, RecallTransmitterReply, Reply
-from rcopterx.bus.session import NobodyServesError, RequestFailedError, Session
+from rcopterx.bus.session import NotServedError, RequestFailedError, Session
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, LastApplied, State
 
 ANSWER_LIMIT_S = 0.2
@@ -41,7 +41,7 @@ class Recall:
                 reply = self._session.request(
                     vehicle, RecallTransmitter(), timeout_s=ANSWER_LIMIT_S, patience_s=PATIENCE_S
                 )
-            except NobodyServesError:
+            except NotServedError:
                 last = None
             except RequestFailedError:
                 self._open.append(vehicle)

@@ -11,7 +11,7 @@ from typing import Any
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.messages import Pose, SubjectState, TrackerStatus
-from rcopterx.bus.realtime import request_realtime, settle
+from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import TIME_BITS, monotonic_s, rounded
 from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import UnitSubscriptions
@@ -218,7 +218,7 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
         stack.callback(client.close)
         gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
         heartbeat = own_heartbeat()
-        settle()
+        prepare_loop()
         while not stopping:
             heartbeat.beat()
             gateway.step()

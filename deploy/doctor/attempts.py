@@ -15,7 +15,7 @@ from typing import Final
 import zenoh
 from zenoh.handlers import Callback
 
-from rcopterx.bus.access import Seat, asked_keys, published_keys
+from rcopterx.bus.access import Seat, published_keys, requested_keys
 from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.keys import ROOT, request_key
 from rcopterx.bus.session import SILENT_SHARE, BusAddress, opened
@@ -106,7 +106,7 @@ def _tried(
         yield from (Result(False, f"{name}: may publish {key}, which is not its own") for key in passed)
         if not passed:
             yield Result(True, f"{name}: {len(forbidden)} keys that are not its own refused")
-    forbidden = _beyond(asked_keys(fleet, everybody), asked_keys(fleet, own))
+    forbidden = _beyond(requested_keys(fleet, everybody), requested_keys(fleet, own))
     permitted = {key: _permitted(key, rogue) for key in forbidden}
     for key, known in permitted.items():
         if known is None:

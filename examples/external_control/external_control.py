@@ -122,7 +122,7 @@ class ExternalControl:
             if not answer["accepted"]:
                 raise RuntimeError(answer["reason"])
             return
-        raise RuntimeError(f"nobody serves {self._prefix}/request/{verb}: is the fleet up?")
+        raise RuntimeError(f"no process serves {self._prefix}/request/{verb}: is the fleet up?")
 
 
 def _rows(array):

@@ -6,7 +6,7 @@ from importlib.metadata import version
 from typing import Final
 
 from rcopterx.bus.requests import IdentifyReply, Reply, Request, StartHost, StopHost
-from rcopterx.bus.session import BusUnreachableError, NobodyServesError, RequestFailedError
+from rcopterx.bus.session import BusUnreachableError, NotServedError, RequestFailedError
 from rcopterx.deploy.hosts.running import running_fleets
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -74,7 +74,7 @@ class Daemons:
         for host in tuple(self._there):
             try:
                 answers.append(self._request(host, request).reason)
-            except NobodyServesError:
+            except NotServedError:
                 # It has no daemon: its processes belong to the program that started them.
                 self._there.remove(host)
         return answers

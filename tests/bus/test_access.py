@@ -8,15 +8,15 @@ from rcopterx.bus.access import (
     Subject,
     access_control,
     announced_keys,
-    requested_keys,
     published_keys,
+    requested_keys,
     served_keys,
 )  # fmt: skip
 from rcopterx.bus.channels import CHANNELS, EVERY_FLEET, FLEET_UNIT, KILL, key
 from rcopterx.bus.keys import request_key
 from rcopterx.bus.requests import ANYBODY, VERBS
 
-ROLES = sorted({channel.publisher for channel in CHANNELS} - {"whoever answers"})
+ROLES = sorted({channel.publisher for channel in CHANNELS} - {"server of the request"})
 SERVERS = sorted({verb.server for verb in VERBS.values()})
 
 
@@ -33,7 +33,7 @@ def test_every_channel_has_somebody_who_may_publish_it() -> None:
 
 @pytest.mark.parametrize("role", ROLES)
 def test_a_role_publishes_its_own_channels_only(role: str) -> None:
-    topics = {channel.topic for channel in CHANNELS if channel.publisher in (role, "whoever answers")}
+    topics = {channel.topic for channel in CHANNELS if channel.publisher in (role, "server of the request")}
     extra = {"router"} if role == "router" else set()
     assert {name.rpartition("/")[2] for name in published_keys("lab", [seat(role)])} <= topics | extra
 

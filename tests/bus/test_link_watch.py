@@ -173,7 +173,9 @@ def test_a_neighbour_that_started_again_has_to_hear_this_router_anew() -> None:
     assert not pair.linked
     for _ in range(10):
         pair.now_s += BEAT_S
-        pair.watch.add_beat("b", Beat(router="b1", sent_s=pair.now_s, time_of_day_s=0.0, echoes={}), pair.now_s)
+        pair.watch.add_beat(
+            "b", Beat(router="b1", sent_s=pair.now_s, time_of_day_s=0.0, echoes={}), pair.now_s
+        )
         pair.closed += [(pair.now_s, link) for link in pair.watch.broken((again,), pair.now_s)]
     assert pair.closed
 

@@ -80,7 +80,7 @@ def answer_of(asker: Session, unit: str, request: Lead | Land | GoTo | Recall | 
         return True
 
     wait_for(asked, "nobody answers")
-    assert all("nobody serves" in problem for problem in problems)
+    assert all("no process serves" in problem for problem in problems)
     return replies[0]
 
 
@@ -283,14 +283,14 @@ def test_a_session_serves_several_units_and_verbs(join: Join) -> None:
 
 
 def test_a_request_nobody_serves_fails_at_once_and_says_so(join: Join) -> None:
-    with pytest.raises(RequestFailedError, match="nobody serves land for h9"):
+    with pytest.raises(RequestFailedError, match="no process serves land for h9"):
         join().request("h9", Land(), timeout_s=DEADLINE_S)
 
 
 def test_a_request_of_a_closed_session_fails_in_words(join: Join) -> None:
     session = join()
     session.close()
-    with pytest.raises(RequestFailedError, match="h1 was not asked to land"):
+    with pytest.raises(RequestFailedError, match="land was not sent to h1"):
         session.request("h1", Land())
 
 
@@ -389,7 +389,7 @@ def test_a_malformed_answer_fails_the_request_and_nothing_else_is_raised(
         def answered_wrongly() -> bool:
             with pytest.raises(RequestFailedError) as caught:
                 asker.request("h1", Land(), timeout_s=DEADLINE_S)
-            return "h1 answered land with nonsense" in str(caught.value)
+            return "h1 answered land with an invalid reply" in str(caught.value)
 
         wait_for(answered_wrongly, "the malformed answer does not arrive")
         served.undeclare()

@@ -14,7 +14,7 @@ from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT
 from rcopterx.bus.message import FloatArray, Message
 from rcopterx.bus.messages import Applied, Command, Kill, LeaseBid, Pose, TransmitterStatus
-from rcopterx.bus.session import BusAddress, Incoming, NobodyServesError
+from rcopterx.bus.session import BusAddress, Incoming, NotServedError
 from rcopterx.bus.subscription import Inbox
 from rcopterx.bus.timing import CommandTiming
 from rcopterx.simulator.radio import RadioLink, RadioPty
@@ -75,7 +75,7 @@ class OwnBus:
         return []
 
     def request(self, *_: object, **__: object) -> None:
-        raise NobodyServesError("nobody remembers")
+        raise NotServedError("nobody remembers")
 
     def serve(self, *_: object) -> None:
         pass

@@ -5,7 +5,7 @@ from support.waiting import wait_for
 
 from rcopterx.bus.messages import Applied
 from rcopterx.bus.requests import RecallTransmitterReply, Reply
-from rcopterx.bus.session import NobodyServesError, RequestFailedError
+from rcopterx.bus.session import NotServedError, RequestFailedError
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, LastApplied, State
 from rcopterx.transmitter_gateway.recall import Recall, last_applied
 
@@ -37,7 +37,7 @@ class ScriptedBus:
 
     def request(self, vehicle: str, *_: object, **__: object) -> Reply:
         self.asked.append(vehicle)
-        said = self.script[vehicle].pop(0) if self.script[vehicle] else NobodyServesError("nobody")
+        said = self.script[vehicle].pop(0) if self.script[vehicle] else NotServedError("nobody")
         if isinstance(said, Exception):
             raise said
         return said

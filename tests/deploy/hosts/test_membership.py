@@ -20,7 +20,7 @@ from rcopterx.bus.requests import (
     StopVehicle,
     TakeVehicle,
 )
-from rcopterx.bus.session import BusAddress, NobodyServesError, Session
+from rcopterx.bus.session import BusAddress, NotServedError, Session
 from rcopterx.deploy.hosts.membership import MembershipService
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import Supervisor
@@ -176,7 +176,7 @@ def test_the_logs_of_a_host_are_read_by_request_and_not_recorded(
 
 
 def test_a_host_without_a_daemon_is_not_started_by_request(membership: MembershipService, join: Join) -> None:
-    with pytest.raises(NobodyServesError):
+    with pytest.raises(NotServedError):
         join().request("main", StartHost(), timeout_s=DEADLINE_S)
 
 

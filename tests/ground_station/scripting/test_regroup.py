@@ -75,7 +75,7 @@ class Formation:
         if trouble == "dies":
             member.alive = False
         if not member.alive:
-            raise RequestFailedError(f"nobody serves it for {name}")
+            raise RequestFailedError(f"no process serves it for {name}")
         if trouble == "refuses" and not isinstance(request, WithdrawLeaders):
             return Reply(accepted=False, reason="no")
         if isinstance(request, PrepareLeaders):

@@ -7,7 +7,7 @@ import pytest
 from support.fleets import PAIR
 
 from rcopterx.bus.requests import ReadLogs, ReadLogsReply
-from rcopterx.bus.session import NobodyServesError
+from rcopterx.bus.session import NotServedError
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.processes.log_reading import answer_of
 from rcopterx.fleet.reading import load_fleet
@@ -28,7 +28,7 @@ class Joined:
 
     def _request(self, unit: str, request: ReadLogs, *_: float) -> ReadLogsReply:
         if unit != self._host:
-            raise NobodyServesError(unit)
+            raise NotServedError(unit)
         return answer_of(self._directory, request)
 
 
