@@ -8,7 +8,7 @@ PERIOD_S = 12.0
 
 
 def fly(fleet):
-    """The first vehicle leads, then the second, then the third; nobody jumps when it changes."""
+    """The first vehicle leads, then the second, then the third; no vehicle jumps at a change."""
     first, second, third = list(fleet.file.vehicles)[:3]
     fleet.take_off()
     fleet.wait_for_formation()

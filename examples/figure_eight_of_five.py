@@ -9,7 +9,7 @@ PERIOD_S = 12.0
 
 
 def fly(fleet):
-    """The leader flies the eight, everybody else follows the plan of the one before."""
+    """The leader flies the eight, each other vehicle follows the plan of the one before it."""
     leader = next(iter(fleet.file.vehicles))
     fleet.take_off()
     fleet[leader].go_to((0.2, 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""Checks of the exercise sheet: each says what is not right yet, or that the task is passed."""
+"""Checks of the exercise sheet: each says what is wrong, or that the task is passed."""
 
 import math
 from itertools import combinations
@@ -49,7 +49,7 @@ def accepted(vehicle, period_s):
 
 
 def check_handed_over(fleet, before_m):
-    """Task 3: h3 leads everybody, and nobody has moved from where he was."""
+    """Task 3: h3 leads all vehicles, and each has kept its place."""
     leaders = {vehicle.name: vehicle.state.leaders for vehicle in fleet}
     if leaders["h3"]:
         raise NotYetError(f"h3 still follows {', '.join(leaders['h3'])}")

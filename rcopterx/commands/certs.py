@@ -15,15 +15,15 @@ def certs(
     new_authority: Annotated[
         bool,
         typer.Option(
-            "--new-authority", help="Replace the authority as well: every certificate of before is worthless."
+            "--new-authority", help="Replace the authority as well: all earlier certificates become invalid."
         ),
     ] = False,
-    days: Annotated[float, typer.Option(metavar="DAYS", min=1, help="How long they are valid.")] = 365,
+    days: Annotated[float, typer.Option(metavar="DAYS", min=1, help="Validity of the certificates.")] = 365,
 ) -> None:
-    """Make the certificates a fleet file asks for; those that are there and valid are kept.
+    """Make the certificates that a fleet file requires; existing valid ones are kept.
 
-    The directory is that of security.certificates. The key of the authority stays on this computer; each host
-    gets authority.pem and the two files of its own name.
+    They are in the directory of security.certificates. The key of the authority stays on this computer; each
+    host gets authority.pem and the two files of its own name.
     """
     with user_errors():
         from datetime import UTC, datetime

@@ -1,4 +1,4 @@
-"""`deploy`: software, fleet file, certificates and the unit of systemd for every host, over ssh."""
+"""`deploy`: software, fleet file, certificates and systemd unit for every host, over ssh."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ def deploy(
     wheel: Annotated[
         Path,
         typer.Option(
-            metavar="FILE", exists=True, dir_okay=False, help="The software (make wheel builds it)."
+            metavar="FILE", exists=True, dir_okay=False, help="Wheel of the software, from make wheel."
         ),
     ],
     only: Annotated[
@@ -22,14 +22,15 @@ def deploy(
         typer.Option("--host", metavar="HOST", help="Only this host of the fleet file. May be repeated."),
     ] = None,
     user: Annotated[
-        str | None, typer.Option(metavar="USER", help="Who logs in; else what ssh is configured for.")
+        str | None,
+        typer.Option(metavar="USER", help="User to log in as. Default: from the configuration of ssh."),
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be done.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show what would be done.")] = False,
 ) -> None:
-    """Install or update every host over ssh; what is there already stays as it is.
+    """Install or update every host over ssh; what is up to date stays as it is.
 
-    Daemons that run are not restarted: that ends flights. Needs keys for ssh, and sudo without a password for
-    the unit of systemd.
+    Running daemons are not restarted, since that ends flights. Needs keys for ssh, and sudo without a
+    password for the systemd unit.
     """
     from rcopterx.deploy.remote.plan import steps, unit_name
     from rcopterx.deploy.remote.ssh import RemoteError, login, on, take

@@ -1,4 +1,4 @@
-"""`doctor`: permissions and certificates of this computer, and what a running fleet refuses."""
+"""`doctor`: checks permissions and certificates of this computer, and access to a running fleet."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -20,10 +20,9 @@ if TYPE_CHECKING:
 
 
 def doctor(fleet: FleetArgument, host: HostOption = None) -> None:
-    """Look at this computer, and try on the fleet, if it is up, what must be refused.
+    """Check this computer, and that the fleet, if it is up, refuses what it must refuse.
 
-    The exit code is 1 if there are findings. It disturbs nothing: what it sends has no content, and nobody
-    would obey it.
+    Exit code 1 if there are findings. It does not disturb a fleet: its messages have no content.
     """
     with user_errors():
         file = fleet_file(fleet)
@@ -49,7 +48,7 @@ def _results(file: "FleetFile", host: str) -> Iterator["Result"]:
     if directory is None:
         return
     if (file.name, host) not in {(running.fleet, running.host) for running in running_fleets()}:
-        yield Result(True, f"host {host} of fleet {file.name} is not up: what it refuses was not tried")
+        yield Result(True, f"host {host} of fleet {file.name} is not up: access to it was not checked")
         return
     from rcopterx.deploy.doctor.attempts import members, strangers
     from rcopterx.deploy.roles.addresses import bus_address

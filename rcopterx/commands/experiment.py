@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rcopterx.experiments.catalogue import Experiment
     from rcopterx.experiments.knowledge import Knowledge
 
-QUICK_HELP = "Short flights, to see that it works; the figures mean little."
+QUICK_HELP = "Short flights, as a test; their figures mean little."
 
 
 def experiment(
@@ -34,7 +34,7 @@ def experiment(
         typer.Option(
             metavar="N",
             min=0,
-            help="First seed; each flight takes the next one. Without it 0, for drawn helicopters 100.",
+            help="First seed; each flight uses the next one. Default: 0, for drawn helicopters 100.",
         ),
     ] = None,
     seeds: Annotated[
@@ -42,27 +42,27 @@ def experiment(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help=QUICK_HELP)] = False,
     processes: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Processor cores to use; the flights stay the same.")
+        int, typer.Option(metavar="N", min=1, help="Processor cores to use; results do not depend on it.")
     ] = 1,
     conditions: Annotated[
         str | None,
         typer.Option(
             metavar="PRESET",
-            help=f"Conditions of the laboratory: {', '.join(PRESETS)}. Without it the experiment's own.",
+            help=f"Conditions of the laboratory: {', '.join(PRESETS)}. Default: those of the experiment.",
         ),
     ] = None,
     knowledge: Annotated[
         str | None,
         typer.Option(
             metavar="LEVEL,...",
-            help="What pilots know of their vehicles, of default, identified, exact; all of them without it.",
+            help="Models that the pilots have of their vehicles: default, identified, exact. Default: all.",
         ),
     ] = None,
     resume: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Keep finished flights in this file, and do not fly again what it has of the same code.",
+            help="Store finished flights in this file, and skip flights of the same code that it has.",
         ),
     ] = None,
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments.")] = False,
@@ -145,7 +145,7 @@ class ProgressLine:
 
 
 def readable(document: object, indent: str = "") -> str:
-    """Nested figures as indented lines; tables without further tables take one line."""
+    """Nested figures as indented lines; innermost tables use one line."""
     if not isinstance(document, dict):
         return f"{indent}{document}"
     lines = []

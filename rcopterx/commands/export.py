@@ -12,7 +12,7 @@ from rcopterx.commands.replay import FlightArgument, chosen_flight
 
 
 class Format(StrEnum):
-    """What a flight log can be written as."""
+    """Formats of exported flight logs."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -20,14 +20,14 @@ class Format(StrEnum):
 
 
 LIBRARIES: Final = {Format.PARQUET: "pyarrow", Format.FOXGLOVE: "foxglove"}
-"""What a format needs; the extra of rcopterx has the name of the format."""
+"""Library that a format needs; the extra of rcopterx has the name of the format."""
 
 
 def export(
     flight: FlightArgument = "latest",
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Where to. Default: the flight's name."),
+        typer.Option("--output", "-o", metavar="DIR", help="Directory to write. Default: the flight's name."),
     ] = None,
     to: Annotated[
         Format,
@@ -36,9 +36,9 @@ def export(
         ),
     ] = Format.CSV,
 ) -> None:
-    """Write a flight log for other programs.
+    """Export a flight log for other programs.
 
-    Tables are a file for every unit and channel with a row for every message.
+    CSV and Parquet have a file for every unit and channel, with a row for every message.
     """
     from rcopterx.flights.mcap_reading import FlightLogError
 

@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,20 +22,27 @@ READY_S = 30.0
 """For a fleet that has just been started."""
 
 
-def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
-    """Rows of the table by their names, all of them without names.
+@dataclass(frozen=True)
+class FlightOptions:
+    """Fleet and outputs of `fly`."""
 
-    Raises
-    ------
-    typer.BadParameter
-        An unknown name.
-    """
+    fleet: str | None
+    start: bool
+    """Start the fleet first, stop it afterwards."""
+    record: bool
+    report: Path | None
+    """Directory of the reports."""
+    as_json: bool
+
+
+def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
+    """Rows of the table by their names, by default all."""
     from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 
     unknown = [name for name in names if name not in FAULT_FLIGHTS]
     if unknown:
         raise typer.BadParameter(
-            f"unknown fault flight {unknown[0]!r}; --faults --list names them all", param_hint="NAME"
+            f"unknown fault flight {unknown[0]!r}, see --faults --list", param_hint="NAME"
         )
     return [row for row in FAULT_FLIGHTS.values() if not names or row.name in names]
 
@@ -45,23 +53,15 @@ def list_faults() -> None:
         typer.echo(f"{row.name:32} {row.promise.value:18} {row.title}")
 
 
-class Hangar:
-    """Holds the fleet that flies; starts another one when it is asked for one and has none.
+class FleetHolder:
+    """Holds the fleet that flies faults, and starts another one after a fleet did not survive.
 
-    Parameters
-    ----------
-    path
-        Copy of the fleet file, to be broken; None flies the fleet `name`, which is up.
-    name
-        Fleet as the user named it.
-    record
-        Whether flight logs are written.
+    `path` is a copy of the fleet file that faults may change; None uses the fleet that is up.
     """
 
-    def __init__(self, path: Path | None, name: str | None, record: bool) -> None:
+    def __init__(self, path: Path | None, options: FlightOptions) -> None:
         self._path = path
-        self._name = name
-        self._record = record
+        self._options = options
         self._stack = ExitStack()
         self._range: FaultRange | None = None
         self.interrupts = Interrupts()
@@ -79,71 +79,57 @@ class Hangar:
 
     def _fleet(self) -> "Fleet":
         if self._path is None:
-            return self._stack.enter_context(running_fleet(self._name))
+            return self._stack.enter_context(running_fleet(self._options.fleet))
         fleet, self.interrupts = self._stack.enter_context(
-            interruptible(str(self._path), None, record=self._record)
+            interruptible(str(self._path), None, record=self._options.record)
         )
         return fleet
 
     def wait(self, seconds: float) -> None:
-        """Let time pass.
-
-        Raises
-        ------
-        StoppedError
-            The user has asked to stop.
-        """
+        """Wait a time; raises StoppedError after Ctrl-C."""
         from rcopterx.ground_station.scripting.waiting import StoppedError
 
         if self.interrupts.wait(seconds):
             raise StoppedError("interrupted")
 
     def close(self) -> None:
-        """Land and stop the fleet; nothing happens to one that was up before."""
+        """Land and stop the fleet if it was started here."""
         self._range = None
         self._stack.close()
 
 
 @contextmanager
-def hangar(fleet: str | None, start: bool, record: bool) -> Iterator[Hangar]:
-    """Somebody who starts fleets, of a copy of the fleet file, and stops the last one."""
+def fleet_holder(options: FlightOptions) -> Iterator[FleetHolder]:
+    """Yield a holder of a fleet; stop its last fleet at the end."""
     from rcopterx.experiments.faults.orders import obedient_processes
     from rcopterx.experiments.faults.own_fleet import copied_fleet
     from rcopterx.experiments.manoeuvre import DEFAULT_FLEET
 
     with ExitStack() as stack:
         path = None
-        if start:
-            path = stack.enter_context(copied_fleet(fleet or DEFAULT_FLEET))
+        if options.start:
+            path = stack.enter_context(copied_fleet(options.fleet or DEFAULT_FLEET))
             stack.enter_context(obedient_processes())
-        holder = Hangar(path, fleet, record)
+        holder = FleetHolder(path, options)
         stack.callback(holder.close)
         yield holder
 
 
-def fly_faults(
-    names: Sequence[str],
-    fleet: str | None,
-    start: bool,
-    report: Path | None,
-    as_json: bool,
-    record: bool,
-    runs: int,
-) -> None:
-    """Fly rows of the table of faults, one fleet as long as it survives; exit code 1 if a promise broke."""
+def fly_faults(names: Sequence[str], runs: int, options: FlightOptions) -> None:
+    """Fly rows of the table of faults, with one fleet while it survives; exit code 1 if a promise broke."""
     from rcopterx.experiments.faults.reports import worst_of
 
     rows = chosen_faults(names)
     reports: list[dict[str, Any]] = []
-    with user_errors(), hangar(fleet, start, record) as holder:
+    with user_errors(), fleet_holder(options) as holder:
         try:
             for number, row in enumerate(rows, 1):
                 head = f"[{number}/{len(rows)}] {row.name}"
                 heads = [head] if runs == 1 else [f"{head} ({run}/{runs})" for run in range(1, runs + 1)]
                 reports.append(worst_of([_fly_row(row, holder, head) for head in heads]))
         finally:
-            _write(reports, report)
-    if as_json:
+            _write(reports, options.report)
+    if options.as_json:
         typer.echo(json.dumps(reports, indent=2))
     else:
         typer.echo("\n".join(map(_line, reports)))
@@ -151,37 +137,28 @@ def fly_faults(
         raise typer.Exit(EXIT_FAILED)
 
 
-def fly_chaos(
-    seconds: float,
-    seed: int,
-    fleet: str | None,
-    start: bool,
-    report: Path | None,
-    as_json: bool,
-    record: bool,
-) -> None:
-    """Let one thing after the other go wrong that all shall survive; exit code 1 if somebody did not."""
+def fly_chaos(seconds: float, seed: int, options: FlightOptions) -> None:
+    """Inject random faults that all vehicles shall survive; exit code 1 if one did not."""
     from rcopterx.experiments.faults.chaos import Chaos
     from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
     def say(text: str) -> None:
         typer.echo(f"chaos {seed}: {text}", err=True)
 
-    with user_errors(), hangar(fleet, start, record) as holder:
+    with user_errors(), fleet_holder(options) as holder:
         place = holder.fault_range(say)
         if place.fleet.launcher is None:
-            raise NotReachedError("chaos ends processes: it flies a fleet that is started for it; add --up")
+            raise NotReachedError("chaos ends processes, so it needs a fleet of its own: add --up")
         try:
             with stopped_by(holder.interrupts.event):
                 result = Chaos(place, seed, seconds).fly()
         except StoppedError:
             raise NotReachedError("interrupted") from None
-    if report is not None:
-        report.mkdir(parents=True, exist_ok=True)
-        path = report / f"chaos-{seed}.json"
+    if options.report is not None:
+        path = options.report / f"chaos-{seed}.json"
         path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
         typer.echo(f"report: {path}", err=True)
-    typer.echo(json.dumps(result, indent=2) if as_json else _chaos_lines(result))
+    typer.echo(json.dumps(result, indent=2) if options.as_json else _chaos_lines(result))
     if result["verdict"] != "passed":
         raise typer.Exit(EXIT_FAILED)
 
@@ -193,7 +170,7 @@ def _chaos_lines(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _fly_row(row: "FaultFlight", holder: Hangar, head: str) -> dict[str, Any]:
+def _fly_row(row: "FaultFlight", holder: FleetHolder, head: str) -> dict[str, Any]:
     from rcopterx.experiments.faults.reports import not_flown
     from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
@@ -205,7 +182,7 @@ def _fly_row(row: "FaultFlight", holder: Hangar, head: str) -> dict[str, Any]:
     try:
         place = holder.fault_range(say)
         if row.launched and place.fleet.launcher is None:
-            say("not flown: only by a fleet that is started for it: add --up")
+            say("not flown: it needs a fleet of its own: add --up")
             return not_flown(row, "add --up")
         with stopped_by(holder.interrupts.event):
             report = place.saying(say).fly(row)

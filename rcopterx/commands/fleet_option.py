@@ -1,7 +1,7 @@
-"""Finds the fleet file a user means, and turns what can go wrong into messages and exit codes.
+"""Options for fleets, finding the fleet of a command, and errors as messages and exit codes.
 
-Every command imports this, `--help` and completion included, so neither numerical libraries nor the bus are
-imported before a fleet is wanted.
+Every command imports this, also for `--help` and completion, so numerical libraries and the bus are imported
+only when a fleet is needed.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ ROUTER_S = 3.0
 
 
 def fleets_beginning(incomplete: str) -> list[str]:
-    """Shipped fleets and fleet files whose names begin like this, for completion."""
+    """Completion: shipped fleets and fleet files."""
     from rcopterx.fleet.shipped import shipped_fleets
 
     files = [name for name in glob(f"{escape(incomplete)}*") if name.endswith(".toml") or Path(name).is_dir()]
@@ -33,7 +33,7 @@ def fleets_beginning(incomplete: str) -> list[str]:
 
 
 def vehicles_beginning(incomplete: str) -> list[str]:
-    """Vehicles of the fleets that are up on this computer whose names begin like this, for completion."""
+    """Completion: vehicles of the fleets that are up on this computer."""
     names = {name for running in running_fleets() for name in running.vehicles}
     return sorted(name for name in names if name.startswith(incomplete))
 
@@ -70,7 +70,7 @@ HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host
 
 
 def chosen_host(fleet: "FleetFile", host: str | None) -> str:
-    """Host a command runs on: the only one, or the one that was named.
+    """Host on which a command runs: the only one, or the named one.
 
     Raises
     ------
@@ -89,13 +89,7 @@ def chosen_host(fleet: "FleetFile", host: str | None) -> str:
 
 
 def fleet_file(name: str) -> "FleetFile":
-    """Read a fleet file, or a shipped one, by what the user typed.
-
-    Raises
-    ------
-    FleetError
-        There is none, or it cannot be used.
-    """
+    """Read a fleet file or a shipped one; raises FleetError."""
     from rcopterx.fleet.reading import load_fleet
     from rcopterx.fleet.shipped import fleet_path
 
@@ -104,7 +98,7 @@ def fleet_file(name: str) -> "FleetFile":
 
 @contextmanager
 def user_errors() -> Iterator[None]:
-    """Errors that are somebody's to mend become a line on standard error, never a traceback."""
+    """Print errors that users can correct as a line on standard error, without a traceback."""
     from rcopterx.bus.session import BusUnreachableError
     from rcopterx.fleet.schema import FleetError
     from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
@@ -112,14 +106,14 @@ def user_errors() -> Iterator[None]:
     try:
         yield
     except FleetError as error:
-        _say(error)
+        _print_error(error)
         raise typer.Exit(EXIT_USAGE) from None
     except (BusUnreachableError, *FLIGHT_ERRORS, OSError) as error:
-        _say(error)
+        _print_error(error)
         raise typer.Exit(EXIT_FAILED) from None
 
 
-def _say(error: Exception) -> None:
+def _print_error(error: Exception) -> None:
     from rcopterx.ground_station.scripting.vehicle import lines_of
 
     for line in lines_of(error):
@@ -127,13 +121,7 @@ def _say(error: Exception) -> None:
 
 
 def wanted_fleet(name: str | None) -> tuple["FleetFile", str | None]:
-    """The fleet of a file, or the one that is up and which of its hosts this computer is.
-
-    Raises
-    ------
-    FleetError
-        There is none, or it cannot be used.
-    """
+    """The fleet of a file, or the one that is up and the host that this computer is; raises FleetError."""
     from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 
     return fleet_that_is_up() if name is None else (fleet_file(name), None)
@@ -143,28 +131,22 @@ def wanted_fleet(name: str | None) -> tuple["FleetFile", str | None]:
 def joined_fleet(
     file: "FleetFile", host: str | None, name: str | None, router_within_s: float
 ) -> Iterator["Fleet"]:
-    """Join a `wanted_fleet`, whose router answers within a time."""
+    """Join a `wanted_fleet`."""
     from rcopterx.bus.session import BusUnreachableError
     from rcopterx.ground_station.scripting.fleet import Fleet
 
     try:
         fleet = Fleet(file, host, router_within_s)
     except BusUnreachableError as error:
-        raise BusUnreachableError(f"{error}; is the fleet up? {_up_now(name)}") from None
+        others = ", ".join(sorted({running.fleet for running in running_fleets()}))
+        hint = f"on this computer {others} is; leave out -f to use it" if others else f"(rcopterx up {name})"
+        raise BusUnreachableError(f"{error}; is the fleet up? {hint}") from None
     with closing(fleet):
         yield fleet
 
 
 @contextmanager
 def running_fleet(name: str | None, router_within_s: float = ROUTER_S) -> Iterator["Fleet"]:
-    """Join the fleet that is up, or the running one of a file, whose router answers within a time."""
+    """Join the fleet that is up, or the running one of a file; errors end the command."""
     with user_errors(), joined_fleet(*wanted_fleet(name), name, router_within_s) as fleet:
         yield fleet
-
-
-def _up_now(name: str | None) -> str:
-    """What to do about a fleet that does not answer."""
-    others = sorted({running.fleet for running in running_fleets()})
-    if others:
-        return f"on this computer {', '.join(others)} is; leave out -f to use it"
-    return f"(rcopterx up {name})"

@@ -10,13 +10,14 @@ from rcopterx.commands.fleet_option import EXIT_FAILED
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
 DirectoryOption = Annotated[
-    Path | None, typer.Option("--directory", metavar="DIR", help="Where flight logs lie, if not as usual.")
+    Path | None,
+    typer.Option("--directory", metavar="DIR", help="Directory of the flight logs. Default: the usual one."),
 ]
 MEGA = 1e6
 
 
 def flights(as_json: JsonOption = False, directory: DirectoryOption = None) -> None:
-    """List the recorded flights, the newest last."""
+    """List recorded flights, the newest last."""
     from rich.console import Console
     from rich.table import Table
 
@@ -46,17 +47,17 @@ def recover(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a flight log that was cut off.")],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="New file. Default: mend it in place."),
+        typer.Option("--output", "-o", metavar="FILE", help="New file. Default: repair it in place."),
     ] = None,
 ) -> None:
-    """Mend a flight log that was cut off when its recorder was killed, so that every program can read it."""
+    """Repair a flight log that was cut off when its recorder was killed."""
     from rcopterx.flights.listing import mend
     from rcopterx.flights.mcap_reading import FlightLogError, contents_of
     from rcopterx.flights.recorder import schemas
 
     try:
         if output is None and contents_of(file).complete:
-            typer.echo(f"{file}: complete, nothing to mend")
+            typer.echo(f"{file}: complete, nothing to repair")
             return
         target = output or file.with_name(file.name + ".new")
         mended = mend(file, target, schemas())

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rcopterx.commands.fault_flights import FlightOptions, fly_chaos, fly_faults, list_faults
 from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
 from rcopterx.commands.launch import RecordOption, interruptible
 
@@ -21,13 +22,13 @@ if TYPE_CHECKING:
 
 CHAOS = "chaos"
 SLICE_S = 0.25
-"""Between two looks at the clock and at Ctrl-C."""
+"""Between two updates of the progress."""
 
 
 def fly(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME", help="Names of manoeuvres, see --list; with --faults of faults."),
+        typer.Argument(metavar="NAME", help="Manoeuvres, or with --faults faults; see --list."),
     ] = None,
     fleet: Annotated[
         str | None,
@@ -36,7 +37,7 @@ def fly(
             "-f",
             metavar="FLEET",
             help="Fleet file (TOML), or name of a shipped one. Default: the fleet that is up on this "
-            "computer; with --up the fleet the manoeuvre is made for.",
+            "computer; with --up the fleet of the manoeuvre.",
         ),
     ] = None,
     start: Annotated[bool, typer.Option("--up", help="Start the fleet first, stop it afterwards.")] = False,
@@ -44,7 +45,7 @@ def fly(
     faults: Annotated[
         bool,
         typer.Option(
-            "--faults", help="Let things go wrong in the simulator instead: all of the table, or those named."
+            "--faults", help="Fly faults of the simulator instead: those named, or the whole table."
         ),
     ] = False,
     report: Annotated[
@@ -52,26 +53,30 @@ def fly(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
     show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres, or the faults.")] = False,
-    seconds: Annotated[float, typer.Option(metavar="SECONDS", min=1, help="Of chaos.")] = 600.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of chaos.")] = 0,
+    seconds: Annotated[float, typer.Option(metavar="SECONDS", min=1, help="Duration of chaos.")] = 600.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of chaos.")] = 0,
     runs: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Flights of each fault; the worst of them counts.")
+        int, typer.Option(metavar="N", min=1, help="Flights of each fault; the worst one counts.")
     ] = 1,
     record: RecordOption = True,
 ) -> None:
-    """Fly manoeuvres or faults, judge them, and write a report. Exit code 1 if a check failed. Ctrl-C lands.
+    """Fly manoeuvres or faults, check them, and write a report. Exit code 1 if a check failed. Ctrl-C lands.
 
-    `rcopterx fly chaos --up` lets something go wrong every 2 to 4 s that everybody shall survive.
+    `rcopterx fly chaos --up` injects a random fault every 2 to 4 s, which all vehicles shall survive.
     """
-    if names == [CHAOS] and not faults:
-        from rcopterx.commands.fault_flights import fly_chaos
-
+    options = FlightOptions(fleet, start, record, report, as_json)
+    if faults and every:
+        raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
+    if faults and show_list:
+        list_faults()
+        return
+    if faults or names == [CHAOS]:
         if report is not None:
             _make_directory(report)
-        fly_chaos(seconds, seed, fleet, start, report, as_json, record)
-        return
-    if faults:
-        _fly_faults(names or [], fleet, start, every, report, as_json, show_list, record, runs)
+        if faults:
+            fly_faults(names or [], runs, options)
+        else:
+            fly_chaos(seconds, seed, options)
         return
     from rcopterx.experiments.manoeuvres import MANOEUVRES
 
@@ -85,7 +90,7 @@ def fly(
     results = Results(report, several=every or len(rows) > 1)
     with user_errors():
         try:
-            _fly_rows(rows, fleet, start, record, results)
+            _fly_rows(rows, options, results)
         finally:
             results.write_page()
     results.print(as_json)
@@ -110,31 +115,8 @@ def _chosen(names: Sequence[str], every: bool) -> list["Manoeuvre"]:
     return [MANOEUVRES[name] for name in names]
 
 
-def _fly_faults(
-    names: Sequence[str],
-    fleet: str | None,
-    start: bool,
-    every: bool,
-    report: Path | None,
-    as_json: bool,
-    show_list: bool,
-    record: bool,
-    runs: int,
-) -> None:
-    from rcopterx.commands.fault_flights import fly_faults, list_faults
-
-    if every:
-        raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
-    if show_list:
-        list_faults()
-        return
-    if report is not None:
-        _make_directory(report)
-    fly_faults(names, fleet, start, report, as_json, record, runs)
-
-
 def _make_directory(path: Path) -> None:
-    """Refuse a directory that cannot be written to before anything is flown."""
+    """Make the directory of reports; fail before the flight if it cannot be written to."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -143,16 +125,15 @@ def _make_directory(path: Path) -> None:
         raise typer.BadParameter(f"{path}: no permission to write", param_hint="--report")
 
 
-def _fly_rows(
-    rows: Sequence["Manoeuvre"], fleet: str | None, start: bool, record: bool, results: "Results"
-) -> None:
-    """Fly one after the other; fleets that are started here are started anew for every manoeuvre."""
-    if start:
+def _fly_rows(rows: Sequence["Manoeuvre"], options: FlightOptions, results: "Results") -> None:
+    """Fly manoeuvres one after the other; with --up each has a fleet of its own."""
+    if options.start:
         for number, row in enumerate(rows, 1):
-            with interruptible(fleet or row.fleet, None, record=record) as (running, interrupts):
+            fleet = options.fleet or row.fleet
+            with interruptible(fleet, None, record=options.record) as (running, interrupts):
                 _fly_row(row, running, interrupts.event, Progress(row, number, len(rows)), results)
         return
-    with running_fleet(fleet) as running:
+    with running_fleet(options.fleet) as running:
         for number, row in enumerate(rows, 1):
             _fly_row(row, running, threading.Event(), Progress(row, number, len(rows)), results)
 
@@ -189,7 +170,7 @@ def _fly_row(
 
 
 class Progress:
-    """What is being done, on standard error; on a terminal with the time flown below it."""
+    """Progress on standard error; on a terminal with the time flown below it."""
 
     def __init__(self, row: "Manoeuvre", number: int, count: int) -> None:
         self._head = row.name if count == 1 else f"[{number}/{count}] {row.name}"
@@ -198,24 +179,18 @@ class Progress:
         self._live = sys.stderr.isatty()
 
     def say(self, text: str) -> None:
-        """Tell a step."""
+        """Print a step."""
         self._clear()
         typer.echo(f"{self._head}: {time.monotonic() - self._started_s:5.1f} s  {text}", err=True)
         self._show()
 
     def end(self, verdict: str) -> None:
-        """Tell the outcome."""
+        """Print the outcome."""
         self.say(verdict)
         self._clear()
 
     def wait(self, seconds: float, stop: threading.Event) -> None:
-        """Let time pass.
-
-        Raises
-        ------
-        StoppedError
-            The user has asked to stop.
-        """
+        """Wait a time; raises StoppedError after Ctrl-C."""
         from rcopterx.ground_station.scripting.waiting import StoppedError
 
         end_s = time.monotonic() + seconds
@@ -236,15 +211,7 @@ class Progress:
 
 
 class Results:
-    """Reports of what was flown, and their files.
-
-    Parameters
-    ----------
-    directory
-        Where they are written, None for nowhere.
-    several
-        Every manoeuvre gets a directory of its own below it.
-    """
+    """Reports of flights, and their files in a directory, if any; of several flights in subdirectories."""
 
     def __init__(self, directory: Path | None, several: bool) -> None:
         self._directory = directory
@@ -257,12 +224,12 @@ class Results:
 
     @property
     def passed(self) -> bool:
-        """Whether something was flown and nothing failed."""
+        """Whether at least one flight passed and none failed."""
         verdicts = {report["verdict"] for report in self._reports}
         return "passed" in verdicts and "failed" not in verdicts
 
     def add(self, report: dict[str, Any], figures: Any = None) -> None:
-        """Keep a report, draw its picture, and write it."""
+        """Add a report, draw its picture, and write it."""
         from rcopterx.experiments.flight import write_report
 
         self._reports.append(report)
@@ -278,14 +245,14 @@ class Results:
             )
 
     def write_page(self) -> None:
-        """Write the page about everything that was flown."""
+        """Write the page about all flights."""
         from rcopterx.experiments.flight_page import write_page
 
         if self._directory is not None and self._reports:
             typer.echo(f"page: {write_page(self._reports, self._pictures, self._directory)}", err=True)
 
     def print(self, as_json: bool) -> None:
-        """Print what came out."""
+        """Print the reports."""
         if as_json:
             typer.echo(json.dumps(self._reports if self._several else self._reports[0], indent=2))
         elif self._several:

@@ -21,11 +21,11 @@ def foxglove(
     ] = PORT,
     layout: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write a layout of Foxglove for this fleet, and end."),
+        typer.Option(metavar="FILE", help="Only write a layout of Foxglove for this fleet."),
     ] = None,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Serve the fleet that is up to Foxglove or PlotJuggler on this computer until Ctrl-C."""
+    """Serve a running fleet to Foxglove or PlotJuggler on this computer until Ctrl-C."""
     if find_spec("foxglove") is None:
         typer.echo(f"error: this needs the SDK of Foxglove: {INSTALL}", err=True)
         raise typer.Exit(EXIT_FAILED)

@@ -1,4 +1,4 @@
-"""The web page of a running fleet: `ground`, and the one that `demo` opens."""
+"""The web page of a running fleet: `ground`, and the page of `demo`."""
 
 import os
 import subprocess
@@ -43,12 +43,12 @@ def ground(
         ),
     ] = PORT,
     watch_only: Annotated[
-        bool, typer.Option("--watch-only", help="A page without any control, for a second browser.")
+        bool, typer.Option("--watch-only", help="Show a page without controls, for a second browser.")
     ] = False,
-    open_browser: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    open_browser: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Show and steer the fleet in the browser until Ctrl-C. The space bar cuts all motors."""
+    """Show and control the fleet in the browser until Ctrl-C. The space bar cuts all motors."""
     if not installed():
         typer.echo(f"error: the web page needs viser: {INSTALL}", err=True)
         raise typer.Exit(EXIT_FAILED)
@@ -76,36 +76,31 @@ def ground(
 
 
 def _keep(page: "FleetPage") -> None:
-    """Keep a page up to date, for ever."""
+    """Update the page until the program ends."""
     next_s = time.monotonic()
     while True:
         page.update(time.monotonic())
-        # A page that comes late does not make up for it.
+        # Late updates are not caught up.
         next_s = max(next_s + UPDATE_S, time.monotonic())
         time.sleep(max(0.0, next_s - time.monotonic()))
 
 
 def installed() -> bool:
-    """Whether what the page needs is there."""
+    """Whether viser, which the page needs, is installed."""
     return find_spec("viser") is not None
 
 
 @contextmanager
 def page_of(fleet: str, announce: Callable[[str], object]) -> Iterator[None]:
-    """Serve the page of a fleet that is up from a process of its own, as long as the block lasts.
+    """Serve the page of a fleet from another process while the block runs.
 
-    Parameters
-    ----------
-    fleet
-        Fleet file, or name of a shipped one.
-    announce
-        Called from another thread with the address, or with what is missing.
+    `announce` is called from another thread with the address of the page, or with an error.
     """
     if not installed():
         announce(f"no web page: it needs viser: {INSTALL}")
         yield
         return
-    # Without a desktop a text browser would take the terminal.
+    # Without a desktop a text browser would occupy the terminal.
     desktop = ["--open"] if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") else []
     page = subprocess.Popen(
         [sys.executable, "-u", "-m", "rcopterx", "ground", "-f", fleet, *desktop],
@@ -132,7 +127,7 @@ def page_of(fleet: str, announce: Callable[[str], object]) -> Iterator[None]:
 
 def _announce_lines(page: subprocess.Popen[str], announce: Callable[[str], object]) -> None:
     assert page.stdout is not None
-    # The web server greets its user on the same stream.
+    # The web server prints other lines as well.
     for line in page.stdout:
         if line.startswith(("http", "error")):
             announce(f"web page: {line.partition('  (')[0].strip()}")

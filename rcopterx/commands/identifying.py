@@ -1,4 +1,4 @@
-"""What `rcopterx identify` does: fly or load, fit, tell, draw, write."""
+"""Steps of `rcopterx identify`: fly or load, fit, print, draw, write."""
 
 import json
 from collections.abc import Callable
@@ -30,7 +30,7 @@ AXES = ("x [m]", "y [m]", "z [m]", "yaw [rad]")
 
 @dataclass(frozen=True)
 class Excitation:
-    """How the sticks move: for how long, a factor on the usual strength, and how far the vehicle may go."""
+    """Excitation: duration, fraction of the usual strength, and largest distance from the set point."""
 
     seconds: float
     strength: float
@@ -39,7 +39,7 @@ class Excitation:
 
 @dataclass(frozen=True)
 class Outputs:
-    """What is made of the result: files, a document, a changed fleet file."""
+    """Outputs of an identification."""
 
     save: Path | None
     plot: Path | None
@@ -50,13 +50,7 @@ class Outputs:
 def identify_vehicle(
     vehicle: str, fleet: str | None, flight: Excitation | Path, positions_only: bool, outputs: Outputs
 ) -> None:
-    """Fit the model of a vehicle to a flight that is flown now, or to a recorded one.
-
-    Raises
-    ------
-    typer.Exit
-        It cannot be flown or fitted; says why.
-    """
+    """Fit the model of a vehicle to a flight that is flown now, or to a recorded one."""
 
     def say(text: str) -> None:
         typer.echo(text, err=outputs.as_json)
@@ -64,7 +58,10 @@ def identify_vehicle(
     with user_errors():
         path = None if fleet is None else fleet_path(fleet)
         if not outputs.dry_run:
-            _check_writable(path)
+            # Fail before the flight if the model could not be written.
+            if path is None:
+                raise FleetError("name the fleet file that the model goes into (-f FILE), or give --dry-run")
+            check_own(path)
         file = fleet_that_is_up()[0] if path is None else load_fleet(path)
         known_vehicles(file.vehicles, [vehicle])
         known = model_of(file, vehicle)
@@ -92,23 +89,10 @@ def identify_vehicle(
         _write(path, vehicle, found.model, say)
 
 
-def _check_writable(path: Path | None) -> None:
-    """Refuse to fly for a model that could not be kept afterwards.
-
-    Raises
-    ------
-    FleetError
-        No file is named, or a shipped one.
-    """
-    if path is None:
-        raise FleetError("name the fleet file that the model goes into (-f FILE), or give --dry-run")
-    check_own(path)
-
-
 def _fly(vehicle: str, flight: Excitation, fleet: str | None, say: Callable[[str], None]) -> FlightRecording:
     with running_fleet(fleet) as running:
         running.wait_for_status([vehicle])
-        say(f"{vehicle}: its sticks move for {flight.seconds:g} s")
+        say(f"{vehicle}: excitation for {flight.seconds:g} s")
         return excited_flight(
             running,
             vehicle,
@@ -136,7 +120,7 @@ def _show(vehicle: str, found: Identification, as_json: bool, say: Callable[[str
 
 
 def document_of(vehicle: str, found: Identification) -> dict[str, Any]:
-    """Everything that was found, for programs."""
+    """JSON document of an identification."""
     return {
         "vehicle": vehicle,
         "parameters": [asdict(number) for number in found.parameters],
@@ -156,7 +140,7 @@ def _write(path: Path, vehicle: str, model: Model, say: Callable[[str], None]) -
 
 
 def _draw(recording: FlightRecording, known: Model, found: Identification, file: Path) -> None:
-    """Measured, and predicted one second ahead by both models, over the last seconds."""
+    """Measured motion, and predictions one second ahead by both models, over the last seconds."""
     from matplotlib.figure import Figure
 
     shown = slice(-round(PICTURED_S / recording.period_s), None)

@@ -1,4 +1,4 @@
-"""A laboratory that is not there: faults of the simulator, and replaying a recorded Tracker."""
+"""The simulated laboratory: faults of the simulator, and replaying a recorded Tracker."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 POLL_S = 0.1
 REALTIME_PRIORITY = 20
-"""Of a replay, where the operating system permits it: bytes that come late are another recording."""
+"""Of a replay, where the operating system permits it, so that bytes are not late."""
 
 
 def replay_tracker(
@@ -38,10 +38,12 @@ def replay_tracker(
         int, typer.Option(metavar="PORT", min=0, max=65535, help="TCP port to listen on; 0 takes a free one.")
     ] = 18801,
     address: Annotated[str, typer.Option(metavar="ADDRESS", help="Address to listen on.")] = "127.0.0.1",
-    speed: Annotated[float, typer.Option(metavar="FACTOR", help="1 is real time, 2 twice as fast.")] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end, until Ctrl-C.")] = False,
+    speed: Annotated[
+        float, typer.Option(metavar="FACTOR", help="Speed: 1 is real time, 2 twice as fast.")
+    ] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Repeat until Ctrl-C.")] = False,
 ) -> None:
-    """Play a recording of a Tracker to the Vicon gateway that connects: the same bytes at the same times.
+    """Replay a recording of a Tracker to a Vicon gateway: the same bytes at the same times.
 
     Each client that connects gets the next recorded connection. Ends after the last one.
     """
@@ -89,7 +91,7 @@ def _play(replay: "TrackerReplay", loop: bool) -> None:
                 task,
                 description=f"connection {now.connection} of {now.connections}"
                 if now.connection
-                else "nobody has connected yet",
+                else "no connection yet",
                 completed=now.played_s,
                 total=now.total_s or 1.0,
                 time=f"{now.played_s:.1f} of {now.total_s:.1f} s",
@@ -97,9 +99,7 @@ def _play(replay: "TrackerReplay", loop: bool) -> None:
 
 
 def inject(
-    fault: Annotated[
-        str | None, typer.Argument(metavar="FAULT", help="What shall go wrong; --list names them all.")
-    ] = None,
+    fault: Annotated[str | None, typer.Argument(metavar="FAULT", help="Fault to inject, see --list.")] = None,
     fields: Annotated[
         list[str] | None,
         typer.Argument(metavar="FIELD=VALUE", help="Other fields of the fault, for instance frames=20."),
@@ -108,10 +108,10 @@ def inject(
         str | None, typer.Option(metavar="NAME", help="Subject of the Tracker, or vehicle of the fleet.")
     ] = None,
     other: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The second one, where a fault concerns two.")
+        str | None, typer.Option(metavar="NAME", help="The second subject or vehicle, if a fault has two.")
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(metavar="SECONDS", min=0, help="How long; else until 'recover'.")
+        float | None, typer.Option(metavar="SECONDS", min=0, help="Duration. Default: until 'recover'.")
     ] = None,
     scenario: Annotated[
         Path | None, typer.Option(metavar="FILE", help="TOML file with faults and their times.")
@@ -119,7 +119,7 @@ def inject(
     show_list: Annotated[bool, typer.Option("--list", help="List all faults and their fields.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Let the simulated laboratory go wrong: its Tracker or a radio module, now or by a scenario file."""
+    """Inject faults of Tracker, radios or vehicles into the simulator, now or from a scenario file."""
     if show_list:
         _show_faults()
         return
@@ -131,7 +131,7 @@ def inject(
     with user_errors():
         file = fleet_that_is_up()[0] if fleet is None else fleet_file(fleet)
         if file.simulator is None:
-            raise FleetError(f"{file.name} flies hardware: there is no simulator to inject faults into")
+            raise FleetError(f"{file.name} flies hardware: there is no simulator for faults")
         options = {"subject": subject, "other": other, "duration_s": seconds}
         try:
             lines = _wanted(file, fault, fields or [], options, scenario)
@@ -154,7 +154,7 @@ def _wanted(
     options: dict[str, str | float | None],
     scenario: Path | None,
 ) -> tuple["TimedFault", ...]:
-    """Faults of the command line; vehicles may stand for their subjects."""
+    """Faults of the command line; names of vehicles are replaced by their subjects where needed."""
     from rcopterx.ground_station.terminal.scenario import ScenarioError, fault_from, field_from, read_scenario
     from rcopterx.simulator.faults import TimedFault
 
@@ -163,8 +163,8 @@ def _wanted(
             raise ScenarioError("either a fault or --scenario")
         return read_scenario(scenario)
     if fault is None:
-        raise ScenarioError("a fault is missing; --list names them all")
-    values = dict(field_from(words) for words in fields) | {
+        raise ScenarioError("a fault is missing, see --list")
+    values = dict(field_from(text) for text in fields) | {
         name: value for name, value in options.items() if value is not None
     }
     if fault in ("break_radio", "break_vehicle") and "subject" in values:
@@ -185,7 +185,7 @@ def _show_faults() -> None:
     from rcopterx.ground_station.terminal.scenario import fault_list
 
     table = Table(box=None, pad_edge=False)
-    for heading in ("fault", "fields", "what happens"):
+    for heading in ("fault", "fields", "effect"):
         table.add_column(heading)
     for row in fault_list():
         table.add_row(*map(Text, row))

@@ -50,12 +50,12 @@ class Interrupts:
         self.event.set()
 
     def wait(self, seconds: float) -> bool:
-        """Wait; True as soon as the user has asked to stop."""
+        """Wait a time; True as soon as there was a signal."""
         return self.event.wait(seconds)
 
 
 def _interrupts() -> Interrupts:
-    """Count what asks this program to end, from now on."""
+    """Count signals that end this program, from now on."""
     interrupts = Interrupts()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, interrupts)
@@ -66,7 +66,7 @@ def _interrupts() -> Interrupts:
 def interruptible(
     name: str, host: str | None, without: Sequence[str] = (), *, watchdog: bool = True, record: bool = True
 ) -> Iterator[tuple["Fleet", Interrupts]]:
-    """Start the processes of a host and join the fleet; at the end, or by Ctrl-C, it lands and stops."""
+    """Start the processes of a host and join the fleet; at the end, or after Ctrl-C, it lands and stops."""
     from rcopterx.ground_station.scripting.launched import processes_up
 
     file = fleet_file(name)
@@ -80,7 +80,7 @@ def interruptible(
 
 
 def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
-    """Land what flies; a second Ctrl-C cuts the motors."""
+    """Land all vehicles; a second Ctrl-C cuts the motors."""
     from rcopterx.ground_station.scripting.waiting import NotReachedError
 
     if not any(vehicle.state.airborne for vehicle in fleet):
@@ -94,7 +94,7 @@ def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
         except (NotReachedError, RuntimeError) as error:
             if interrupts.count > before:
                 return
-            typer.echo(f"error: {error}; the transmitter gateways bring the vehicles down", err=True)
+            typer.echo(f"error: {error}; the transmitter gateways land the vehicles", err=True)
 
     landing = threading.Thread(target=work, daemon=True)
     landing.start()
@@ -110,32 +110,23 @@ def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
 
 
 class Watch:
-    """Shows the fleet while something else happens: a live table, or lines where there is no terminal.
+    """Shows a fleet: a live table, or lines without a terminal, and `lines` that any thread may add."""
 
-    Parameters
-    ----------
-    fleet, interrupts
-        What is shown, and who ends it.
-    said
-        Lines to print; may be filled from any thread.
-    """
-
-    def __init__(self, fleet: "Fleet", interrupts: Interrupts, said: deque[str] | None = None) -> None:
+    def __init__(self, fleet: "Fleet", interrupts: Interrupts, lines: deque[str] | None = None) -> None:
         from rich.console import Console
 
         self._fleet = fleet
         self._interrupts = interrupts
         self._console = Console()
-        self._lines: deque[str] = deque() if said is None else said
+        self._lines: deque[str] = deque() if lines is None else lines
 
     def until(self, done: Callable[[], bool]) -> None:
-        """Show until a condition holds or the user asks to stop."""
+        """Show until a condition holds or a signal arrives."""
         from rich.live import Live
 
         from rcopterx.ground_station.terminal.live_table import fleet_table
 
-        live = self._console.is_terminal
-        if live:
+        if self._console.is_terminal:
             with Live(console=self._console, refresh_per_second=1 / REFRESH_S, transient=False) as view:
                 while not done() and not self._interrupts.wait(REFRESH_S):
                     self._print_events(view.console)
@@ -165,21 +156,21 @@ def up(
     host: HostOption = None,
     without: Annotated[
         list[str] | None,
-        typer.Option(metavar="VEHICLE", help="Leave this vehicle out; it can join later. May be repeated."),
+        typer.Option(metavar="VEHICLE", help="Leave this vehicle out; it can join later. Repeatable."),
     ] = None,
     record: RecordOption = True,
     watchdog: Annotated[
         bool,
         typer.Option(
             "--watchdog/--no-watchdog",
-            help="End and replace processes that hang. Without it they can be stopped and debugged.",
+            help="Replace processes that hang. Without it they can be stopped and debugged.",
         ),
     ] = True,
 ) -> None:
     """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors.
 
-    Where the daemons of its hosts run (rcopterx host), it is started through them, from any computer; without
-    --host it then goes on if this program dies.
+    If the daemons of its hosts run (rcopterx host), they start the fleet, from any computer; without --host
+    the fleet then flies on if this program dies.
     """
     from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
 
@@ -202,7 +193,7 @@ def up(
 
 
 def _by_daemons(name: str, without: Sequence[str]) -> bool:
-    """Start a fleet through the daemons of its hosts and show it; False if there are none."""
+    """Start a fleet through the daemons of its hosts and show it; False without daemons."""
     from rcopterx.deploy.hosts.running import running_fleets
     from rcopterx.fleet.schema import FleetError
     from rcopterx.ground_station.scripting.daemons import Daemons, joined_fleet
@@ -215,20 +206,20 @@ def _by_daemons(name: str, without: Sequence[str]) -> bool:
     if fleet is None:
         if len(file.hosts) > 1:
             raise FleetError(
-                "no host of the fleet answers: keep each ready by rcopterx host, "
-                f"or start its part by --host, one of {', '.join(file.hosts)}"
+                "no host of the fleet answers: keep each ready with rcopterx host, "
+                f"or start its part with --host, one of {', '.join(file.hosts)}"
             )
         return False
     with closing(fleet):
         interrupts = _interrupts()
         daemons = Daemons(fleet)
         warnings = daemons.find()
-        told = daemons.start(without)
-        if not told:
+        answers = daemons.start(without)
+        if not answers:
             return False
         for line in warnings:
             typer.echo(f"warning: {line}", err=True)
-        typer.echo("; ".join(told), err=True)
+        typer.echo("; ".join(answers), err=True)
         Watch(fleet, interrupts).until(lambda: False)
         _bring_down(fleet, interrupts)
         for line in daemons.stop():
@@ -239,13 +230,13 @@ def _by_daemons(name: str, without: Sequence[str]) -> bool:
 def host(
     fleet: FleetArgument,
     this: Annotated[
-        str | None, typer.Option("--host", metavar="HOST", help="Which host of the fleet file this is.")
+        str | None, typer.Option("--host", metavar="HOST", help="The host of the fleet file that this is.")
     ] = None,
     record: RecordOption = True,
 ) -> None:
-    """Keep a host ready: its router runs, and the rest as soon as somebody starts the fleet (rcopterx up).
+    """Keep a host ready: run its router, and start its other processes with the fleet (rcopterx up).
 
-    Ends by Ctrl-C or SIGTERM; what flies from here is brought down by the transmitter gateways.
+    Ends with Ctrl-C or SIGTERM; transmitter gateways then land the vehicles that fly from here.
     """
     from rcopterx.deploy.hosts.launcher import Launcher
 
@@ -264,7 +255,7 @@ def demo(
     fleet: FleetOption = DEFAULT_FLEET,
     seconds: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=1, help="End by itself after this flight time in seconds."),
+        typer.Option(metavar="SECONDS", min=1, help="End after this flight time in seconds."),
     ] = None,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Show the fleet in the browser.")
@@ -278,13 +269,13 @@ def demo(
 
     with ExitStack() as stack:
         stack.enter_context(user_errors())
-        said: deque[str] = deque()
+        lines: deque[str] = deque()
         if browser:
-            # It loads while the fleet comes up, and would not wait as long as compiling takes.
+            # The page loads while the fleet starts; it would not wait as long as compiling takes.
             compile_all()
-            stack.enter_context(page_of(fleet, said.append))
+            stack.enter_context(page_of(fleet, lines.append))
         running, interrupts = stack.enter_context(interruptible(fleet, None, record=record))
-        watch = Watch(running, interrupts, said)
+        watch = Watch(running, interrupts, lines)
         demonstration = Demonstration(running, interrupts.wait, watch.say)
         demonstration.start(seconds)
         watch.until(lambda: demonstration.finished)

@@ -1,4 +1,4 @@
-"""What the processes of a fleet log: `logs`."""
+"""Logs of the processes of a fleet: `logs`."""
 
 import time
 from contextlib import ExitStack
@@ -18,14 +18,16 @@ FOLLOW_S = 0.2
 def logs(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="Vehicles or processes, for instance h2 or tracker; all."),
+        typer.Argument(
+            metavar="[NAME]...", help="Vehicles or processes, for instance h2 or tracker. Default: all."
+        ),
     ] = None,
-    follow: Annotated[bool, typer.Option("--follow", help="Go on with new lines until Ctrl-C.")] = False,
+    follow: Annotated[bool, typer.Option("--follow", help="Show new lines until Ctrl-C.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Show what the processes of a fleet have logged, on all its hosts, merged in time (UTC).
+    """Show the logs of the processes of a fleet on all its hosts, merged in time (UTC).
 
-    Hosts that are up are asked over the bus; the logs of this computer are read also when nothing is up.
+    Logs of other hosts are read over the bus; those of this computer also if the fleet is not up.
     """
     from rcopterx.commands.fleet_option import fleet_file
     from rcopterx.ground_station.scripting.joining import fleet_that_is_up

@@ -1,4 +1,4 @@
-"""How far vehicles may be from their models: `margins`."""
+"""Stability margins of vehicles: `margins`."""
 
 import json
 from typing import Annotated
@@ -14,9 +14,9 @@ def margins(
     vehicles: Vehicles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON document.")] = False,
 ) -> None:
-    """Tell gain, phase and delay margins of vehicles as a fleet file configures them.
+    """Show gain, phase and delay margins of vehicles as a fleet file configures them.
 
-    Exit code 0 if all are as large as the model's uncertainty asks for, 1 otherwise.
+    Exit code 1 if a margin is smaller than the uncertainty of the model requires.
     """
     from rich.console import Console
     from rich.table import Table
@@ -33,7 +33,7 @@ def margins(
     else:
         table = Table(box=None, pad_edge=False)
         for heading in COLUMNS:
-            # Headings of two lines leave room for every column on a terminal of 80 columns.
+            # With headings of two lines all columns fit into 80 characters.
             table.add_column(Text(heading.replace(" ", "\n", 1)), no_wrap=True)
         for name, found in document["vehicles"].items():
             for row in rows_of(name, found):

@@ -1,4 +1,4 @@
-"""The first fleet file of a laboratory: looks at what is plugged in and seen, asks the rest, writes it."""
+"""The first fleet file of a laboratory, from options, questions, serial adapters and the Tracker."""
 
 import re
 from collections.abc import Callable
@@ -26,7 +26,7 @@ def new_lab(
     ] = None,
     vehicle: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=SUBJECT=PORT", help="A vehicle; repeat it for more. Else asked."),
+        typer.Option(metavar="NAME=SUBJECT=PORT", help="A vehicle. Repeatable. Default: ask."),
     ] = None,
     low: Annotated[
         str | None, typer.Option("--min", metavar="X,Y,Z", help="Lower corner of the volume in metres.")
@@ -35,29 +35,29 @@ def new_lab(
         str | None, typer.Option("--max", metavar="X,Y,Z", help="Upper corner of the volume in metres.")
     ] = None,
     protocol: Annotated[
-        str, typer.Option(metavar="multi|dsm2_serial|dsmp|ppm", help="What the radio modules speak.")
+        str, typer.Option(metavar="multi|dsm2_serial|dsmp|ppm", help="Protocol of the radio modules.")
     ] = "multi",
 ) -> None:
-    """Write the fleet file of a laboratory with hardware; ask for what no option tells."""
+    """Write the fleet file of a laboratory with hardware; ask for values without an option."""
     from rcopterx.deploy.new_laboratory import NewLaboratory, write_fleet_file
     from rcopterx.fleet.schema import FleetError
 
     with user_errors():
         if file.exists():
             raise FleetError(f"{file}: exists already and is not overwritten")
-        address = tracker or _asked("Tracker, HOST:PORT", "127.0.0.1:801", _address)
-        vehicles = [_described(text) for text in vehicle or ()] or _asked_vehicles(address)
+        address = tracker or _prompt("Tracker, HOST:PORT", "127.0.0.1:801", _address)
+        vehicles = [_described(text) for text in vehicle or ()] or _prompt_vehicles(address)
         corners = (
             three(low)
             if low
-            else _asked("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three),
+            else _prompt("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three),
             three(high)
             if high
-            else _asked("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
+            else _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
         )
         name = re.sub(r"[^a-z0-9_]", "_", file.stem.lower())
         write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicles))
-    typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines say what to do next")
+    typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
 
 
 def _described(text: str) -> "NewVehicle":
@@ -69,24 +69,24 @@ def _described(text: str) -> "NewVehicle":
     return NewVehicle(name, *rest)
 
 
-def _asked_vehicles(address: str) -> "list[NewVehicle]":
-    """Ask which subjects fly, and which radio each has."""
+def _prompt_vehicles(address: str) -> "list[NewVehicle]":
+    """Ask for the subjects that fly and their radios."""
     from rcopterx.deploy.new_laboratory import NewVehicle
     from rcopterx.transmitter_gateway.adapters import plugged_in
 
     seen = _subjects_of(address)
     adapters = plugged_in()
-    _tell("serial adapters", [f"{one.port}  ({one.device}, {one.description})" for one in adapters])
-    wanted = _asked("Subjects that fly, separated by commas", ",".join(seen) or None, str)
+    _print("serial adapters", [f"{one.port}  ({one.device}, {one.description})" for one in adapters])
+    wanted = _prompt("Subjects that fly, separated by commas", ",".join(seen) or None, str)
     subjects = [text.strip() for text in wanted.split(",") if text.strip()]
     return [
-        NewVehicle(f"h{number}", subject, _asked_port(subject, adapters, number))
+        NewVehicle(f"h{number}", subject, _prompt_port(subject, adapters, number))
         for number, subject in enumerate(subjects, start=1)
     ]
 
 
 def _subjects_of(address: str) -> list[str]:
-    """What the Tracker lists now; nothing, and why, if it cannot be asked."""
+    """Subjects that the Tracker lists; none, with the reason printed, if it does not answer."""
     from rcopterx.vicon_gateway.client import DataStreamClient
 
     host, _, port = _address(address).rpartition(":")
@@ -96,7 +96,7 @@ def _subjects_of(address: str) -> list[str]:
             why = client.state.last_error or client.state.doing
             typer.echo(f"{address}: {why}; type the names of the subjects", err=True)
             return []
-    _tell(
+    _print(
         "subjects of the Tracker",
         [f"{one.name}{'  (not seen now)' if one.occluded else ''}" for one in frame.subjects],
     )
@@ -110,25 +110,19 @@ def _address(text: str) -> str:
     return text
 
 
-def _asked_port(subject: str, adapters: "list[Adapter]", number: int) -> str:
+def _prompt_port(subject: str, adapters: "list[Adapter]", number: int) -> str:
     default = adapters[number - 1].port if number <= len(adapters) else None
-    return _asked(f"Serial device of {subject}", default, str)
+    return _prompt(f"Serial device of {subject}", default, str)
 
 
-def _tell(what: str, found: list[str]) -> None:
+def _print(what: str, found: list[str]) -> None:
     typer.echo(f"{what}:" if found else f"{what}: none", err=True)
     for line in found:
         typer.echo(f"    {line}", err=True)
 
 
-def _asked(question: str, default: str | None, read: Callable[[str], T]) -> T:
-    """An answer from the terminal or from a pipe; asked again until it can be read.
-
-    Raises
-    ------
-    FleetError
-        Nobody answers.
-    """
+def _prompt(question: str, default: str | None, read: Callable[[str], T]) -> T:
+    """Answer from the terminal or from a pipe, repeated until it is valid; raises FleetError without one."""
     from rcopterx.fleet.schema import FleetError
 
     try:

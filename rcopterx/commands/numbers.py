@@ -4,27 +4,7 @@ import typer
 
 
 def different_numbers(text: str, option: str, lowest: int = 0, highest: int | None = None) -> tuple[int, ...]:
-    """Read whole numbers separated by commas.
-
-    Parameters
-    ----------
-    text
-        What the user wrote.
-    option
-        Name of the option, for the message.
-    lowest, highest
-        Allowed range.
-
-    Returns
-    -------
-    tuple of int
-        In the order written.
-
-    Raises
-    ------
-    typer.BadParameter
-        Something else than different whole numbers in the range.
-    """
+    """Parse different whole numbers in a range, separated by commas; `option` is for the error message."""
     try:
         numbers = tuple(int(part) for part in text.split(","))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Radios at the workbench: bind, range check, calibration; answers come from options or from stdin."""
+"""Radios at the workbench: bind, range check, calibration. Answers are options or lines on stdin."""
 
 import sys
 from typing import Annotated
@@ -14,7 +14,7 @@ STEPS = ("signs", "throttle", "trim")
 def bind(
     vehicle: Vehicle,
     fleet: FleetOption,
-    yes: Annotated[bool, typer.Option("--yes", help="The vehicle waits in bind mode; do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="The vehicle is in bind mode; do not ask.")] = False,
 ) -> None:
     """Bind the receiver of a vehicle to its transmitter. The fleet must be down."""
     from rcopterx.commands.radio_bench import Dialogue, own_model_match, workbench
@@ -43,10 +43,10 @@ def range_check(
     fleet: FleetOption,
     seconds: Annotated[
         float,
-        typer.Option(metavar="S", min=1, max=600, help="Ends after this time, or with a line on stdin."),
+        typer.Option(metavar="S", min=1, max=600, help="Duration; a line on stdin ends it earlier."),
     ] = 60.0,
 ) -> None:
-    """Send with reduced power and move the swash plate: 30 paces away the vehicle must still follow."""
+    """Send with reduced power and move the swash plate, which must still respond 30 paces away."""
     from rcopterx.commands.radio_bench import Dialogue, workbench
 
     with workbench(fleet, vehicle) as (_, _, bench):
@@ -65,7 +65,7 @@ def range_check(
 
 
 Sign = Annotated[
-    str | None, typer.Option(metavar="ok|reversed", help="Answer of the sign check; else asked.")
+    str | None, typer.Option(metavar="ok|reversed", help="Result of the sign check. Default: ask.")
 ]
 
 
@@ -73,26 +73,26 @@ def calibrate(
     vehicle: Vehicle,
     fleet: FleetOption,
     step: Annotated[
-        list[str] | None, typer.Option(metavar="signs|throttle|trim", help="Only this step; may be repeated.")
+        list[str] | None, typer.Option(metavar="signs|throttle|trim", help="Only this step. Repeatable.")
     ] = None,
     pitch: Sign = None,
     roll: Sign = None,
     yaw: Sign = None,
     us0: Annotated[
         float | None,
-        typer.Option(metavar="US", help="Throttle just below rotor start; else found by trying."),
+        typer.Option(metavar="US", help="Throttle just below rotor start. Default: find by trying."),
     ] = None,
     us_hover: Annotated[
         float | None,
-        typer.Option(metavar="US", help="Throttle that lifts the vehicle; else found by trying."),
+        typer.Option(metavar="US", help="Throttle that lifts the vehicle. Default: find by trying."),
     ] = None,
     seconds: Annotated[
-        float, typer.Option(metavar="S", min=1, max=60, help="How long the hover is measured.")
+        float, typer.Option(metavar="S", min=1, max=60, help="Duration of the measured hover.")
     ] = 10.0,
 ) -> None:
     """Calibrate a transmitter and write the result into the fleet file.
 
-    signs and throttle need the fleet down; trim needs the vehicle hovering.
+    The steps signs and throttle need the fleet down; trim needs the vehicle hovering.
     """
     steps = step or ["signs", "throttle"]
     for name in steps:
@@ -105,9 +105,9 @@ def calibrate(
     from rcopterx.commands.fleet_option import user_errors
     from rcopterx.commands.radio_bench import (
         Dialogue,
-        asked_signs,
+        check_signs,
+        find_throttle,
         save,
-        tried_throttle,
         trim_hover,
         workbench,
     )
@@ -123,16 +123,16 @@ def calibrate(
             typer.echo(f"{vehicle}: {bench.wait_ready()}")
             dialogue = Dialogue(bench)
             if "signs" in steps:
-                calibration = asked_signs(bench, dialogue, calibration, answers)
+                calibration = check_signs(bench, dialogue, calibration, answers)
             if "throttle" in steps:
-                calibration = tried_throttle(bench, dialogue, calibration, us0, us_hover)
+                calibration = find_throttle(bench, dialogue, calibration, us0, us_hover)
             save(path, vehicle, calibration)
     if "trim" in steps:
         trim_hover(vehicle, seconds, fleet)
 
 
 def udev_rules() -> None:
-    """Print udev rules with stable names and rights for radio modules, for /etc/udev/rules.d."""
+    """Print udev rules for /etc/udev/rules.d, with stable names and permissions of radio modules."""
     from importlib.resources import files
 
     typer.echo(

@@ -1,4 +1,4 @@
-"""The workbench of a radio: its transmitter alone, questions to whoever stands there, and calibration."""
+"""The workbench of a radio: exclusive access to its transmitter, questions, and calibration."""
 
 import os
 import select
@@ -36,7 +36,7 @@ LARGEST_STEP_US = 60.0
 
 
 class Dialogue:
-    """Asks on standard error and reads lines of standard input while the radio is being served."""
+    """Questions on standard error and answers on standard input while the radio keeps transmitting."""
 
     def __init__(self, bench: Workbench) -> None:
         self._bench = bench
@@ -44,12 +44,12 @@ class Dialogue:
         self._waiting = b""
 
     def line(self, question: str, seconds: float = 3600.0) -> str | None:
-        """Next line in lower case without blanks; None when there was none in time.
+        """Next line in lower case without blanks; None if there is none in time.
 
         Raises
         ------
         WorkbenchError
-            Standard input has ended: there is nobody to answer.
+            Standard input has ended.
         """
         typer.echo(question, err=True)
         if not self._bench.run(seconds, self.has_line, [self._input]):
@@ -58,7 +58,7 @@ class Dialogue:
         return first.decode(errors="replace").strip().lower()
 
     def has_line(self) -> bool:
-        """Whether a whole line is there; reads what has arrived."""
+        """Read available input; return whether it has a whole line."""
         if b"\n" not in self._waiting and select.select([self._input], [], [], 0)[0]:
             data = os.read(self._input, 4096)
             if not data:
@@ -77,7 +77,7 @@ class Dialogue:
 
 @contextmanager
 def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workbench]]:
-    """The transmitter of a vehicle, exclusively; whatever ends the block, throttle-low frames end it."""
+    """Exclusive access to the transmitter of a vehicle; throttle-low frames end it in any case."""
 
     def stop(number: int, _frame: object) -> None:
         raise SystemExit(128 + number)
@@ -110,7 +110,7 @@ def own_model_match(file: FleetFile, vehicle: str) -> int:
     Raises
     ------
     FleetError
-        Another vehicle has it too: its transmitter could fly this one.
+        Another vehicle has the same number: its transmitter could fly this one.
     """
     number = file.vehicles[vehicle].transmitter.model_match
     for name, other in file.vehicles.items():
@@ -123,16 +123,16 @@ def own_model_match(file: FleetFile, vehicle: str) -> int:
 
 
 def save(path: Path, vehicle: str, calibration: Calibration) -> None:
-    """Write a calibration into the fleet file and tell what has changed."""
+    """Write a calibration into the fleet file and print the changes."""
     lines = write_calibration(path, vehicle, calibration)
     for line in lines or ["nothing to change"]:
         typer.echo(f"{vehicle}: {line}")
 
 
-def asked_signs(
+def check_signs(
     bench: Workbench, dialogue: Dialogue, calibration: Calibration, answers: dict[str, str | None]
 ) -> Calibration:
-    """Motors off: every axis is deflected until the user has said whether it goes the right way."""
+    """Deflect every axis, motors off, and ask whether it moves in the right direction."""
     for axis, (u, question) in SIGN_QUESTIONS.items():
         answer = answers[axis]
         if answer is None:
@@ -145,10 +145,10 @@ def asked_signs(
     return calibration
 
 
-def tried_throttle(
+def find_throttle(
     bench: Workbench, dialogue: Dialogue, calibration: Calibration, us0: float | None, us_hover: float | None
 ) -> Calibration:
-    """Tethered: the user raises the throttle in small steps and says when the points are reached."""
+    """Let the user raise the throttle of the tethered vehicle in small steps to find both points."""
     found: dict[str, float] = {}
     for name, given in (("us0", us0), ("hover", us_hover)):
         if given is not None:
@@ -173,7 +173,7 @@ def tried_throttle(
 
 
 def _tried(bench: Workbench, answer: str, present_us: float) -> float:
-    """Throttle after an answer that should be a pulse width; a wrong one changes nothing."""
+    """Throttle [us] after an answer that should be a pulse width; a wrong answer changes nothing."""
     try:
         wanted_us = float(answer)
     except ValueError:
@@ -191,7 +191,7 @@ def _tried(bench: Workbench, answer: str, present_us: float) -> float:
 
 
 def trim_hover(vehicle: str, seconds: float, fleet: str) -> None:
-    """Mean inputs of a hover in the running fleet become trims; they act from the next start on."""
+    """Store mean inputs of a hover in the running fleet as trims, effective from the next start."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
         path = fleet_path(fleet)

@@ -26,7 +26,7 @@ def replay(
     agent: Annotated[
         str | None,
         typer.Option(
-            metavar="VEHICLE", help="Run the agent of this vehicle on what it took in, and compare."
+            metavar="VEHICLE", help="Run the agent of this vehicle on its recorded inputs, and compare."
         ),
     ] = None,
     changes: Annotated[
@@ -34,17 +34,19 @@ def replay(
         typer.Option(
             "--with",
             metavar="NAME=VALUE",
-            help="With another controller, estimator, horizon or setting of the controller. May be repeated.",
+            help="Change controller, estimator, horizon or a setting of the controller. Repeatable.",
         ),
     ] = None,
-    speed: Annotated[float, typer.Option(metavar="FACTOR", min=0.01, help="Faster than it was flown.")] = 1.0,
+    speed: Annotated[
+        float, typer.Option(metavar="FACTOR", min=0.01, help="Speed relative to the flight.")
+    ] = 1.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON.")] = False,
 ) -> None:
-    """Put a flight log on the bus again for status, top and ground, or fly an agent through it once more.
+    """Publish a flight log for status, top and ground, or run an agent on its recorded inputs.
 
-    Exit code 1 if the agent does not do the same again.
+    Exit code 1 if the agent does not repeat the flight.
     """
-    # Sums of several threads have other last bits; numerical libraries look at it when they are loaded.
+    # Sums of several threads have other last bits; numerical libraries read this when they are loaded.
     os.environ.update(ONE_THREAD)
     with user_errors():
         found = chosen_flight(flight)
@@ -55,7 +57,7 @@ def replay(
 
 
 def chosen_flight(name: str) -> "Flight":
-    """Flight that is meant; says what there is if it is not found."""
+    """Flight of a name; the error lists the known flights."""
     from rcopterx.flights.flights import NoFlightError, default_directory, found_flight
 
     try:
@@ -65,7 +67,7 @@ def chosen_flight(name: str) -> "Flight":
 
 
 def changes_of(words: list[str]) -> dict[str, Any]:
-    """Settings from words like `horizon=30`; what is no JSON value is a text."""
+    """Settings from words like `horizon=30`; values are JSON or text."""
     changes = {}
     for word in words:
         name, equals, value = word.partition("=")
@@ -113,9 +115,9 @@ def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: b
 
 
 def _rule(same: bool, changes: dict[str, Any]) -> str:
-    """What the comparison is about."""
+    """Description of the comparison."""
     if changes:
-        return "flown by " + ", ".join(f"{name}={value}" for name, value in changes.items())
+        return "flown with " + ", ".join(f"{name}={value}" for name, value in changes.items())
     return "must be the same to the last bit" if same else "another computer: small differences are allowed"
 
 

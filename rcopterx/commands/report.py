@@ -14,18 +14,15 @@ INSTALL: Final = "pip install 'rcopterx[figures]'"
 
 def report(
     flight: FlightArgument = "latest",
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Where to.")] = Path(
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File to write.")] = Path(
         "report.html"
     ),
     compare: Annotated[
         str | None,
-        typer.Option("--compare", metavar="FLIGHT", help="Put this flight beside the first one."),
+        typer.Option("--compare", metavar="FLIGHT", help="Show this flight beside the first one."),
     ] = None,
 ) -> None:
-    """Write a page about a flight: playback, errors, latency by stage, fallbacks, events, provenance.
-
-    The page needs nothing but itself.
-    """
+    """Write a self-contained page about a flight: playback, errors, latencies, events, provenance."""
     if find_spec("matplotlib") is None:
         typer.echo(f"error: a report needs matplotlib: {INSTALL}", err=True)
         raise typer.Exit(EXIT_FAILED)

@@ -1,4 +1,4 @@
-"""One subcommand per process role, for hosts that start processes by hand or by systemd."""
+"""One command per process role, for hosts that start processes by hand or with systemd."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,12 +25,12 @@ def router(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
 
 
 def recorder(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
-    """Run the recorder: everything on the bus into a flight log."""
+    """Run the recorder: messages of the bus to a flight log."""
     _run("recorder", host, fleet)
 
 
 def simulator(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
-    """Run the fake laboratory: Tracker, radio modules and vehicles."""
+    """Run the simulated laboratory: Tracker, radio modules and vehicles."""
     _run("simulator", host, fleet)
 
 

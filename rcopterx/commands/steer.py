@@ -1,4 +1,4 @@
-"""Steering a running fleet from the command line."""
+"""Commands to a running fleet."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -19,7 +19,7 @@ Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE", autocompletion=vehicl
 
 
 def arm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
-    """Let the agents command the transmitters. Rotors stay still until take-off."""
+    """Arm vehicles: let their agents command the transmitters. Rotors stay still until take-off."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
         running.wait_ready(vehicles or None, timeout_s=3.0)
@@ -31,11 +31,11 @@ def disarm(
     vehicles: Annotated[
         list[str] | None, typer.Argument(metavar="[VEHICLE]...", autocompletion=vehicles_beginning)
     ] = None,
-    everybody: Annotated[bool, typer.Option("--all", help="All vehicles.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="All vehicles.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Keep the throttle low until armed again; refused in the air, for that there are land and kill."""
-    if bool(vehicles) == everybody:
+    """Keep the throttle low until armed again; refused in the air, where land and kill apply."""
+    if bool(vehicles) == every:
         raise typer.BadParameter("name the vehicles, or give --all", param_hint="[VEHICLE]...")
     from rcopterx.ground_station.scripting.vehicle import RefusedError
 
@@ -45,7 +45,7 @@ def disarm(
         running.wait_for_status(names)
         airborne = [name for name in names if running[name].state.airborne]
         if airborne:
-            raise RefusedError(f"{', '.join(airborne)} in the air: land first; kill is what cuts motors")
+            raise RefusedError(f"{', '.join(airborne)} in the air: land first; only kill cuts the motors")
         for name in names:
             running[name].disarm()
         typer.echo("disarmed")
@@ -58,7 +58,7 @@ def takeoff(
     ] = 1.0,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Arm and take off, and wait until the vehicles fly."""
+    """Arm, take off, and wait until the vehicles fly."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
         before = running.crowded_hosts()
@@ -81,7 +81,7 @@ def goto(
     yaw: Annotated[float, typer.Argument(help="Heading in degrees; more than a turn is allowed.")] = 0.0,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Give a leader a new set point: goto h1 -0.5 0 1."""
+    """Send a vehicle that leads to a set point: goto h1 -0.5 0 1."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
         running[vehicle].go_to((x, y, z), math.radians(yaw))
@@ -98,7 +98,7 @@ def follow(
     ] = "inertial",
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Let a vehicle follow another one's plan, in flight or on the floor."""
+    """Follow the plan of another vehicle, in flight or on the floor."""
     if frame not in ("inertial", "heading"):
         raise typer.BadParameter(f"{frame!r}: allowed are inertial, heading", param_hint="--frame")
     if vehicle == leader:
@@ -110,7 +110,7 @@ def follow(
 
 
 def lead(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
-    """Let a vehicle follow nobody; it holds its place."""
+    """Stop following; the vehicle holds its position."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
         running[vehicle].lead()
@@ -122,7 +122,7 @@ def swap(
     second: Vehicle,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Let two vehicles change roles, for instance leader and follower; all keep their places in space."""
+    """Exchange the roles of two vehicles, for instance leader and follower; all keep their places."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [first, second])
         running.swap(first, second, _announce)
@@ -130,7 +130,7 @@ def swap(
 
 
 def promote(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
-    """Make a vehicle the leader of its whole formation; all keep their places in space."""
+    """Make a vehicle the leader of its whole formation; all keep their places."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
         running.promote(vehicle, _announce)
@@ -139,10 +139,10 @@ def promote(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
 
 def move(
     vehicle: Vehicle,
-    to: Annotated[str, typer.Option(metavar="HOST", help="Host on which its agent shall run.")],
+    to: Annotated[str, typer.Option(metavar="HOST", help="Host for its agent.")],
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Move the agent of a vehicle to another host, also in flight: a warm one takes over there."""
+    """Move the agent of a vehicle to another host, also in flight, where a warm agent takes over."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
         running.wait_for_status([vehicle])
@@ -151,7 +151,7 @@ def move(
 
 
 def _announce(changes: list[str]) -> None:
-    """Tell what a change of roles does to whom, before it is done."""
+    """Print a change of roles before it happens."""
     typer.echo("\n".join(changes))
 
 
@@ -166,7 +166,7 @@ def tune(
         ),
     ] = None,
     controller: Annotated[str | None, typer.Option(metavar="NAME", help="Fly with this controller.")] = None,
-    estimator: Annotated[str | None, typer.Option(metavar="NAME", help="Estimate with this one.")] = None,
+    estimator: Annotated[str | None, typer.Option(metavar="NAME", help="Fly with this estimator.")] = None,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Change controller, estimator, weights, limits or horizon in flight: tune h2 horizon=30."""
@@ -195,7 +195,7 @@ def join(
     ] = 1.0,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Let a vehicle that was left out take off and join its formation; the others fly on."""
+    """Take off with a vehicle that was left out and join its formation; the others fly on."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, [vehicle])
         typer.echo(running.join(vehicle, height))
@@ -210,7 +210,7 @@ def leave(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
 
 
 def land(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
-    """Land, wait for the floor, and disarm."""
+    """Land, wait until the vehicles are on the floor, and disarm."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
         running.land(vehicles or None)
@@ -218,9 +218,9 @@ def land(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
 
 
 def kill(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
-    """Cut the motors at once, latching. Vehicles in the air fall. `rcopterx reset` ends it.
+    """Cut the motors at once, until `rcopterx reset`. Vehicles in the air fall.
 
-    Without a fleet: those of every fleet that is up on this computer.
+    Default: the vehicles of every fleet that is up on this computer.
     """
     from rcopterx import kill as fast_kill
 
@@ -228,7 +228,7 @@ def kill(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
 
 
 def reset(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
-    """Leave the killed state; the vehicles are disarmed then."""
+    """Leave the killed state; the vehicles are disarmed afterwards."""
     with running_fleet(fleet) as running:
         known_vehicles(running.file.vehicles, vehicles)
         for name in vehicles or running.file.vehicles:
@@ -237,20 +237,14 @@ def reset(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
 
 
 def known_vehicles(known: Mapping[str, object], names: Iterable[str] | None) -> None:
-    """Refuse names that are no vehicles of the fleet.
-
-    Raises
-    ------
-    typer.BadParameter
-        Names the first one and what is allowed.
-    """
+    """Raise a usage error for names that are no vehicles of the fleet."""
     for name in names or ():
         if name not in known:
             raise typer.BadParameter(f"no vehicle {name!r}, known are {', '.join(known)}")
 
 
 def three(text: str) -> tuple[float, float, float]:
-    """Three numbers as they are typed: 0.5,0,-0.2."""
+    """Parse three numbers: 0.5,0,-0.2."""
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
@@ -259,7 +253,7 @@ def three(text: str) -> tuple[float, float, float]:
 
 
 def _setting(text: str) -> "Setting":
-    """Value of a setting as it is typed: 30, 0.5, true, none, 1,2,3 or a word."""
+    """Parse the value of a setting: 30, 0.5, true, none, 1,2,3 or a word."""
     words: dict[str, Setting] = {"true": True, "false": False, "none": None}
     if text.lower() in words:
         return words[text.lower()]

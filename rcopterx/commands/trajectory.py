@@ -1,4 +1,4 @@
-"""Flying trajectories from the command line: circles, eights, spirals, waypoints from a file."""
+"""Flying trajectories from the command line: circles, figure eights, spirals, waypoints from a file."""
 
 import csv
 import math
@@ -32,13 +32,14 @@ def trajectory(
     period: Annotated[float, typer.Option(metavar="SECONDS", help="Time of a turn.")] = 8.0,
     turns: Annotated[float, typer.Option(metavar="N", help="Turns; negative for clockwise.")] = 1.0,
     heading: Annotated[str, typer.Option(help="One of fixed, along, center.")] = "fixed",
-    wait: Annotated[bool, typer.Option("--wait", help="Return when it has been flown.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Return when the trajectory has ended.")] = False,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw it (svg, png, pdf) instead of flying it.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw the trajectory (svg, png, pdf) instead of flying it."),
     ] = None,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Fly a trajectory with a vehicle that follows nobody; its followers come along."""
+    """Fly a trajectory with a vehicle that leads; its followers keep their offsets."""
     from rcopterx.control.references.path_shapes import circle, figure_eight, spiral, through
     from rcopterx.control.references.paths import PathError
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 GATHER_S = 1.0
-"""A single picture of latencies is one of the commands of this time."""
+"""Time in which commands are collected for a single table of latencies."""
 LATENCY_COLUMN = "-ms"
 HUNG_UP = b"\x04"
 QUIT_KEYS = b"qQ" + HUNG_UP
@@ -36,7 +36,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.
 
 
 def status(as_json: JsonOption = False, fleet: RunningFleetOption = None) -> None:
-    """Tell once what every vehicle does. Exit code 1 if the fleet is not up."""
+    """Show the state of every vehicle. Exit code 1 if the fleet is not up."""
     from rcopterx.ground_station.terminal.status import fleet_status, readable
 
     with running_fleet(fleet) as running:
@@ -48,12 +48,12 @@ def status(as_json: JsonOption = False, fleet: RunningFleetOption = None) -> Non
 def check(
     vehicles: Vehicles = None,
     wait: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0, help="Wait so long for everything to be ready.")
+        float, typer.Option(metavar="SECONDS", min=0, help="Longest wait until the fleet is ready.")
     ] = 1.5,
     as_json: JsonOption = False,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """List what blocks take-off. Exit code 0 if nothing does, 1 otherwise."""
+    """List problems that block take-off. Exit code 1 if there are any."""
     from rcopterx.ground_station.scripting.waiting import NotReachedError
     from rcopterx.ground_station.terminal.status import fleet_check, readable
 
@@ -69,13 +69,13 @@ def check(
 
 def top(
     period: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0.05, help="Time between two pictures in seconds.")
+        float, typer.Option(metavar="SECONDS", min=0.05, help="Time between two updates in seconds.")
     ] = 0.2,
     columns: Annotated[
         str | None,
         typer.Option(
             metavar="NAME,NAME,...",
-            help=f"Show these columns: {', '.join(COLUMN_NAMES)}. Default: as many as there is room for.",
+            help=f"Show these columns: {', '.join(COLUMN_NAMES)}. Default: as many as fit.",
         ),
     ] = None,
     wide: Annotated[
@@ -118,12 +118,9 @@ def top(
 
 @contextmanager
 def keys() -> Iterator[Callable[[float], bytes]]:
-    """Wait for single keys of the terminal, without Enter; its settings come back at the end.
+    """Read single keys of the terminal, without Enter, and restore its settings at the end.
 
-    Yields
-    ------
-    Callable
-        Waits a time [s]; what the user typed, Ctrl-D if they hung up.
+    The function that is yielded waits a time [s] and returns the typed keys, Ctrl-D at the end of the input.
     """
     descriptor = sys.stdin.fileno()
     if not os.isatty(descriptor):
@@ -138,7 +135,7 @@ def keys() -> Iterator[Callable[[float], bytes]]:
 
 
 def nothing_within(seconds: float) -> bytes:
-    """Wait where nobody can type."""
+    """Wait without a keyboard."""
     time.sleep(seconds)
     return b""
 

@@ -1,4 +1,4 @@
-"""Promises of the exercise sheet: its checks tell right from wrong, and a solved sheet passes."""
+"""Promises of the exercise sheet: its checks distinguish right from wrong, and a solved sheet passes."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Promises of the import of drone shows: what the file says is what is flown, and bad files are told."""
+"""Promises of the import of drone shows: what the file says is what is flown, and bad files are rejected."""
 
 import json
 import sys

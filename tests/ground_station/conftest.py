@@ -14,7 +14,7 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 
 @pytest.fixture(autouse=True)
 def _patience_with_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Who answers shares the processor with all that runs beside."""
+    """Answers may be late: the processor is shared with other tests."""
     monkeypatch.setattr("rcopterx.ground_station.scripting.vehicle.ANSWER_S", DEADLINE_S)
 
 
@@ -32,7 +32,7 @@ def fleet(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> Iterator[Fleet]:
-    """The scripting interface of the scripted fleet, once it has heard of every vehicle."""
+    """The scripting interface of the scripted fleet, once every vehicle has reported."""
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
     running = patient_fleet(parse_fleet(fleet_file_text(bus_address)))
     wait_for(lambda: not running.problems(), "no status arrives")

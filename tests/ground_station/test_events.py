@@ -1,4 +1,4 @@
-"""Promises of the time line: what changes is told once, what harms catches the eye."""
+"""Promises of events: a change is reported once, harmful ones are alarming."""
 
 from dataclasses import replace
 

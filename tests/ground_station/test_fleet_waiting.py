@@ -1,4 +1,4 @@
-"""Promises of waiting: nobody misses a ring, deadlines hold, and a stop ends every wait of the block."""
+"""Promises of waiting: no notification is missed, deadlines hold, a stop ends every wait of the block."""
 
 import threading
 from concurrent.futures import ThreadPoolExecutor

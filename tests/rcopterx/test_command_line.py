@@ -315,7 +315,7 @@ def test_vehicles_in_the_air_are_not_disarmed(up: str, vehicles: Vehicles) -> No
     wait_for(lambda: "h2: flying" in run("status", "-f", up).output, "not seen to fly")
     result = run("disarm", "--all", "-f", up)
     assert result.exit_code == 1
-    assert result.stderr == "error: h2 in the air: land first; kill is what cuts motors\n"
+    assert result.stderr == "error: h2 in the air: land first; only kill cuts the motors\n"
     assert [vehicle.verbs for vehicle in vehicles.values()] == [[], []]
 
 

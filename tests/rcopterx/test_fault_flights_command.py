@@ -1,4 +1,4 @@
-"""`fly --faults` tells what it knows and refuses what cannot be."""
+"""`fly --faults` lists its table and refuses what cannot be flown."""
 
 from pathlib import Path
 

@@ -49,7 +49,7 @@ def test_a_cut_off_file_is_mended_in_place_and_a_complete_one_left_alone(directo
     assert CliRunner().invoke(app, ["recover", str(path)]).stdout == f"{path}: 1 messages\n"
     mended = path.read_bytes()
     assert contents_of(path).complete
-    assert "nothing to mend" in CliRunner().invoke(app, ["recover", str(path)]).stdout
+    assert "nothing to repair" in CliRunner().invoke(app, ["recover", str(path)]).stdout
     assert path.read_bytes() == mended
     assert [file.name for file in directory.iterdir()] == [path.name]
 

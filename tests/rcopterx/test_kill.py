@@ -1,4 +1,4 @@
-"""Promises of `rcopterx kill`: what is up is cut at once, and it is told of every vehicle if it was."""
+"""Promises of `rcopterx kill`: all that is up is cut at once, and confirmed for every vehicle."""
 
 import subprocess
 import sys
@@ -30,7 +30,7 @@ READING_S = 0.02
 
 @pytest.fixture(autouse=True)
 def _unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Vehicles confirm in this process; when it stalls, nobody is late."""
+    """Vehicles confirm in this process; when it stalls, none is late."""
     clock = SimpleNamespace(monotonic=PatientClock(READING_S), sleep=time.sleep)
     monkeypatch.setattr(rcopterx.kill, "time", clock)
 

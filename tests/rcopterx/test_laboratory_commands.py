@@ -64,7 +64,7 @@ def test_recording_that_is_not_there_and_wrong_speed_are_refused(tmp_path: Path)
     assert (result.exit_code, "speed 0.0: allowed is more than 0" in result.stderr) == (2, True)
 
 
-# The player waits for nobody who leaves its connection.
+# The player does not wait for a client that leaves its connection.
 PATIENT = ClientLimits(connect_s=60.0, silence_min_s=60.0)
 
 
@@ -178,7 +178,7 @@ def test_refusal_of_the_simulator_is_told(up: str, simulator: ScriptedSimulator)
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        ((), "a fault is missing; --list names them all"),
+        ((), "a fault is missing, see --list"),
         (("explode",), "unknown fault 'explode', known are close, reset, wrong_magic"),
         (("occlude",), "occlude: object missing required field `subject`"),
         (("close", "--seconds", "1"), "close: unknown field 'duration_s', allowed are none"),

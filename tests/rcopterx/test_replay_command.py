@@ -19,7 +19,7 @@ def test_an_agent_that_does_the_same_again_ends_well(monkeypatch: pytest.MonkeyP
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["first"] is None
     shown = CliRunner().invoke(app, ["replay", FLIGHT, "--agent", "h2", "--with", "controller=pid"])
-    assert "(flown by controller=pid)" in shown.stdout
+    assert "(flown with controller=pid)" in shown.stdout
     assert shown.exit_code == 0
     for word in ("control periods", "first difference after", "solution", "times as fast as flown"):
         assert word in shown.stdout

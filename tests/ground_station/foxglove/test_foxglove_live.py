@@ -39,7 +39,7 @@ def server(fleet: Fleet) -> Iterator[FoxgloveServer]:
 
 
 def advertised(connection: Any) -> dict[str, dict[str, Any]]:
-    """Channels by topic, once all are told."""
+    """Channels by topic, once all are advertised."""
     found: dict[str, dict[str, Any]] = {}
     while "/h2/flight" not in found:
         text = connection.recv(timeout=DEADLINE_S)

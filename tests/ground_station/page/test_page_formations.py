@@ -1,4 +1,4 @@
-"""Promises of the formations by name: everybody has a place, and nobody is nearer than was asked."""
+"""Promises of the formations by name: every vehicle has a place, and none is nearer than requested."""
 
 from itertools import combinations
 

@@ -1,4 +1,4 @@
-"""Promises of saved formations: they survive the page, errors are told, leaders come first."""
+"""Promises of saved formations: they survive the page, errors are reported, leaders come first."""
 
 from pathlib import Path
 

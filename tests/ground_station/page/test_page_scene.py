@@ -25,7 +25,7 @@ BY_HAND = SimpleNamespace(client=object())
 def opened(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> Iterator[Callable[..., FleetPage]]:
-    """Open pages; what they tell their users is in `notices`."""
+    """Open pages; answers to their users are in `notices`."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     server = viser.ViserServer("127.0.0.1", free_port(), verbose=False)
     monkeypatch.setattr(FleetPage, "notify", lambda page, text, refused: notices.append((text, refused)))

@@ -1,4 +1,4 @@
-"""Promises of replays: an agent does the same again, and what differs first is told with its cause."""
+"""Promises of replays: an agent repeats the flight, and the first difference is reported with its cause."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

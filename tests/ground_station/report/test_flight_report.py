@@ -1,4 +1,4 @@
-"""Promises of reports: whole, self-contained, told in order, and nothing from a flight is markup."""
+"""Promises of reports: whole, self-contained, in order, and nothing from a flight is markup."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Promises of the asynchronous interface: the same calls, at the same time, and nobody is left in the air."""
+"""Promises of the asynchronous interface: the same calls at the same time, and no vehicle left in the air."""
 
 import asyncio
 import inspect

@@ -1,4 +1,4 @@
-"""Promises of what is told about hosts: missing links first, clocks as seen from here."""
+"""Promises of notes about hosts: missing links first, clocks relative to this host."""
 
 from rcopterx.bus.link_messages import LinkState, RouterStatus
 from rcopterx.ground_station.scripting.notes import link_notes

@@ -1,4 +1,4 @@
-"""Promises of changing leaders together: all or none, whoever refuses, falls silent or dies on the way."""
+"""Promises of changing leaders together: all or none, also when a vehicle refuses, falls silent or dies."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -56,7 +56,7 @@ class Member:
 
 @dataclass
 class Formation:
-    """A fleet whose frames pass while somebody waits; trouble comes at the number of a request."""
+    """A fleet whose frames pass during waits; trouble comes at the number of a request."""
 
     members: dict[str, Member]
     trouble: dict[int, str] = field(default_factory=dict)

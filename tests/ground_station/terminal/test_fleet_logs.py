@@ -1,4 +1,4 @@
-"""Promises of the logs of several hosts: all that answer are merged, those that do not are told."""
+"""Promises of the logs of several hosts: all that answer are merged, those that do not are named."""
 
 from pathlib import Path
 from types import SimpleNamespace
