@@ -46,16 +46,9 @@ class Target:
 
 @dataclass(frozen=True)
 class Trial:
-    """A command that is run in both checkouts.
+    """A command of `rcopterx` that is run in both checkouts.
 
-    Attributes
-    ----------
-    arguments
-        Of `rcopterx`.
-    figures
-        Takes figures from its JSON document and the memory of its processes [MB].
-    targets
-        By the names of the figures; other figures are shown without one.
+    `figures` takes figures from its JSON document and the memory of its processes [MB]; some have targets.
     """
 
     arguments: tuple[str, ...]
@@ -154,16 +147,7 @@ TRIALS: Final[Mapping[str, Trial]] = {
 
 
 def run(other: Path, names: Sequence[str], rounds: int, show: Show) -> dict[str, Any]:
-    """Measure both checkouts in turn; returns the JSON document of `rcopterx bench cost`.
-
-    Parameters
-    ----------
-    other
-        Directory of the other checkout.
-    names
-        Keys of `TRIALS`.
-    rounds
-        Number of runs of each trial in each checkout.
+    """Run the trials `names` in both checkouts in turn; returns the JSON document of `rcopterx bench cost`.
 
     Raises
     ------

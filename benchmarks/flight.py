@@ -1,4 +1,4 @@
-"""The flight on which solvers are compared: recorded once, then every solver sees the same states."""
+"""The flight on which solvers are compared, with the same states for each."""
 
 from dataclasses import dataclass
 
@@ -32,7 +32,7 @@ SUBSTEPS = 5
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What a controller was given at one step."""
+    """Inputs of a controller at one step."""
 
     estimate: Estimate
     set_point: Array
@@ -44,24 +44,7 @@ class Moment:
 
 
 def record_flight(model: Model, period_s: float, steps: int, seed: int) -> list[Moment]:
-    """Fly the set points in turbulence with the cascade and write down what it was given.
-
-    Parameters
-    ----------
-    model
-        The vehicle, flown with its lags.
-    period_s
-        Control period.
-    steps
-        Control steps.
-    seed
-        Of turbulence and noise.
-
-    Returns
-    -------
-    list[Moment]
-        One per step.
-    """
+    """Fly the set points in turbulence with the cascade; returns the controller's inputs of each step."""
     rng = np.random.default_rng(seed)
     pilot = CONTROLLERS.build("cascade", model, period_s, {})
     noise = np.repeat(

@@ -1,4 +1,4 @@
-"""Distances of a solver's inputs to the exact solution of the very problem it was given."""
+"""Distances of a solver's inputs to the exact solution of its problem."""
 
 from typing import Any, Final
 
@@ -13,7 +13,7 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
 EVERY: Final = 10
-"""One step in so many is judged."""
+"""Interval of the judged steps."""
 
 
 def judged_stage(base: type[StageQP], errors: list[float]) -> type[StageQP]:

@@ -35,16 +35,9 @@ class _Stopped(Exception):  # noqa: N818 - not an error, the way out of a sequen
 
 
 class Demonstration:
-    """Flies in a thread of its own.
+    """Flies a running fleet in a thread of its own.
 
-    Parameters
-    ----------
-    fleet
-        A running fleet.
-    wait
-        Waits a time [s]; returns whether the user has stopped the demonstration.
-    say
-        Shows a line.
+    `wait` waits a time [s] and returns whether the user has stopped the demonstration.
     """
 
     def __init__(self, fleet: Fleet, wait: Callable[[float], bool], say: Callable[[str], object]) -> None:

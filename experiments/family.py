@@ -42,18 +42,8 @@ QUICK_VEHICLES: Final = 2
 class Programme:
     """Times of the parts of a flight.
 
-    Attributes
-    ----------
-    settled_s
-        Hover counts from here on: estimators start at rest without knowing trim and turbulence.
-    hover_s
-        When hover ends.
-    slot_s
-        Time for each set point.
-    rest_s
-        The end of each slot, in which the vehicle is to rest at its set point.
-    eight_s
-        Time of the figure-eight's turn.
+    Hover counts from `settled_s` to `hover_s`. Each set point takes `slot_s`, with rest in the last `rest_s`.
+    A turn of the figure-eight takes `eight_s`.
     """
 
     settled_s: float = 5.0
@@ -79,7 +69,7 @@ class Level:
 
     @property
     def title(self) -> str:
-        """For figures and progress."""
+        """Title for figures and labels."""
         return f"{self.knowledge}, {self.measured}"
 
     @property
@@ -108,26 +98,11 @@ def levels_of(knowledge: Sequence[Knowledge]) -> tuple[Level, ...]:
 class Flown:
     """Figures of one vehicle.
 
-    Attributes
-    ----------
-    hover_mm
-        Root mean square error of the worse horizontal axis in hover.
-    height_mm, yaw_mrad
-        Root mean square errors in hover.
-    stick
-        Root mean square of the worse of pitch and roll stick in hover, trim included.
-    stick_deviation
-        Largest standard deviation of pitch or roll stick in hover or in the rest after a step.
-    rest_mm
-        Largest distance from the set point in the rest after a step.
-    yaw_step_mm
-        Largest horizontal distance from the set point during yaw steps.
-    eight_mm, eight_max_mm
-        Root mean square and largest distance from the path's present point.
-    lost, touched_floor
-        Whether it left the volume or did not come home; whether it met the floor.
-    fallbacks
-        Number of control steps with a fallback.
+    In hover the root mean square errors of the worse horizontal axis, of height and of yaw, and that of the
+    worse of pitch and roll stick, trim included. `stick_deviation` is the largest standard deviation of these
+    sticks in hover or at rest after a step, `rest_mm` the largest distance from the set point at rest,
+    `yaw_step_mm` the largest horizontal one during yaw steps. A vehicle is `lost` that left the volume or did
+    not return home.
     """
 
     hover_mm: float

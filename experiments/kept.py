@@ -28,12 +28,7 @@ class KeptFlightsError(ValueError):
 class KeptFlights:
     """Results of flights by label, in a file that each new flight is appended to.
 
-    Parameters
-    ----------
-    path
-        Created if missing.
-    context
-        What besides label and code a flight depends on, as JSON.
+    `context` is what besides label and code a flight depends on, as JSON.
 
     Raises
     ------

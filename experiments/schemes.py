@@ -20,12 +20,8 @@ HORIZON: Final = 50
 class Scheme:
     """A controller with settings, and the knowledge of its pilot.
 
-    Attributes
-    ----------
-    previous_frame
-        Followers get their leaders' plans one control period late.
-    estimator_settings
-        Of the extended Kalman filter, which every scheme uses.
+    With `previous_frame` followers get their leaders' plans one control period late. Every scheme uses the
+    extended Kalman filter.
     """
 
     name: str

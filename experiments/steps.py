@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Final
+from typing import Concatenate, Final, ParamSpec
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.identification import fit
@@ -16,19 +16,26 @@ from rcopterx.ground_station.scripting.waiting import NotReachedError
 from rcopterx.vehicles.tuples import Three
 
 Step = Callable[[Fleet, Say, Wait], None]
+P = ParamSpec("P")
 
 SETTLED_M: Final = 0.08
 REST_S: Final = 0.5
 
 
-def in_order(*steps: Step) -> Step:
+def step(function: Callable[Concatenate[Fleet, Say, Wait, P], None]) -> Callable[P, Step]:
+    """Make a function that flies a step into one that returns the step for its further arguments."""
+
+    def with_arguments(*arguments: P.args, **options: P.kwargs) -> Step:
+        return lambda fleet, say, wait: function(fleet, say, wait, *arguments, **options)
+
+    return with_arguments
+
+
+@step
+def in_order(fleet: Fleet, say: Say, wait: Wait, *steps: Step) -> None:
     """Fly steps one after the other."""
-
-    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
-        for step in steps:
-            step(fleet, say, wait)
-
-    return fly
+    for step in steps:
+        step(fleet, say, wait)
 
 
 def pause(seconds: float) -> Step:
@@ -36,166 +43,129 @@ def pause(seconds: float) -> Step:
     return lambda _fleet, _say, wait: wait(seconds)
 
 
-def take_off(*names: str, height_m: float = 1.0) -> Step:
+@step
+def take_off(fleet: Fleet, say: Say, _wait: Wait, *names: str, height_m: float = 1.0) -> None:
     """Take off and wait until the vehicles fly; all without names."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"{', '.join(names) or 'all'}: take-off to {height_m:g} m")
-        fleet.take_off(names or None, height_m)
-
-    return fly
+    say(f"{', '.join(names) or 'all'}: take-off to {height_m:g} m")
+    fleet.take_off(names or None, height_m)
 
 
-def land(*names: str) -> Step:
+@step
+def land(fleet: Fleet, say: Say, _wait: Wait, *names: str) -> None:
     """Land and wait for touchdown; all without names."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"{', '.join(names) or 'all'}: landing")
-        fleet.land(names or None)
-
-    return fly
+    say(f"{', '.join(names) or 'all'}: landing")
+    fleet.land(names or None)
 
 
-def go_to(position_m: Three, yaw_deg: float = 0.0, name: str | None = None) -> Step:
+@step
+def go_to(
+    fleet: Fleet, say: Say, wait: Wait, position_m: Three, yaw_deg: float = 0.0, name: str | None = None
+) -> None:
     """Send a vehicle, by default the leader, to a set point, wait until it is there, and rest a moment."""
-
-    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
-        who = name or leader_of(fleet)
-        say(f"{who}: set point {position_m} m, yaw {yaw_deg:g} deg")
-        fleet[who].go_to(position_m, math.radians(yaw_deg))
-        fleet[who].wait_for_arrival(SETTLED_M)
-        wait(REST_S)
-
-    return fly
+    who = name or leader_of(fleet)
+    say(f"{who}: set point {position_m} m, yaw {yaw_deg:g} deg")
+    fleet[who].go_to(position_m, math.radians(yaw_deg))
+    fleet[who].wait_for_arrival(SETTLED_M)
+    wait(REST_S)
 
 
-def go_together(places_m: Mapping[str, Three]) -> Step:
+@step
+def go_together(fleet: Fleet, say: Say, wait: Wait, places_m: Mapping[str, Three]) -> None:
     """Send several vehicles to set points at once and wait until all have arrived."""
-
-    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
-        for name, position_m in places_m.items():
-            say(f"{name}: set point {position_m} m")
-            fleet[name].go_to(position_m)
-        for name in places_m:
-            fleet[name].wait_for_arrival(SETTLED_M)
-        wait(REST_S)
-
-    return fly
+    for name, position_m in places_m.items():
+        say(f"{name}: set point {position_m} m")
+        fleet[name].go_to(position_m)
+    for name in places_m:
+        fleet[name].wait_for_arrival(SETTLED_M)
+    wait(REST_S)
 
 
-def fly_path(path: FlightPath, name: str | None = None) -> Step:
+@step
+def fly_path(fleet: Fleet, say: Say, wait: Wait, path: FlightPath, name: str | None = None) -> None:
     """Have a vehicle, by default the leader, fly a trajectory to its end."""
-
-    def fly(fleet: Fleet, say: Say, wait: Wait) -> None:
-        who = name or leader_of(fleet)
-        say(f"{who}: trajectory of {fleet[who].fly(path, wait=True)}")
-        wait(REST_S)
-
-    return fly
+    who = name or leader_of(fleet)
+    say(f"{who}: trajectory of {fleet[who].fly(path, wait=True)}")
+    wait(REST_S)
 
 
+@step
 def follow(
+    fleet: Fleet,
+    say: Say,
+    _wait: Wait,
     name: str,
     leader: str,
     offset_m: Three,
     frame: str = "inertial",
     transition_s: float | None = None,
-    yaw_offset_deg: float = 0.0,
-) -> Step:
+) -> None:
     """Give a vehicle a leader and an offset; `formed` waits until it is there."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"{name}: follows {leader} at {offset_m} m, {frame} frame")
-        fleet[name].follow(leader, offset_m, math.radians(yaw_offset_deg), frame, transition_s)
-
-    return fly
+    say(f"{name}: follows {leader} at {offset_m} m, {frame} frame")
+    fleet[name].follow(leader, offset_m, frame=frame, transition_s=transition_s)
 
 
-def follow_several(name: str, *links: LeaderLink) -> Step:
+@step
+def follow_several(fleet: Fleet, say: Say, _wait: Wait, name: str, *links: LeaderLink) -> None:
     """Give a vehicle several leaders with weights."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"{name}: follows {', '.join(f'{link.leader} ({link.weight:g})' for link in links)}")
-        fleet[name].follow(links)
-
-    return fly
+    say(f"{name}: follows {', '.join(f'{link.leader} ({link.weight:g})' for link in links)}")
+    fleet[name].follow(links)
 
 
-def lead(name: str) -> Step:
+@step
+def lead(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
     """Have a vehicle stop following."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"{name}: leads")
-        fleet[name].lead()
-
-    return fly
+    say(f"{name}: leads")
+    fleet[name].lead()
 
 
-def identify(name: str, seconds: float) -> Step:
+@step
+def identify(fleet: Fleet, say: Say, _wait: Wait, name: str, seconds: float) -> None:
     """Excite a vehicle without leaders, fit its model, and show its parameters; nothing is written."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"{name}: its sticks move for {seconds:g} s")
-        recording = excited_flight(
-            fleet, name, seconds, progress=lambda left_s: say(f"{name}: {left_s:.0f} s left")
-        )
-        found = fit.identify(recording, model_of(fleet.file, name))
-        if found.problems:
-            raise IdentificationError(f"{name}: {'; '.join(found.problems)}")
-        for number in found.parameters:
-            say(f"{name}: {number.name} {number.before:.4g} -> {number.value:.4g} {number.unit}")
-
-    return fly
+    say(f"{name}: its sticks move for {seconds:g} s")
+    recording = excited_flight(
+        fleet, name, seconds, progress=lambda left_s: say(f"{name}: {left_s:.0f} s left")
+    )
+    found = fit.identify(recording, model_of(fleet.file, name))
+    if found.problems:
+        raise IdentificationError(f"{name}: {'; '.join(found.problems)}")
+    for number in found.parameters:
+        say(f"{name}: {number.name} {number.before:.4g} -> {number.value:.4g} {number.unit}")
 
 
-def promote(name: str) -> Step:
+@step
+def promote(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
     """Make a vehicle the leader of its formation; all vehicles keep their places."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"{name}: leads the formation; {'; '.join(fleet.promote(name))}")
-
-    return fly
+    say(f"{name}: leads the formation; {'; '.join(fleet.promote(name))}")
 
 
-def tune(name: str, change: Callable[[Vehicle], str]) -> Step:
+@step
+def tune(fleet: Fleet, say: Say, _wait: Wait, name: str, change: Callable[[Vehicle], str]) -> None:
     """Give a vehicle another controller or other settings."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"{name}: flies with {change(fleet[name])}")
-
-    return fly
+    say(f"{name}: flies with {change(fleet[name])}")
 
 
-def leave(name: str) -> Step:
+@step
+def leave(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
     """Have a vehicle leave: it lands and its agent ends."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"{name}: leaves")
-        fleet.leave(name)
-
-    return fly
+    say(f"{name}: leaves")
+    fleet.leave(name)
 
 
-def join(name: str) -> Step:
+@step
+def join(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
     """Have a vehicle join again: its agent starts, it takes off and follows its leaders."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        say(f"{name}: joins; {fleet.join(name)}")
-
-    return fly
+    say(f"{name}: joins; {fleet.join(name)}")
 
 
-def formed(tolerance_m: float = SETTLED_M) -> Step:
+@step
+def formed(fleet: Fleet, say: Say, _wait: Wait, tolerance_m: float = SETTLED_M) -> None:
     """Wait until every follower is at its place."""
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        fleet.wait_for_formation(tolerance_m=tolerance_m)
-        say("in formation")
-
-    return fly
+    fleet.wait_for_formation(tolerance_m=tolerance_m)
+    say("in formation")
 
 
-def refused(what: str, request: Callable[[Fleet], object]) -> Step:
+@step
+def refused(fleet: Fleet, say: Say, _wait: Wait, what: str, request: Callable[[Fleet], object]) -> None:
     """Make a request that must be refused.
 
     Raises
@@ -203,13 +173,9 @@ def refused(what: str, request: Callable[[Fleet], object]) -> Step:
     NotReachedError
         The request was accepted.
     """
-
-    def fly(fleet: Fleet, say: Say, _wait: Wait) -> None:
-        try:
-            request(fleet)
-        except RefusedError as error:
-            say(f"{what}: refused, {error}")
-            return
-        raise NotReachedError(f"{what} was not refused")
-
-    return fly
+    try:
+        request(fleet)
+    except RefusedError as error:
+        say(f"{what}: refused, {error}")
+        return
+    raise NotReachedError(f"{what} was not refused")

@@ -47,22 +47,10 @@ CASES: Final = (ANTIPODES, RANDOM, WITHOUT)
 
 @dataclass(frozen=True)
 class Swap:
-    """Figures of one flight.
+    """One flight.
 
-    Attributes
-    ----------
-    tracks_m
-        True positions, shape (K, vehicles, 3).
-    time_s
-        Since all vehicles left, shape (K,).
-    goals_m
-        Shape (vehicles, 3).
-    fallbacks
-        Fallbacks of all vehicles.
-    avoiding_ticks
-        Control periods with separation constraints, all vehicles together.
-    ticks
-        All control periods.
+    True positions `tracks_m` have shape (K, vehicles, 3), times since departure (K,), goals (vehicles, 3).
+    `avoiding_ticks` are control periods with separation constraints, of all vehicles together.
     """
 
     tracks_m: Array
