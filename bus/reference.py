@@ -1,7 +1,4 @@
-"""Writes the reference of messages: `python -m rcopterx.bus.reference > docs/messages.md`.
-
-Everything in it is read from the tables and from the message types, so that it cannot say anything else.
-"""
+"""Reference of messages from tables and types: `python -m rcopterx.bus.reference > docs/messages.md`."""
 
 import ast
 import inspect
@@ -32,7 +29,7 @@ UNITS: Final = {
     "_m": "m",
     "_s": "s",
 }
-"""Units by the end of a field's name; the first that fits counts."""
+"""Units by the end of a field's name; the first match counts."""
 
 EXAMPLE: Final[dict[str, Any]] = {
     "schema_version": SCHEMA_VERSION,
@@ -56,31 +53,31 @@ Any program with [Zenoh](https://zenoh.io) and [MessagePack](https://msgpack.org
 Zenoh *client* to the router of its host, put and subscribe to the keys below.
 
 - Keys are `rcopterx/<fleet>/<unit>/<topic>`; a unit is a vehicle or one of {units}.
-  Nobody puts on wildcard keys: such messages are refused.
+  Messages on wildcard keys are rejected.
 - A payload is one MessagePack map, field names as keys. Fields with a default may be left out, unknown fields
   are ignored, fields are only ever appended. `schema_version` is {version}.
 - SI units; the end of a name is the unit. Positions are in the inertial frame of the motion capture, z up.
   Yaw counts turns. An input is (pitch, roll, thrust, yaw), normalised sticks from -1 to 1, thrust from 0.
 - A name is `{name}`; every number is finite. A message is at most {size} bytes.
-  Whatever breaks a rule is refused, counted, and shown in the status of the receiver.
+  Messages that break a rule are rejected, counted, and shown in the status of the receiver.
 - A matrix is a map of `shape` (rows, columns) and `data`: 64-bit little-endian floats, row by row.
 - The trajectory of a plan is 16-bit integers with a scale and an offset for each of 12 columns. In Python:
   `np.frombuffer(data, "<i2").reshape(12, -1).T * scale + offset`, shape (stages, 12).
-- `epoch` and `frame` come from the newest pose: the Tracker's frame number is the fleet's clock. No clocks of
-  two hosts are ever compared.
+- `epoch` and `frame` come from the newest pose: the Tracker's frame number is the fleet's clock. Clocks of
+  two hosts are never compared.
 - Put with congestion control *drop*, not express, priority as in the table.
 """
 
 _EXAMPLE: Final = """\
 ## A controller in another language
-First ask for a control lease: choose a number for `agent` by chance and put a `lease_bid` every 10 ms until
-an answer on `rcopterx/<fleet>/h1/lease` names that number. While another agent commands, the answer is 0;
-with `take_over` you get a lease all the same, and your first command takes over. You have lost the vehicle as
+First request a control lease: choose a random number for `agent` and put a `lease_bid` every 10 ms until an
+answer on `rcopterx/<fleet>/h1/lease` contains that number. While another agent commands, the answer is 0;
+with `take_over` you get a lease nevertheless, and your first command takes over. You have lost the vehicle as
 soon as `commanding` of a `lease`, or `lease` of an `applied`, is greater than your lease: then stop.
 
 Subscribe to `rcopterx/<fleet>/h1/pose`; for every pose put a command on `rcopterx/<fleet>/h1/command`. The
 transmitter gateway obeys it once the vehicle is armed: request `arm` after half a second of commands with
-thrust 0. `sequence` must grow with every command. `next_inputs` are played when commands are late. A command
+thrust 0. `sequence` must grow with every command. `next_inputs` are used when commands are late. A command
 as a map:
 
 ```
@@ -125,7 +122,7 @@ def _example() -> str:
 
 def _channel_lines() -> Iterator[str]:
     yield "## Channels"
-    yield "| unit / topic | message | written by | rate [Hz] | stale after [s] | priority | what for |"
+    yield "| unit / topic | message | published by | rate [Hz] | stale after [s] | priority | purpose |"
     yield "| --- | --- | --- | --- | --- | --- | --- |"
     for row in CHANNELS:
         rate = f"{row.rate_hz:g}" if row.rate_hz else "on events"
@@ -147,11 +144,11 @@ def _request_lines(structures: dict[str, type]) -> Iterator[str]:
     yield "## Requests"
     yield (
         "A Zenoh query on `rcopterx/<fleet>/<vehicle>/request/<verb>` with the request as payload. Every "
-        "request may carry `source`, the name of who asks (`operator` if left out). A malformed one is "
-        "answered by a Zenoh error with the reason."
+        "request may carry `source`, the name of its sender (`operator` if left out). The answer to a "
+        "malformed one is a Zenoh error with the reason."
     )
     yield ""
-    yield "| verb | request | may ask | answered by | reply | what for |"
+    yield "| verb | request | sent by | answered by | reply | purpose |"
     yield "| --- | --- | --- | --- | --- | --- |"
     for verb in VERBS.values():
         yield (

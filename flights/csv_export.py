@@ -1,4 +1,4 @@
-"""Writes a flight log as tables: a CSV file for every unit and channel, a row for every message."""
+"""Export of a flight log as CSV files: a table for every unit and channel, a row for every message."""
 
 import csv
 from collections.abc import Sequence
@@ -14,20 +14,11 @@ NANO: Final = 1_000_000_000
 
 
 def export_csv(parts: Sequence[Path], directory: Path) -> list[Path]:
-    """Write the messages of a flight as CSV files, named for instance `h1-pose.csv`.
+    """Write the messages of a flight as CSV files, named for instance `h1-pose.csv`, and return their paths.
 
-    Parameters
-    ----------
-    parts
-        Files of the flight in order.
-    directory
-        Where the tables go, created if missing; tables of the same names are replaced.
-
-    Returns
-    -------
-    list of Path
-        The tables. Their columns are the fields of the messages, nested ones with dots
-        (`diagnostics.ticks`), items of lists with their number (`position_m.0`). Matrices are left out.
+    Columns are the fields of the messages, nested ones with dots (`diagnostics.ticks`), items of lists
+    with their number (`position_m.0`). Matrices are left out. The directory is created, files of the same
+    names are replaced.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Writes the files of one flight: part after part, within a limit of disk, until the disk is full."""
+"""Writes the files of one flight: part after part, within a limit of disk space, until the disk is full."""
 
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -13,10 +13,10 @@ from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
 METADATA: Final = "flight"
 FLEET_ATTACHMENT: Final = "fleet.json"
 FREE_BYTES: Final = 64 * 1024 * 1024
-"""Left free on the disk for others: logs, reports, the fleet file."""
+"""Left free on the disk for logs, reports and the fleet file."""
 CHECK_FREE_CHUNKS: Final = 10
 PART_CHUNKS: Final = 20_000
-"""A part ends with the half hour, too: the index of its chunks is kept in memory."""
+"""A part ends after half an hour at the latest: the index of its chunks is kept in memory."""
 
 
 @dataclass(frozen=True)
@@ -25,20 +25,16 @@ class FlightSettings:
 
     Attributes
     ----------
-    directory
-        Where the files go, created if missing.
-    flight
-        Name of the flight.
     metadata
-        What every part tells of the flight.
+        Texts about the flight for every part.
     fleet
         Snapshot of the fleet file.
     schemas
         See `McapFile`.
     part_bytes
-        A part that has this size is followed by the next one.
+        Size from which a part is followed by the next one.
     keep_bytes
-        All flights of the directory together; the oldest parts are removed for new ones.
+        Limit of all flights in the directory; the oldest parts are removed.
     """
 
     directory: Path
@@ -56,20 +52,12 @@ def open_new(path: Path) -> BinaryIO:
 
 
 def free_bytes(directory: Path) -> int:
-    """Free space of the disk of a directory."""
+    """Return the free space of the disk of a directory."""
     return shutil.disk_usage(directory).free
 
 
 class FlightWriter:
-    """Takes chunks of messages; the first failure of the disk ends it and is told, nothing is raised.
-
-    Parameters
-    ----------
-    settings
-        Where and how much.
-    opener, free
-        Create a file; tell the free space of a disk in bytes.
-    """
+    """Writes chunks of messages; the first failure of the disk ends the recording, see `problem`."""
 
     def __init__(
         self,
@@ -86,7 +74,7 @@ class FlightWriter:
         self._chunks = 0
         self.path: Path | None = None
         self.problem = ""
-        """Why nothing is recorded any more; empty while all is well."""
+        """Why the recording ended; empty while it works."""
 
     @property
     def written_bytes(self) -> int:
@@ -94,7 +82,7 @@ class FlightWriter:
         return self._earlier_bytes + (0 if self._mcap is None else self._mcap.written_bytes)
 
     def write(self, messages: Sequence[LoggedMessage]) -> None:
-        """Have messages on disk before this returns."""
+        """Write messages to the disk."""
         if self.problem or not messages:
             return
         try:
@@ -127,7 +115,7 @@ class FlightWriter:
         return mcap
 
     def _make_room(self) -> None:
-        """Remove the oldest parts, of this flight last, so that the next one has its place."""
+        """Remove the oldest parts, those of this flight last, to make room for the next one."""
         settings = self._settings
         flights = flights_in(settings.directory)
         own = [flight for flight in flights if flight.name == settings.flight]

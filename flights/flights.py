@@ -1,6 +1,6 @@
-"""Where flight logs lie, how they are named, which flights there are, and which files have to go.
+"""Directory of flight logs: names, parts, selection, and removal of the oldest.
 
-A flight is one or more files (parts) of one directory: `trio-20261122-141500.000.mcap`, `...001.mcap`.
+A flight is one or more files (parts): `trio-20261122-141500.000.mcap`, `...001.mcap`.
 """
 
 import os
@@ -19,20 +19,12 @@ _PART: Final = re.compile(r"^(?P<flight>[a-z][a-z0-9_]*-\d{8}-\d{6}(?:-\d+)?)\.(
 
 
 class NoFlightError(ValueError):
-    """There is no such flight; says where it was looked for."""
+    """No such flight; names the directory."""
 
 
 @dataclass(frozen=True)
 class Flight:
-    """One recorded flight.
-
-    Attributes
-    ----------
-    name
-        Fleet, date and time of its start, for instance `trio-20261122-141500`.
-    parts
-        Its files in order.
-    """
+    """One recorded flight: its name from fleet, date and time of its start, and its files in order."""
 
     name: str
     parts: tuple[Path, ...]
@@ -44,7 +36,7 @@ class Flight:
 
 
 def default_directory() -> Path:
-    """Where flight logs lie: `RCOPTERX_FLIGHTS`, else a directory of the user's data."""
+    """Return the directory of flight logs: `RCOPTERX_FLIGHTS`, else one in the user's data directory."""
     chosen = os.environ.get("RCOPTERX_FLIGHTS")
     if chosen:
         return Path(chosen)
@@ -53,33 +45,33 @@ def default_directory() -> Path:
 
 
 def flight_name(fleet: str, started_s: float) -> str:
-    """Name of a flight that begins at a time of the wall clock."""
+    """Return the name of a flight that begins at a time of the wall clock."""
     return f"{fleet}-{time.strftime('%Y%m%d-%H%M%S', time.localtime(started_s))}"
 
 
 def part_path(directory: Path, flight: str, number: int) -> Path:
-    """File of a part of a flight."""
+    """Return the path of a part of a flight."""
     return directory / f"{flight}.{number:03d}{SUFFIX}"
 
 
 def next_part(directory: Path, flight: str) -> int:
-    """Number of the next part of a flight; a recorder that was restarted goes on with its flight."""
+    """Return the number of the next part of a flight; a restarted recorder continues its flight."""
     return 1 + max((part_number(path) for path in parts_of(directory, flight)), default=-1)
 
 
 def part_number(path: Path) -> int:
-    """Number of a part by the name of its file."""
+    """Return the number of a part by its file name."""
     found = _PART.match(path.name)
     return 0 if found is None else int(found["number"])
 
 
 def parts_of(directory: Path, flight: str) -> tuple[Path, ...]:
-    """Files of a flight in order."""
+    """Return the files of a flight in order."""
     return next((found.parts for found in flights_in(directory) if found.name == flight), ())
 
 
 def flights_in(directory: Path) -> list[Flight]:
-    """Flights of a directory, the oldest first; files of other names do not count."""
+    """Return the flights of a directory, the oldest first; other files are ignored."""
     parts: dict[str, list[Path]] = {}
     for path in sorted(directory.glob(f"*{SUFFIX}"), key=lambda path: (part_number(path), path.name)):
         found = _PART.match(path.name)
@@ -90,19 +82,12 @@ def flights_in(directory: Path) -> list[Flight]:
 
 
 def _started(name: str) -> tuple[str, str]:
-    """Date and time of a flight, then its name, to sort by."""
+    """Sort key of a flight: date and time of its start, then its name."""
     return name.partition("-")[2], name
 
 
 def found_flight(name: str, directory: Path) -> Flight:
-    """The flight that a user means.
-
-    Parameters
-    ----------
-    name
-        A file, the name of a flight, or `latest`.
-    directory
-        Where flights lie.
+    """Return the flight of a file, of a name, or the newest one for `latest`.
 
     Raises
     ------
@@ -124,15 +109,7 @@ def found_flight(name: str, directory: Path) -> Flight:
 
 
 def too_many(sizes: Iterable[tuple[Path, int]], limit_bytes: int) -> list[Path]:
-    """Files that have to go so that the others stay within a limit: the first ones.
-
-    Parameters
-    ----------
-    sizes
-        Files with their sizes in bytes, in the order in which they may go.
-    limit_bytes
-        What may stay.
-    """
+    """Return the first files of a list with sizes that have to go to keep a limit of the total size."""
     files = list(sizes)
     total = sum(size for _, size in files)
     gone = []

@@ -1,4 +1,4 @@
-"""What a list of flights tells of each, and mending files that were cut off."""
+"""Summaries of flights, and repair of files that were cut off."""
 
 import json
 from collections.abc import Iterable
@@ -16,14 +16,10 @@ CHUNK_MESSAGES: Final = 500
 
 @dataclass(frozen=True)
 class FlightSummary:
-    """One line of the list.
+    """One line of the list of flights.
 
-    Attributes
-    ----------
-    complete
-        False while it is being recorded, and for a flight whose recorder was killed.
-    problem
-        Why it cannot be read; empty if it can.
+    `complete` is False while the flight is recorded, and after the recorder was killed; `problem` says why
+    it cannot be read.
     """
 
     name: str
@@ -38,54 +34,47 @@ class FlightSummary:
     problem: str = ""
 
     def as_json(self) -> dict[str, object]:
-        """For a JSON document."""
+        """Return the fields for a JSON document."""
         return asdict(self)
 
 
 def summary_of(flight: Flight) -> FlightSummary:
-    """What the files of a flight tell of it, without reading its messages."""
+    """Return the summary of a flight, without reading its messages."""
     problem, contents = "", [Contents()]
     try:
         contents = [contents_of(path) for path in flight.parts]
     except FlightLogError as error:
         problem = str(error)
-    told = contents[0].metadata.get(METADATA, {})
+    metadata = contents[0].metadata.get(METADATA, {})
     return FlightSummary(
         name=flight.name,
-        fleet=told.get("fleet", ""),
-        started=told.get("started", ""),
+        fleet=metadata.get("fleet", ""),
+        started=metadata.get("started", ""),
         vehicles=vehicles_in(contents[0].attachments.get(FLEET_ATTACHMENT, b"{}")),
         size_bytes=flight.size_bytes,
         files=len(flight.parts),
         complete=not problem and all(part.complete for part in contents),
-        commit=told.get("commit", ""),
+        commit=metadata.get("commit", ""),
         directory=str(flight.parts[0].parent),
         problem=problem,
     )
 
 
 def vehicles_in(fleet: bytes) -> tuple[str, ...]:
-    """Vehicles of a snapshot of a fleet file."""
+    """Return the vehicles of a snapshot of a fleet file."""
     return tuple(json.loads(fleet).get("vehicles", {}))
 
 
 @dataclass(frozen=True)
 class Mended:
-    """What a mended file holds."""
+    """Contents of a mended file."""
 
     messages: int
     damaged_chunks: int
 
 
 def mend(path: Path, target: Path, schemas: dict[str, tuple[str, bytes]]) -> Mended:
-    """Copy everything readable of a file into a complete one.
-
-    Parameters
-    ----------
-    path, target
-        The file, and the new one.
-    schemas
-        See `McapFile`.
+    """Copy everything readable of a file into a new, complete one; `schemas` as in `McapFile`.
 
     Raises
     ------
@@ -111,7 +100,7 @@ def mend(path: Path, target: Path, schemas: dict[str, tuple[str, bytes]]) -> Men
 
 
 def chunks(messages: Iterable[LoggedMessage]) -> Iterable[list[LoggedMessage]]:
-    """Messages in lists of a few hundred."""
+    """Group messages into lists of some hundred."""
     chunk: list[LoggedMessage] = []
     for message in messages:
         chunk.append(message)

@@ -3,6 +3,7 @@
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -19,7 +20,7 @@ from rcopterx.flights.mcap_writing import COMPRESSION, MAGIC, LoggedMessage
 MAX_RECORD_BYTES: Final = 256 * 1024 * 1024
 _HEAD: Final = struct.Struct("<BQ")
 _MESSAGE: Final = struct.Struct("<HIQQ")
-"""Channel, sequence, log time, publish time; there are many, and the library takes 20 us for each."""
+"""Channel, sequence, log time, publish time."""
 
 
 class FlightLogError(ValueError):
@@ -28,16 +29,12 @@ class FlightLogError(ValueError):
 
 @dataclass
 class Contents:
-    """What a file tells of itself, known as soon as its messages have been read.
+    """Metadata and attachments of a file by name, known once its messages have been read.
 
     Attributes
     ----------
-    metadata
-        Tables by name.
-    attachments
-        Files by name.
     complete
-        It ends as it should, with a summary.
+        The file ends with a summary.
     damaged_chunks
         Chunks whose checksum is wrong; they are left out.
     """
@@ -49,7 +46,7 @@ class Contents:
 
 
 def records_of(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Opcode and bytes of every whole record of a file, up to where it is cut off.
+    """Yield opcode and bytes of every whole record of a file, up to where it is cut off.
 
     Raises
     ------
@@ -71,37 +68,25 @@ def records_of(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 
 
 def messages_of(path: Path, contents: Contents | None = None) -> Iterator[LoggedMessage]:
-    """Messages of a file in the order in which they were recorded.
-
-    Parameters
-    ----------
-    path
-        The file.
-    contents
-        Filled in on the way.
+    """Yield the messages of a file in the order of recording; `contents` is filled meanwhile.
 
     Raises
     ------
     FlightLogError
-        It cannot be read, or is no MCAP file with messages of ours.
+        It cannot be read, or is no MCAP file of ours.
     """
     contents = Contents() if contents is None else contents
     channels: dict[int, str] = {}
-    try:
-        with path.open("rb") as file:
-            for opcode, body in records_of(file):
-                if opcode == Opcode.CHUNK:
-                    yield from _messages(body, channels, contents)
-                else:
-                    _note(opcode, body, contents)
-    except OSError as error:
-        raise FlightLogError(f"{path}: cannot be read: {error.strerror}") from None
-    except (FlightLogError, McapError, struct.error, UnicodeDecodeError) as error:
-        raise FlightLogError(f"{path}: not a flight log: {error}") from None
+    with _opened(path) as file:
+        for opcode, body in records_of(file):
+            if opcode == Opcode.CHUNK:
+                yield from _messages(body, channels, contents)
+            else:
+                _note(opcode, body, contents)
 
 
 def contents_of(path: Path) -> Contents:
-    """Metadata and attachments of a file; messages are skipped, not decompressed.
+    """Return metadata and attachments of a file without decompressing its messages.
 
     Raises
     ------
@@ -109,15 +94,22 @@ def contents_of(path: Path) -> Contents:
         See `messages_of`.
     """
     contents = Contents()
+    with _opened(path) as file:
+        for opcode, body in records_of(file):
+            _note(opcode, body, contents)
+    return contents
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    """Open a file; failures to read it become `FlightLogError`."""
     try:
         with path.open("rb") as file:
-            for opcode, body in records_of(file):
-                _note(opcode, body, contents)
+            yield file
     except OSError as error:
         raise FlightLogError(f"{path}: cannot be read: {error.strerror}") from None
     except (FlightLogError, McapError, struct.error, UnicodeDecodeError) as error:
         raise FlightLogError(f"{path}: not a flight log: {error}") from None
-    return contents
 
 
 def _note(opcode: int, body: bytes, contents: Contents) -> None:
@@ -153,12 +145,12 @@ def _messages(body: bytes, channels: dict[int, str], contents: Contents) -> Iter
 
 
 def chunk_data(body: bytes) -> bytes | None:
-    """Records of a chunk; None where its checksum is wrong.
+    """Return the records of a chunk; None where its checksum is wrong.
 
     Raises
     ------
     FlightLogError
-        It is compressed in a way that ours are not.
+        It has another compression than ours.
     """
     chunk = Chunk.read(_stream(body))
     if chunk.compression not in ("", COMPRESSION):

@@ -1,9 +1,8 @@
-"""Writes one MCAP file in small chunks, each of which is whole on disk before the next one begins.
+"""Writes an MCAP file (https://mcap.dev/spec) in small chunks, each complete on disk before the next begins.
 
-The writer of the library `mcap` ends a chunk by its size only; a flight log ends one by time, so that a
-killed recorder loses no more than the last fifth of a second. Chunks are so small that an index of their
-messages would help nobody and take a tenth of the file; the format allows to leave it out. Format:
-https://mcap.dev/spec.
+The writer of the library `mcap` ends a chunk by its size only. Here the recorder ends it by time, so that it
+loses no more than the last fifth of a second when it is killed. Chunks have no index of their messages: it
+would take a tenth of the file.
 """
 
 import zlib
@@ -51,11 +50,11 @@ class LoggedMessage(NamedTuple):
     topic
         Unit and topic of the channel, for instance `h1/pose`.
     payload
-        Its bytes as they were on the bus.
+        Its bytes as on the bus.
     time_ns
-        Arrival at the recorder, wall clock of the recorder at its start plus monotonic time since.
+        Arrival at the recorder: wall clock at its start plus monotonic time since.
     number
-        Counter of its sender; 0 where it did not count.
+        Counter of its sender; 0 where it does not count.
     """
 
     topic: str
@@ -65,12 +64,12 @@ class LoggedMessage(NamedTuple):
 
 
 class McapFile:
-    """One file under construction.
+    """One file under construction; every chunk is flushed to the operating system.
 
     Parameters
     ----------
     file
-        Opened for writing bytes, unbuffered or buffered; every chunk is flushed to the operating system.
+        Opened for writing bytes.
     schemas
         Name and JSON schema by topic (`tracker/status`), else by its last part (`pose`); others have none.
     level
@@ -94,7 +93,7 @@ class McapFile:
         self._start_ns: int | None = None
         self._end_ns = 0
         self.written_bytes = 0
-        """Whole records only: what comes after them in the file is worthless."""
+        """Whole records only."""
         head = RecordBuilder()
         head.write(MAGIC)
         Header(profile="", library=LIBRARY).write(head)
@@ -124,33 +123,25 @@ class McapFile:
         Raises
         ------
         OSError
-            It could not be written; `written_bytes` tells where the whole records end.
+            It could not be written; `written_bytes` is the end of the whole records.
         """
         if not messages:
             return
         builder = RecordBuilder()
         parts: list[bytes] = []
-        length = 0
         counts: Counter[int] = Counter()
         for message in messages:
             channel = self._channels.get(message.topic) or self._declare(message.topic, builder)
-            declared = builder.end()
-            if declared:
-                parts.append(declared)
-                length += len(declared)
-            time_ns, size = message.time_ns, len(message.payload)
-            head = _MESSAGE.pack(
-                Opcode.MESSAGE, _MESSAGE_FIXED + size, channel.id, message.number, time_ns, time_ns
-            )
+            time_ns, length = message.time_ns, _MESSAGE_FIXED + len(message.payload)
+            head = _MESSAGE.pack(Opcode.MESSAGE, length, channel.id, message.number, time_ns, time_ns)
+            parts += (builder.end(), head, message.payload)
             counts[channel.id] += 1
-            parts += (head, message.payload)
-            length += len(head) + size
         times = [message.time_ns for message in messages]
         self._write_chunk(b"".join(parts), min(times), max(times))
         self._counts.update(counts)
 
     def _declare(self, topic: str, builder: RecordBuilder) -> Channel:
-        """Channel of a topic, with its schema; their records go before its first message."""
+        """Channel of a topic, with its schema; their records precede its first message."""
         kind = topic if topic in self._schemas else topic.rpartition("/")[2]
         schema_id = 0
         if kind in self._schemas:
@@ -188,7 +179,7 @@ class McapFile:
         self.written_bytes += len(data)
 
     def finish(self) -> None:
-        """Write the summary, by which readers find their way; the file is complete then."""
+        """Write the summary, which completes the file."""
         end = RecordBuilder()
         DataEnd(0).write(end)
         self._write(end.end())

@@ -1,4 +1,4 @@
-"""Writes a flight log as Parquet files, for pandas, polars, DuckDB and MATLAB; the tables are as in CSV."""
+"""Export of a flight log as Parquet files, for pandas, polars, DuckDB and MATLAB; tables are as in CSV."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -13,33 +13,14 @@ from rcopterx.flights.tables import Columns, columns_of, file_name, flat, table_
 TIME: Final = "time"
 """Wall clock of arrival at the recorder, UTC, to the nanosecond."""
 ROWS: Final = 10_000
-"""Of a row group, and at most in memory of each table."""
+"""Rows of a group, and largest number of rows of a table in memory."""
 
 
 def export_parquet(parts: Sequence[Path], directory: Path) -> list[Path]:
-    """Write the messages of a flight as Parquet files, named for instance `h1-pose.parquet`.
+    """Write the messages of a flight as Parquet files, for instance `h1-pose.parquet`; return their paths.
 
-    Parameters and errors are those of `csv_export.export_csv`, and so are the columns but for `time`, a time
-    stamp. Columns of whole and other numbers are of 64-bit floats, columns of differing kinds are texts.
-
-    Parameters
-    ----------
-    parts
-        Files of the flight in order.
-    directory
-        Where the tables go, created if missing.
-
-    Returns
-    -------
-    list of Path
-        The tables.
-
-    Raises
-    ------
-    FlightLogError
-        The flight cannot be read.
-    OSError
-        A table cannot be written.
+    Columns and errors are those of `csv_export.export_csv`, except for `time`, a time stamp. Columns of
+    integers and floats are 64-bit floats, columns of other mixed types are texts.
     """
     directory.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
@@ -71,7 +52,6 @@ class _Table:
         self._writer.close()
 
     def add(self, time_ns: int, values: dict[str, Any]) -> None:
-        """Add a row."""
         row = {
             name: str(value) if name in self._texts and value is not None else value
             for name, value in values.items()
@@ -87,7 +67,7 @@ class _Table:
 
 
 def _type_of(kinds: set[type]) -> pa.DataType:
-    """Type of a column that has values of these Python types."""
+    """Type of a column with values of these Python types."""
     known = kinds - {type(None)}
     if known == {bool}:
         return pa.bool_()

@@ -1,4 +1,4 @@
-"""Where a flight log comes from: versions, commit, computer."""
+"""Origin of a flight log: versions, commit, computer."""
 
 import platform
 import subprocess
@@ -12,7 +12,7 @@ _ROOT: Final = Path(__file__).resolve().parents[1]
 
 
 def provenance() -> dict[str, str]:
-    """Version of rcopterx and of its libraries, commit where there is one, computer."""
+    """Return versions of rcopterx and its libraries, commit where there is one, and the computer."""
     return {
         "rcopterx": _version("rcopterx"),
         "commit": commit(),
@@ -25,12 +25,12 @@ def provenance() -> dict[str, str]:
 
 
 def arithmetic(values: dict[str, str]) -> tuple[str, ...]:
-    """What decides whether two computers compute the same to the last bit."""
+    """Return what decides whether two computers compute the same to the last bit."""
     return tuple(values.get(name, "") for name in ("processor", "python", "numpy", "scipy", "osqp"))
 
 
 def commit() -> str:
-    """Commit of the source tree, with `+` where files differ from it; empty outside of one."""
+    """Return the commit of the source tree, with `+` where files differ from it; empty outside of one."""
     if not (_ROOT / ".git").exists():
         return ""
     described = ["git", "-C", str(_ROOT), "describe", "--always", "--abbrev=12", "--dirty=+"]

@@ -1,4 +1,4 @@
-"""The recorder process: hears everything on the bus and has it on disk a tenth of a second later."""
+"""The recorder process: writes all messages on the bus to disk within a tenth of a second."""
 
 import signal
 import threading
@@ -19,18 +19,18 @@ from rcopterx.flights.flight_writing import FlightSettings, FlightWriter
 from rcopterx.flights.mcap_writing import LoggedMessage
 
 FLUSH_S: Final = 0.1
-"""Between two chunks; a recorder that is killed loses no more than twice this."""
+"""Time between two chunks; a recorder that is killed loses no more than twice this."""
 REPORT_S: Final = 1.0
 MAX_WAITING_BYTES: Final = 64 * 1024 * 1024
-"""About a minute of three vehicles; a disk that is further behind loses messages, which are counted."""
+"""About a minute of three vehicles; further messages are dropped and counted while the disk is slower."""
 NANO: Final = 1_000_000_000
 TIME_MASK_NS: Final = 1023
-"""Bits of times that are left out: a microsecond is more than is known, and zeros compress."""
+"""Bits of times that are cleared: zeros compress, and a microsecond is below their accuracy."""
 FIXED_UNITS: Final = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
 
 
 def schemas() -> dict[str, tuple[str, bytes]]:
-    """Name and JSON schema of the messages by topic, or by unit and topic where a topic has several."""
+    """Return name and JSON schema of messages by topic, or by unit and topic where it has several."""
     found: dict[str, tuple[str, bytes]] = {}
     for channel in CHANNELS:
         shape = msgspec.json.encode(msgspec.json.schema(channel.message))
@@ -41,14 +41,14 @@ def schemas() -> dict[str, tuple[str, bytes]]:
 
 
 class Gaps:
-    """Finds lost messages by the counters of their senders."""
+    """Counts lost messages by the counters of their senders."""
 
     def __init__(self) -> None:
         self.lost = 0
         self._last: dict[str, int] = {}
 
     def note(self, topic: str, number: int) -> None:
-        """Take in the counter of a message; a sender that starts again counts from one."""
+        """Add the counter of a message; a sender that restarts counts from one."""
         if number == 0:
             return
         last = self._last.get(topic)
@@ -67,30 +67,26 @@ class Waiting:
         self._taken_bytes = 0
         self.dropped = 0
 
-    def store(self, heard: RawMessage) -> None:
+    def store(self, message: RawMessage) -> None:
         """Keep a message; called on receive threads."""
         if self._stored_bytes - self._taken_bytes > self._limit_bytes:
             self.dropped += 1
             return
-        self._stored_bytes += len(heard.payload)
-        self._messages.append(heard)
+        self._stored_bytes += len(message.payload)
+        self._messages.append(message)
 
     def take(self) -> list[RawMessage]:
-        """Everything that waits, in order of arrival."""
+        """Remove and return all messages in order of arrival."""
         taken = [self._messages.popleft() for _ in range(len(self._messages))]
-        self._taken_bytes += sum(len(heard.payload) for heard in taken)
+        self._taken_bytes += sum(len(message.payload) for message in taken)
         return taken
 
 
 class Recorder:
-    """Puts what waits into the files of a flight.
+    """Writes waiting messages into the files of a flight.
 
-    Parameters
-    ----------
-    waiting, writer
-        Where messages come from and go to.
-    wall_ns
-        Wall clock when the monotonic clock was zero: a wall clock that is set later changes nothing.
+    `wall_ns` is the wall clock at zero of the monotonic clock; later corrections of the wall clock have no
+    effect.
     """
 
     def __init__(self, waiting: Waiting, writer: FlightWriter, wall_ns: int) -> None:
@@ -102,20 +98,20 @@ class Recorder:
         self._recorded = {channel.topic for channel in CHANNELS if channel.recorded}
 
     def flush(self) -> None:
-        """Write what has arrived."""
+        """Write the messages that have arrived."""
         chunk = []
-        for heard in self._waiting.take():
-            if heard.topic in self._recorded:
-                topic = f"{heard.unit}/{heard.topic}"
-                self._gaps.note(topic, heard.number)
-                time_ns = self._wall_ns + round(heard.arrived_s * NANO) & ~TIME_MASK_NS
-                chunk.append(LoggedMessage(topic, heard.payload, time_ns, heard.number))
+        for message in self._waiting.take():
+            if message.topic in self._recorded:
+                topic = f"{message.unit}/{message.topic}"
+                self._gaps.note(topic, message.number)
+                time_ns = self._wall_ns + round(message.arrived_s * NANO) & ~TIME_MASK_NS
+                chunk.append(LoggedMessage(topic, message.payload, time_ns, message.number))
         self._writer.write(chunk)
         if not self._writer.problem:
             self._messages += len(chunk)
 
     def status(self) -> RecorderStatus:
-        """What to tell of it."""
+        """Return the present status."""
         writer = self._writer
         return RecorderStatus(
             state="stopped" if writer.problem else "recording",
@@ -131,11 +127,7 @@ class Recorder:
 class RecorderSettings:
     """Settings of a recorder process.
 
-    Attributes
-    ----------
-    flight
-        Tells where and how it is recorded. Asked once the recorder listens: to find the commit takes time,
-        and what agents are told meanwhile belongs into the log.
+    `flight` is called once the recorder has subscribed, because finding the commit takes time.
     """
 
     bus: BusAddress
@@ -146,14 +138,9 @@ class RecorderSettings:
 
 
 def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) -> None:
-    """Record until SIGTERM or SIGINT; a disk that fails ends the recording, not the process.
+    """Record until SIGTERM or SIGINT; a failure of the disk ends the recording, not the process.
 
-    Parameters
-    ----------
-    settings
-        Where and what.
-    announce
-        Told a line when the recording ends early.
+    `announce` is called with a line when the recording ends early.
 
     Raises
     ------
@@ -167,19 +154,19 @@ def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) ->
     waiting = Waiting()
     with Session(settings.bus) as session:
         session.tap(waiting.store)
-        # `rcopterx kill` speaks to every fleet at once.
+        # `rcopterx kill` uses keys of every fleet.
         session.tap(waiting.store, channels.KILL.topic, channels.EVERY_FLEET)
         writer = FlightWriter(settings.flight())
         recorder = Recorder(waiting, writer, settings.wall_ns)
         session.announce(settings.host, "recorder")
-        report_at_s, told = 0.0, ""
+        report_at_s, announced = 0.0, ""
         heartbeat = own_heartbeat()
         while not stop.wait(FLUSH_S):
             heartbeat.beat()
             recorder.flush()
-            if writer.problem != told:
-                told = writer.problem
-                announce(f"recording stopped: {told}")
+            if writer.problem != announced:
+                announced = writer.problem
+                announce(f"recording stopped: {announced}")
             if session.clock() >= report_at_s:
                 report_at_s = session.clock() + REPORT_S
                 session.publish(channels.RECORDER, settings.host, recorder.status())

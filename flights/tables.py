@@ -11,15 +11,15 @@ from rcopterx.flights.mcap_reading import messages_of
 from rcopterx.flights.mcap_writing import LoggedMessage
 
 LONGEST_LIST: Final = 32
-"""Longer lists are no columns of a table."""
+"""Longer lists are not columns of a table."""
 LEFT_OUT: Final = (channels.AGENT_STEPS.topic,)
-"""For replays, not for people."""
+"""Only for replays."""
 Columns = dict[str, set[type]]
 """Types of the values by column, in the order in which columns appear."""
 
 
 def table_messages(parts: Sequence[Path]) -> Iterator[LoggedMessage]:
-    """Messages of a flight that are rows of tables, in order.
+    """Yield the messages of a flight that are rows of tables, in order.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def table_messages(parts: Sequence[Path]) -> Iterator[LoggedMessage]:
 
 
 def columns_of(parts: Sequence[Path]) -> dict[str, Columns]:
-    """Columns of every table of a flight, by unit and channel (`h1/pose`)."""
+    """Return the columns of every table of a flight, by unit and channel (`h1/pose`)."""
     found: dict[str, Columns] = {}
     for message in table_messages(parts):
         columns = found.setdefault(message.topic, {})
@@ -43,15 +43,15 @@ def columns_of(parts: Sequence[Path]) -> dict[str, Columns]:
 
 
 def file_name(topic: str, suffix: str) -> str:
-    """Name of the file of a table, for instance `h1-pose.csv`."""
+    """Return the file name of a table, for instance `h1-pose.csv`."""
     return f"{topic.replace('/', '-')}.{suffix}"
 
 
 def flat(payload: bytes) -> dict[str, Any]:
-    """Fields of an encoded message by column; none of one that is no MessagePack map."""
+    """Return the fields of an encoded message by column; none if it is no MessagePack map."""
     try:
         plain = msgpack.unpackb(payload, raw=False)
-    except Exception:  # noqa: BLE001 - msgpack raises many types; anybody can put anything on the bus
+    except Exception:  # noqa: BLE001 - msgpack raises many types for invalid payloads
         return {}
     return dict(_columns(plain, "")) if isinstance(plain, dict) else {}
 
