@@ -70,7 +70,7 @@ def _hover_thrust(pilot: Pilot) -> float | None:
 
 
 def _wind(pilot: Pilot) -> tuple[float, float] | None:
-    """What the estimator takes for wind [m/s^2]; None on the floor, where it estimates none."""
+    """Return the estimated wind [m/s^2]; None on the floor, where none is estimated."""
     if not pilot.guidance.rotor_on:
         return None
     estimate = pilot.estimate
@@ -79,7 +79,7 @@ def _wind(pilot: Pilot) -> tuple[float, float] | None:
 
 
 def _position_deviation(pilot: Pilot) -> tuple[float, float, float] | None:
-    """How well the estimator knows where the vehicle is [m]; None on the floor, and if it does not tell."""
+    """Return standard deviations of the position [m]; None on the floor, and if the estimator has none."""
     deviation = pilot.estimator.position_deviation_m() if pilot.guidance.rotor_on else None
     if deviation is None:
         return None

@@ -1,4 +1,4 @@
-"""What an agent observes of its vehicle: poses, periods without one, and what its transmitter applied."""
+"""Observation of a vehicle: poses, frames without a pose, and the inputs that its transmitter applied."""
 
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
@@ -19,17 +19,12 @@ OF_ANOTHER_AGENT: Final = -1
 
 
 class Observation:
-    """Takes in what the gateways publish of one vehicle.
-
-    Parameters
-    ----------
-    clock
-        Monotonic clock [s].
+    """Gives the messages of the gateways about one vehicle to its pilot; `clock` is monotonic [s].
 
     Attributes
     ----------
     seen
-        Newest pose that the pilot took in; None before the first.
+        Newest pose that the pilot accepted; None before the first.
     """
 
     events: Mapping[str, int] = MappingProxyType({})
@@ -53,7 +48,7 @@ class Observation:
 
     @property
     def rejected(self) -> Mapping[str, int]:
-        """See `telemetry.Source`."""
+        """See `telemetry.EventSource`."""
         return prefixed("pose", self.poses.rejected) | prefixed("applied", self.applied.rejected)
 
     @property
@@ -62,12 +57,9 @@ class Observation:
         return self.poses.age_s(self._clock())
 
     def take_applied(self) -> bool:
-        """Tell the pilot what was written to the radio; what another agent flies is only watched.
+        """Process the inputs that were written to the radio; return whether the vehicle is found in flight.
 
-        Returns
-        -------
-        bool
-            Whether the vehicle is found to fly.
+        The pilot only watches inputs while another agent holds the lease.
         """
         pilot, lease, guidance = self._pilot, self._lease, self._pilot.guidance
         was_flying = guidance.rotor_on
@@ -82,7 +74,7 @@ class Observation:
         return guidance.rotor_on and not was_flying
 
     def frames(self, now_s: float) -> Iterator[float]:
-        """Tell the pilot each new frame, and one that is overdue; yields when it began [monotonic s]."""
+        """Give new and overdue frames to the pilot; yield when each began [monotonic s]."""
         pilot, pacing = self._pilot, self._pacing
         for received in self.poses.drain():
             pose = received.message

@@ -1,4 +1,4 @@
-"""Bus messages of an agent, built from what its pilot did."""
+"""Messages of an agent about commands, plans and state."""
 
 import math
 from collections.abc import Mapping
@@ -20,11 +20,11 @@ from rcopterx.vehicles.state import YAW, Array, heading_matrix
 from rcopterx.vehicles.tuples import three
 
 REFERENCE_BITS: Final = 14
-"""References are told to a sixteenth of a millimetre."""
+"""References are rounded to a sixteenth of a millimetre."""
 
 
 class EventSource(Protocol):
-    """A part of an agent that counts what happens to it."""
+    """A part of an agent that counts events and rejected messages."""
 
     @property
     def events(self) -> Mapping[str, int]:
@@ -33,7 +33,7 @@ class EventSource(Protocol):
 
     @property
     def rejected(self) -> Mapping[str, int]:
-        """Messages refused since the start, by topic and reason."""
+        """Messages rejected since the start, by topic and reason."""
         ...
 
 
@@ -61,17 +61,10 @@ def command_message(
 def timing_of(
     settings: AgentSettings, pilot: Pilot, seen: Received[Pose] | None, began_s: float, ready_s: float
 ) -> CommandTiming | None:
-    """Stages that a command has passed so far.
+    """Return the stages that a command has passed so far.
 
-    Parameters
-    ----------
-    began_s, ready_s
-        When the controller began and had finished [monotonic s].
-
-    Returns
-    -------
-    CommandTiming or None
-        None where the frame was predicted, or where hosts have no names.
+    None where the frame was predicted, and where hosts have no names. The controller began and had finished
+    at `began_s` and `ready_s` [monotonic s]; `seen` is the newest pose.
     """
     if seen is None:
         return None
@@ -116,7 +109,7 @@ def _following(pilot: Pilot) -> tuple[LeaderLink, ...]:
 
 
 def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) -> AgentStatus:
-    """What the vehicle does."""
+    """Status of the vehicle."""
     position, yaw_rad = pilot.guidance.set_point()
     motion = pilot.estimate.motion if pilot.clock.started else None
     return AgentStatus(
@@ -153,7 +146,7 @@ def settings_in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
 
 
 def prefixed(topic: str, counts: Mapping[str, int]) -> dict[str, int]:
-    """Counts of refused messages by topic and reason."""
+    """Return counts of rejected messages by topic and reason."""
     return {f"{topic}.{kind}": count for kind, count in counts.items()}
 
 

@@ -1,4 +1,4 @@
-"""Work that takes longer than a control period may wait, done in a thread beside the control loop."""
+"""Work that takes longer than a control period, done in a thread beside the control loop."""
 
 import threading
 from collections.abc import Callable

@@ -15,7 +15,7 @@ from rcopterx.vehicles.tuples import four
 
 
 class ExternalControl:
-    """Who flies a vehicle from outside, if anybody."""
+    """The external program that flies a vehicle, if any; `publish` sends it its tasks."""
 
     def __init__(
         self,
@@ -38,13 +38,13 @@ class ExternalControl:
         return {f"external_input.{kind}": count for kind, count in self.answers.rejected.items()}
 
     def take(self, request: TakeControl) -> str | None:
-        """Give control to a client; a refusal is returned as its reason."""
+        """Give control to a client; return the reason of a refusal, or None."""
         phase = self._pilot.guidance.phase
         if phase is not Phase.FLYING:
             return f"a vehicle is handed over in flight, the phase is {phase}"
         if self.client not in ("", request.source):
             return f"{self.client} flies it already"
-        self._give_back()
+        self._return_control()
         self.answers.drain()
         self.client = request.source
         self._controller = ExternalController(self._pilot.controller, self._pilot.model, request.patience_s)
@@ -52,14 +52,14 @@ class ExternalControl:
         return None
 
     def release(self, source: str) -> str | None:
-        """Let a client give control back; a refusal is returned as its reason."""
+        """End the control of a client; return the reason of a refusal, or None."""
         if self.client != source:
             return f"{self.client or 'nobody'} flies it from outside, not {source}"
-        self._give_back()
+        self._return_control()
         return None
 
     def before_control(self) -> None:
-        """Take answers in; end control that is not used any more."""
+        """Process the inputs of the client; end its control if it is silent or not in free flight."""
         controller = self._controller
         for received in self.answers.drain():
             message = received.message
@@ -73,10 +73,10 @@ class ExternalControl:
             return
         if controller.silent or self._pilot.guidance.phase is not Phase.FLYING:
             self.events["external_silent" if controller.silent else "external_ended"] += 1
-            self._give_back()
+            self._return_control()
 
     def after_control(self) -> None:
-        """Give out the next task."""
+        """Publish the next task."""
         if self._controller is None or self._controller.task is None:
             return
         task, model, clock = self._controller.task, self._pilot.model, self._pilot.clock
@@ -100,7 +100,7 @@ class ExternalControl:
             )
         )
 
-    def _give_back(self) -> None:
+    def _return_control(self) -> None:
         if self._controller is not None:
             self._pilot.use_controller(self._controller.own)
         self._controller, self.client = None, ""

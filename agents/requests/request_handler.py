@@ -1,4 +1,4 @@
-"""Answers requests to one agent: checks what is asked, hands it to the pilot, says why not."""
+"""Replies to requests: checks them, applies them, or returns why they are refused."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
@@ -44,7 +44,7 @@ from rcopterx.control.interfaces import AvoidsObstacles
 from rcopterx.vehicles.state import Array
 
 Decision = tuple[str | None, str]
-"""Why a request is refused, or None and what happens."""
+"""Reason of a refusal, or None and a description of what happens."""
 
 MOST_IN_A_STEP: Final = 2
 """Requests that are handled in one step; control comes in between."""
@@ -52,7 +52,7 @@ DEFERRED: Final = "request_deferred"
 """Counted for every request that had to wait for a later step."""
 
 _NEEDS_POSE = (TakeOff, Land, GoTo, Fly, Excite)
-_SAYS_WHERE_TO_GO = (TakeOff, Land, GoTo, Lead, Excite, CommitLeaders)
+_CHANGES_REFERENCE = (TakeOff, Land, GoTo, Lead, Excite, CommitLeaders)
 
 
 class RequestHandler:
@@ -63,9 +63,9 @@ class RequestHandler:
     verbs
         Requests that an agent serves.
     trajectories
-        What is being checked.
+        The trajectory that is being checked.
     events
-        What happened to requests, by kind.
+        Events of requests, by kind.
     waiting
         Requests that wait for the next step.
     """
@@ -116,7 +116,7 @@ class RequestHandler:
         self.verbs = [verb_of(kind).name for kind in (*self._at_once, *self._later)]
 
     def take(self, incoming: Iterable[Incoming]) -> bool:
-        """Handle so many requests as fit into one step, the oldest first; True if there was one."""
+        """Handle the oldest requests, as many as fit into one step; return whether there was one."""
         before = len(self.waiting)
         self.waiting.extend(incoming)
         if not self.waiting:
@@ -127,7 +127,7 @@ class RequestHandler:
         return True
 
     def handle(self, incoming: Incoming) -> None:
-        """Answer a request, now or as soon as what it depends on is known."""
+        """Reply to a request, now or as soon as its preconditions are known."""
         request = incoming.request
         kind = type(request)
         if kind in _NEEDS_POSE and not self._pilot.ready:
@@ -136,14 +136,14 @@ class RequestHandler:
             self._later[kind](incoming, request)
         elif kind in self._at_once:
             refusal, accepted = self._at_once[kind](request)
-            if refusal is None and kind in _SAYS_WHERE_TO_GO:
+            if refusal is None and kind in _CHANGES_REFERENCE:
                 self.trajectories.withdraw(incoming.verb)
             incoming.answer(reply_of(refusal, accepted))
         else:
             incoming.answer(reply_of(f"an agent does not serve {incoming.verb}", ""))
 
     def finish_tuning(self) -> bool:
-        """Let what was prepared take over, and answer who asked for it; True if there was something."""
+        """Apply a prepared change and reply to its request; return whether there was one."""
         outcome = self._tuning.finish()
         if outcome is None:
             return False
@@ -168,7 +168,7 @@ class RequestHandler:
         if self._external.client:
             return f"{self._external.client} flies it from outside"
         present = self._tuning.configuration
-        # Who tunes a vehicle ends what the guard against oscillation did to it.
+        # Tuning ends the effect of the guard against oscillation.
         wanted = without_guard(present).changed(
             request.controller, request.controller_settings, request.estimator, request.estimator_settings
         )
@@ -219,11 +219,11 @@ class RequestHandler:
         return self._changes.promised() or self._pilot.guidance.flight_problem()
 
     def _formation(self) -> tuple[FormationGraph, dict[str, Array]]:
-        """Who follows whom, and where those are that follow nobody, by the statuses of the others."""
+        """Return links and heads of the formation by the statuses of the others."""
         return formation_of(self._peers.statuses(), flying=(self._settings.vehicle,))
 
     def _formation_check(self) -> FormationCheck:
-        """Whether those that follow now would leave the volume, or come close to somebody not avoided."""
+        """Return the check of a way for the present followers and for vehicles that are not avoided."""
         own = self._settings.vehicle
         links, heads = self._formation()
         others = {}

@@ -1,4 +1,4 @@
-"""Requests to fly a trajectory, which is checked ahead: that takes longer than a control period may wait."""
+"""Requests to fly a trajectory, which a thread checks: that takes longer than a control period."""
 
 from collections.abc import Callable
 from typing import Final
@@ -18,7 +18,7 @@ CHECKED_EVERY_S: Final = 0.1
 """Time between the moments of a trajectory at which the places of followers are checked."""
 
 FormationCheck = Callable[[Array], str | None]
-"""What is wrong with a way, shape (k, 4 or more), for those that follow; None for nothing."""
+"""Returns why followers cannot come along on a way, shape (k, 4 or more); None if they can."""
 
 
 class TrajectoryRequests:
@@ -41,11 +41,11 @@ class TrajectoryRequests:
         self._settings, self._pilot = settings, pilot
         self._refusal, self._formation_check = refusal, formation_check
         self._work: WorkAhead[str | None] = WorkAhead("trajectory", wake)
-        self._asked: Incoming | None = None
+        self._incoming: Incoming | None = None
         self._path: FlightPath | None = None
 
     def begin(self, incoming: Incoming, request: Fly) -> None:
-        """Begin to check a trajectory, or refuse it at once."""
+        """Begin to check a trajectory, or refuse it."""
         problem = self._refusal()
         if problem is None and self._work.busy:
             problem = "another trajectory is being checked"
@@ -53,29 +53,29 @@ class TrajectoryRequests:
             incoming.answer(reply_of(problem, ""))
             return
         path, formation = FlightPath(request.knots.to_numpy()), self._formation_check()
-        self._asked, self._path = incoming, path
+        self._incoming, self._path = incoming, path
         self._work.begin(lambda: self._problem(path, path.duration_s, formation))
 
     def wait(self) -> None:
-        """Wait until what is being checked has been, where no control loop must go on meanwhile."""
+        """Wait for the end of the check."""
         self._work.wait()
 
     def withdraw(self, verb: str) -> None:
-        """Refuse what is being checked, because a later request has been granted."""
-        if self._asked is not None:
-            self._asked.answer(reply_of(f"overtaken by a later request: {verb}", ""))
-            self._asked = None
+        """Refuse the trajectory that is being checked, because a later request was accepted."""
+        if self._incoming is not None:
+            self._incoming.answer(reply_of(f"overtaken by a later request: {verb}", ""))
+            self._incoming = None
 
     def finish(self) -> bool:
-        """Begin to fly what has been checked, and answer who asked for it; True if there was something."""
+        """Begin to fly a checked trajectory and reply to its request; return whether there was one."""
         result = self._work.finish()
-        asked, path = self._asked, self._path
-        if result is None or asked is None or path is None:
+        incoming, path = self._incoming, self._path
+        if result is None or incoming is None or path is None:
             return False
-        self._asked = self._path = None
+        self._incoming = self._path = None
         problem = result[0] or self._refusal()
         if problem is not None:
-            asked.answer(reply_of(problem, ""))
+            incoming.answer(reply_of(problem, ""))
             return True
         guidance, time_s = self._pilot.guidance, self._pilot.clock.time_s
         present = guidance.source.sample(time_s, 1.0, 1).samples[0]
@@ -86,7 +86,7 @@ class TrajectoryRequests:
             guidance.fly(whole, time_s)
         else:
             problem = f"on the way to its beginning, {problem}"
-        asked.answer(
+        incoming.answer(
             reply_of(
                 problem, f"{whole.duration_s:.1f} s, the first {run_in_s:.1f} s on the way to its beginning"
             )
@@ -94,7 +94,7 @@ class TrajectoryRequests:
         return True
 
     def _problem(self, path: FlightPath, until_s: float, formation: FormationCheck) -> str | None:
-        """Why the first part of a path cannot be flown, None if it can."""
+        """Return why the first part of a path cannot be flown; None if it can."""
         settings = self._settings
         return path_problem(
             path, self._pilot.model, settings.volume_min_m, settings.volume_max_m, until_s

@@ -1,8 +1,7 @@
-"""Size of the ellipsoid that separates a vehicle from each other one: by who follows whom, and where.
+"""Size of the ellipsoid that separates a vehicle from each other one, by their formation.
 
-Every vehicle works it out by itself from the statuses of all. Vehicles of different formations
-both avoid each other, as in traffic without right of way; who passes on which side is settled in
-`rcopterx.control.controllers.cascade.clearance`.
+Every vehicle computes it from the statuses of all. Vehicles of different formations both avoid each other;
+the side on which they pass is chosen in `rcopterx.control.controllers.cascade.clearance`.
 """
 
 from collections.abc import Mapping
@@ -19,16 +18,10 @@ FORMATION_SCALE: Final = 0.9
 def ellipsoid_scale(
     ellipsoid: SeparationEllipsoid, links: FormationGraph, places: Mapping[str, Array], name: str, other: str
 ) -> float:
-    """Scale of the ellipsoid that a vehicle keeps free of another one.
+    """Return the scale, 0 to 1, of the ellipsoid that a vehicle keeps free of another one.
 
-    Nothing of its followers, whose plans are made from its own: a leader gives no way to them. Places in a
-    formation that an operator has chosen are respected: mates keep at most `FORMATION_SCALE` of their
-    distance.
-
-    Returns
-    -------
-    float
-        0 to 1.
+    It is 0 for its followers, whose plans are made from its own. Vehicles of one formation keep at most
+    `FORMATION_SCALE` of the distance of their `places` (x, y, z first), which an operator has chosen.
     """
     if name in ancestors(links, other):
         return 0.0

@@ -1,8 +1,8 @@
-"""Plans of vehicles that could come near: heard as long as they could, and no longer.
+"""Plans of vehicles that could come near, received only as long as they could.
 
-Everybody's plans would cost each agent fifty wake-ups a second and vehicle. Statuses, five a second, tell
-where vehicles are and where they are going; who could meet whom follows from that, and only those plans are
-subscribed to. They wake nobody and are decoded when a control period begins.
+The plans of all vehicles would cost each agent fifty wake-ups per second and vehicle. Statuses, five per
+second, contain places and set points, from which follows which vehicles could meet. Their plans do not wake
+the agent, and are decoded when a control period begins.
 """
 
 from collections import Counter
@@ -16,7 +16,7 @@ from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.agents.following.leader_plans import leader_plan
 from rcopterx.agents.formation.present import formation_of
-from rcopterx.agents.formation.topology import places, roots
+from rcopterx.agents.formation.topology import FormationGraph, places, roots
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
 from rcopterx.agents.separation.ellipsoid_scales import ellipsoid_scale
@@ -24,9 +24,9 @@ from rcopterx.bus.messages import AgentStatus, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.vehicles.state import Array
 
-TEND_EVERY_TICKS: Final = 10
+UPDATE_EVERY_TICKS: Final = 10
 AHEAD_S: Final = 1.2
-"""Ways are looked at so far ahead; a horizon, and the time between two statuses."""
+"""Length of the ways that are compared: a horizon, and the time between two statuses."""
 SPEED_M_S: Final = 1.3
 SAMPLES: Final = 5
 MEET: Final = 1.8
@@ -34,23 +34,15 @@ MEET: Final = 1.8
 IN_PLACE_M: Final = 0.25
 """A vehicle of the same formation no farther than this from its place beside the own one is in place."""
 MOST: Final = 8
-"""Plans heard at the same time; the nearest ones."""
+"""Number of plans received at the same time, those of the nearest vehicles."""
 PATIENCE: Final = 5
-"""A plan is heard on for so many looks after it was needed last."""
+"""Number of updates for which a subscription continues after it was needed last."""
 OLDEST_S: Final = 0.5
-"""Age of a plan that still tells where its vehicle is."""
+"""Largest age of a plan that is used."""
 
 
 class Traffic:
-    """Other vehicles' plans, for separation.
-
-    Parameters
-    ----------
-    ellipsoid
-        The ellipsoid; None for no avoidance.
-    subscribe
-        Opens a subscription to the plan of a vehicle, one that does not wake the loop.
-    """
+    """Other vehicles' plans, for separation; `subscribe` opens subscriptions that do not wake the loop."""
 
     events: Mapping[str, int] = MappingProxyType({})
 
@@ -65,69 +57,67 @@ class Traffic:
         self._subscribe = subscribe
         self._inboxes: dict[str, Inbox[Plan]] = {}
         self._scales: dict[str, float] = {}
-        self._looks: dict[str, int] = {}
+        self._updates_left: dict[str, int] = {}
         self._ticks = 0
         self.most = MOST
-        """Plans heard at the same time; fewer while the computer cannot keep up."""
+        """Number of plans received at the same time; fewer while the computer cannot keep up."""
         self._rejected: Counter[str] = Counter()
 
     def due(self) -> bool:
-        """Whether it is time for another look; to be asked once in every control period."""
+        """Count a control period; return whether it is time for an `update`."""
         self._ticks += 1
-        return self._ellipsoid is not None and self._ticks % TEND_EVERY_TICKS == 1
+        return self._ellipsoid is not None and self._ticks % UPDATE_EVERY_TICKS == 1
 
     def update(self, own: AgentStatus, others: Mapping[str, AgentStatus]) -> None:
-        """Look who could come near, and hear those."""
-        if self._ellipsoid is None:
+        """Subscribe to the plans of the vehicles that could come near, by present statuses."""
+        ellipsoid = self._ellipsoid
+        if ellipsoid is None:
             return
-        wanted: dict[str, float] = {}
+        distances: dict[str, float] = {}
         if own.phase == Phase.FLYING and own.position_m is not None:
             links, heads = formation_of({**others, self._vehicle: own})
             where = places(links, heads)
             self._scales = {
-                name: ellipsoid_scale(self._ellipsoid, links, where, self._vehicle, name) for name in others
+                name: ellipsoid_scale(ellipsoid, links, where, self._vehicle, name) for name in others
             }
-            mates = {
-                name
-                for name in others
-                if set(roots(links, name)) & set(roots(links, self._vehicle))
-                and name in where
-                and self._vehicle in where
-            }
-            ahead = way(own)
+            own_way = way(own)
             for name, status in others.items():
                 if status.position_m is None or not self._scales[name]:
                     continue
-                if name in mates:
-                    gap = np.subtract(status.position_m, own.position_m)
-                    if np.linalg.norm(gap - (where[name] - where[self._vehicle])[:3]) < IN_PLACE_M:
-                        continue
-                distance = float(self._ellipsoid.normalised(ahead[:, None] - way(status)).min())
+                if self._in_place(name, np.subtract(status.position_m, own.position_m), links, where):
+                    continue
+                distance = float(ellipsoid.normalised(own_way[:, None] - way(status)).min())
                 if distance < MEET:
-                    wanted[name] = distance
-        self._hear(sorted(wanted, key=lambda name: wanted[name])[: self.most])
+                    distances[name] = distance
+        self._subscribe_to(sorted(distances, key=lambda name: distances[name])[: self.most])
 
-    def _hear(self, wanted: list[str]) -> None:
-        for name in tuple(self._looks):
-            self._looks[name] -= 1
-        self._looks |= dict.fromkeys(wanted, PATIENCE)
+    def _in_place(self, name: str, gap_m: Array, links: FormationGraph, where: Mapping[str, Array]) -> bool:
+        """Return whether a vehicle of the same formation is near its place beside the own one."""
+        mates = set(roots(links, name)) & set(roots(links, self._vehicle))
+        if not mates or name not in where or self._vehicle not in where:
+            return False
+        return bool(np.linalg.norm(gap_m - (where[name] - where[self._vehicle])[:3]) < IN_PLACE_M)
+
+    def _subscribe_to(self, wanted: list[str]) -> None:
+        """Subscribe to these plans; others end `PATIENCE` updates after they were needed last."""
+        for name in self._updates_left:
+            self._updates_left[name] -= 1
+        self._updates_left |= dict.fromkeys(wanted, PATIENCE)
         for name in wanted:
             if name not in self._inboxes:
                 self._inboxes[name] = self._subscribe(name)
-        for name in [name for name, left in self._looks.items() if left <= 0]:
-            del self._looks[name]
+        for name in [name for name, left in self._updates_left.items() if left <= 0]:
+            del self._updates_left[name]
             inbox = self._inboxes.pop(name)
             self._rejected.update(inbox.rejected)
             inbox.close()
 
     def neighbours(self, clock: FleetClock, plans: Mapping[str, LeaderPlan]) -> dict[str, Neighbour]:
-        """Those who are heard, and the leaders, whose plans are known anyway."""
+        """Return the vehicles whose plans are received, and the leaders, whose plans are known anyway."""
         if self._ellipsoid is None:
             return {}
-        scales = self._scales
-        if not (scales and (plans or self._inboxes)):
-            return {}
         found = {}
+        scales = self._scales
         for name, plan in plans.items():
             if plan.ahead_s < OLDEST_S and name in scales:
                 found[name] = Neighbour(plan, scales[name])
@@ -142,7 +132,7 @@ class Traffic:
 
     @property
     def rejected(self) -> Mapping[str, int]:
-        """Refused plans by reason, those of subscriptions that are closed included."""
+        """Rejected plans by reason, those of closed subscriptions included."""
         total = Counter(self._rejected)
         for inbox in self._inboxes.values():
             total.update(inbox.rejected)
@@ -150,7 +140,7 @@ class Traffic:
 
 
 def way(status: AgentStatus) -> Array:
-    """Places a vehicle may come to in the next second, shape (2 `SAMPLES`, 3), by its speed and its aim."""
+    """Return places of a vehicle in the next second, shape (2 `SAMPLES`, 3), by its speed and set point."""
     here = np.array(status.position_m)
     share = np.linspace(0.0, 1.0, SAMPLES)[:, None]
     velocity = np.zeros(3) if status.velocity_m_s is None else np.array(status.velocity_m_s)

@@ -1,8 +1,8 @@
-"""Handover between an agent and its successor: telling the intent, and taking up that of a predecessor.
+"""Handover between an agent and its successor: publishing an intent, and resuming that of a predecessor.
 
-A successor asks the launcher of its host what its predecessor meant to do. If the predecessor still flies,
-its successor hears its intent from then on, and for a moment after it has taken over: what was asked of the
-predecessor last is not lost.
+A successor requests the intent of its predecessor from the launcher of its host. If the predecessor still
+flies, the successor receives its intents until a moment after the handover, so that no request to the
+predecessor is lost.
 """
 
 from typing import Final
@@ -22,25 +22,23 @@ from rcopterx.bus.stepping import StepBus
 from rcopterx.vehicles.state import YAW
 
 LATE_INTENT_S: Final = 0.5
-"""How long after a handover words of the predecessor still count."""
+"""Time after a handover in which intents of the predecessor still count."""
 LONG_PERIOD_S: Final = 1.0
-"""An intent with a path is long: as long as nothing changes it is told only so often."""
+"""Publication period of an unchanged intent with a path, which is long."""
 RECALL_TIMEOUT_S: Final = 0.2
 PREVIOUS_AFTER: Final = 1
-"""Quick deaths after which what flew before the last change takes the place of what flew last."""
+"""Number of quick deaths after which the last change of the configuration is withdrawn."""
 DEFAULTS_AFTER: Final = 2
-"""Quick deaths after which the default controller and the default estimator fly."""
+"""Number of quick deaths after which the default controller and the default estimator fly."""
 
 
 class Handover:
-    """Intent of one agent.
+    """Handover of one agent.
 
     Attributes
     ----------
-    intents
-        Filled by the bus.
     predecessor
-        What the previous process of this agent meant to do; None if nobody remembers one.
+        Last intent of the previous agent of the vehicle; None if there is none.
     """
 
     def __init__(
@@ -53,14 +51,14 @@ class Handover:
         self._resumed_s: float | None = None
         self._pilot = pilot
         self._tuning = tuning
-        self._told: Intent | None = None
-        self._told_s = 0.0
+        self._published: Intent | None = None
+        self._published_s = 0.0
         self.predecessor: Intent | None = None
         self._predecessor_s = 0.0
         self._quick_deaths = 0
         self._recall()
         if self._quick_deaths >= DEFAULTS_AFTER:
-            # Before the first step: what the fleet file says may be what ends the process.
+            # Before the first step: the configuration of the fleet file may be what ends the process.
             tuning.use_defaults(
                 f"the agent died {self._quick_deaths + 1} times in a row; the default controller flies until "
                 "one is chosen"
@@ -69,7 +67,7 @@ class Handover:
             pilot.expect_heading(self.predecessor.yaw_rad)
 
     def _recall(self) -> None:
-        """Learn what the predecessor meant to do, when it told that, and how its predecessors ended."""
+        """Request the last intent of the predecessor, its age, and the number of quick deaths."""
         try:
             reply = self._bus.request(
                 self._host, Recall(vehicle=self._vehicle), timeout_s=RECALL_TIMEOUT_S, patience_s=0.0
@@ -81,12 +79,12 @@ class Handover:
             self._quick_deaths = reply.quick_deaths
 
     def receive_intents(self) -> bool:
-        """Take in what a predecessor that still flies means to do; True if that is to be resumed again."""
+        """Process intents of a predecessor that still flies; return whether to resume again."""
         again = False
         for received in self.intents.drain():
             intent = received.message
             if intent.lease == self._lease.number:
-                continue  # Its own words.
+                continue  # published by this agent
             late = self._resumed_s is not None
             if late and received.arrived_s - (self._resumed_s or 0.0) > LATE_INTENT_S:
                 continue
@@ -94,11 +92,11 @@ class Handover:
             self._predecessor_s = received.arrived_s
             if not self._lease.held:
                 self._restore_configuration(intent)
-            again = again or (late and before is not None and _meant(before) != _meant(intent))
+            again = again or (late and before is not None and _content(before) != _content(intent))
         return again
 
     def resume(self) -> bool:
-        """Go on with the task of the predecessor, in flight; False without one."""
+        """Continue the task of the predecessor, in flight; return False without one."""
         intent, clock = self.predecessor, self._pilot.clock
         self._resumed_s = self._bus.clock()
         if intent is None:
@@ -111,7 +109,7 @@ class Handover:
         return True
 
     def _restore_configuration(self, intent: Intent) -> None:
-        """Fly with what the predecessor flew with, unless that is what ends the process."""
+        """Restore the configuration of the predecessor, unless it is what ends the process."""
         if self._quick_deaths >= DEFAULTS_AFTER:
             return
         wanted = configuration_of(intent)
@@ -126,20 +124,21 @@ class Handover:
         self._tuning.restore(wanted)
 
     def publish(self) -> None:
-        """Tell the present intent; to be called with every status."""
+        """Publish the present intent; called with every status."""
         clock, now_s = self._pilot.clock, self._bus.clock()
         yaw_rad = float(self._pilot.estimate.motion[YAW]) if clock.started else None
         intent = intent_of(
             self._lease.number, self._pilot.guidance.task(), self._tuning.intended, self._tuning.previous,
             clock.epoch, clock.current_frame, clock.time_s, yaw_rad,
         )  # fmt: skip
-        meant = _meant(intent)
-        if intent.path is not None and meant == self._told and now_s - self._told_s < LONG_PERIOD_S:
+        content = _content(intent)
+        recent = now_s - self._published_s < LONG_PERIOD_S
+        if intent.path is not None and content == self._published and recent:
             return
-        self._told, self._told_s = meant, now_s
+        self._published, self._published_s = content, now_s
         self._bus.publish(channels.INTENT, self._vehicle, intent)
 
 
-def _meant(intent: Intent) -> Intent:
-    """What is the same in two intents if nothing was asked for and nothing happened between them."""
+def _content(intent: Intent) -> Intent:
+    """Return an intent without the fields that change with time alone."""
     return replace(intent, lease=0, epoch=0, frame=0, yaw_rad=None, path_elapsed_s=0.0, moves=())

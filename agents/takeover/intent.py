@@ -1,4 +1,4 @@
-"""Going on after a restart: what an agent means to do, told in time, and taken up by its successor."""
+"""Intents: the task of an agent as a message, and a message as the task of its successor."""
 
 from typing import Final
 
@@ -38,17 +38,16 @@ def intent_of(
     time_s: float,
     yaw_rad: float | None,
 ) -> Intent:
-    """Describe the task of a vehicle so that a successor can go on with it.
+    """Return the task of a vehicle as a message; `task_of` makes the same task of it at any later moment.
 
     Parameters
     ----------
+    configuration, previous
+        Controller and estimator, and those before the last change.
+    epoch, frame, time_s
+        Present moment, on the fleet's clock and on the vehicle's.
     yaw_rad
         Present heading with all its turns; None before the vehicle has been seen.
-
-    Returns
-    -------
-    Intent
-        Complete: `task_of` makes the same task of it at any later moment.
     """
     path = _path(task.source)
     end = task.source.sample(_END_OF_TIME_S, 1.0, 2)
@@ -95,38 +94,38 @@ def _flown_by(configuration: Configuration) -> FlownBy:
 
 
 def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
-    """Task of a predecessor on the clock of its successor."""
-    told_s = time_s - passed_s
+    """Return the task of a predecessor, `passed_s` after its publication, on the clock of its successor."""
+    published_s = time_s - passed_s
     source: ReferenceSource = SetPointReference(
         np.array(intent.set_point.position_m), intent.set_point.yaw_rad
     )
     if intent.path is not None:
-        source = PathReference(FlightPath(intent.path.to_numpy()), told_s - intent.path_elapsed_s)
+        source = PathReference(FlightPath(intent.path.to_numpy()), published_s - intent.path_elapsed_s)
     assigned = followed = tuple(followed_leader(link) for link in intent.assigned)
     joined: frozenset[str] = frozenset()
     if intent.following == tuple(link.leader for link in assigned):
         moves = {move.leader: move for move in intent.moves}
-        followed = tuple(_moving(link, moves.get(link.leader), told_s) for link in assigned)
+        followed = tuple(_moving(link, moves.get(link.leader), published_s) for link in assigned)
         joined = frozenset(intent.joined)
-    # Else others stood in for lost leaders: whether they still have to is decided anew.
+    # Else others replaced lost leaders; the successor decides again whether they still have to.
     interrupted = None if intent.interrupted is None else Phase(intent.interrupted)
     return Task(Phase(intent.phase), source, followed, assigned, joined, intent.floor_m, interrupted)
 
 
 def configuration_of(flown: Intent | FlownBy) -> Configuration:
-    """Controller and estimator that a predecessor flew with."""
+    """Return controller and estimator of a predecessor."""
     return Configuration(
         flown.controller, flown.estimator, flown.controller_settings, flown.estimator_settings
     )
 
 
 def passed_s(intent: Intent, age_s: float, epoch: int, frame: int, period_s: float) -> float:
-    """Time since an intent was told: by the frames of the motion capture, across epochs by its age."""
+    """Return the time since an intent was published: by frames, across epochs by its age."""
     return (frame - intent.frame) * period_s if epoch == intent.epoch else age_s
 
 
 def _path(source: ReferenceSource) -> PathReference | None:
-    """A source as a path: all but set points are quintic polynomials between knots; None for those."""
+    """Return a reference as a path of quintic polynomials between knots; None for a set point."""
     match source:
         case PathReference():
             return source
@@ -142,10 +141,10 @@ def _path(source: ReferenceSource) -> PathReference | None:
             return None
 
 
-def _moving(link: FollowedLeader, move: OffsetMove | None, told_s: float) -> FollowedLeader:
+def _moving(link: FollowedLeader, move: OffsetMove | None, published_s: float) -> FollowedLeader:
     if move is None:
         return link
     start = FormationOffset(np.array(move.start_offset_m), move.start_yaw_offset_rad, link.target.frame)
     return FollowedLeader(
-        link.leader, link.target, link.weight, start, told_s - move.elapsed_s, move.duration_s
+        link.leader, link.target, link.weight, start, published_s - move.elapsed_s, move.duration_s
     )

@@ -1,7 +1,7 @@
 """Changes of controller, estimator and settings in flight.
 
-What is new is built and warmed up in a thread beside the control loop and swapped in between two control
-periods, so that no period is late.
+A thread builds and warms up the new objects; they are swapped in between two control periods, so that no
+period is late.
 """
 
 from collections.abc import Callable
@@ -19,12 +19,12 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array
 
 WARM_UP_STEPS = 3
-"""Of a controller or an estimator that nobody has flown with; one step tries out other settings of one."""
+"""Steps of a new controller or estimator; one step tries out new settings of the present one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Replacement:
-    """What takes over: only what changes is there."""
+    """New objects; None for one that stays."""
 
     configuration: Configuration
     controller: Controller | None
@@ -33,7 +33,7 @@ class Replacement:
 
 @dataclass(frozen=True, slots=True)
 class Occasion:
-    """State of the vehicle when a change was asked for; what is new is warmed up with it."""
+    """State of the vehicle at the request of a change, for the warm-up."""
 
     estimate: Estimate
     last_input: Array
@@ -85,9 +85,9 @@ class Tuning:
     ) -> None:
         self.configuration = configuration
         self.previous: Configuration | None = None
-        """What flew before the last change; None before the first one."""
+        """Configuration before the last change; None before the first one."""
         self.remark = ""
-        """Why something else flies than what was chosen, where its process had ended."""
+        """Why another configuration flies than the chosen one, after deaths of the process."""
         self._restored: Configuration | None = None
         self._pilot = pilot
         self._period_s = period_s
@@ -96,7 +96,7 @@ class Tuning:
 
     @property
     def intended(self) -> Configuration:
-        """What flies, or what a predecessor flew with while that is being prepared."""
+        """Present configuration, or that of a predecessor while it is being prepared."""
         return self.configuration if self._restored is None else self._restored
 
     @property
@@ -126,10 +126,10 @@ class Tuning:
         self.previous, self.remark = None, remark
 
     def note_replaced(self) -> bool:
-        """Take note of what the pilot has replaced because it failed; True if that is news."""
+        """Note what the pilot has replaced after failures; return whether the configuration changes."""
         before, pilot = self.configuration, self._pilot
         if not (pilot.controller_replaced or pilot.estimator.replaced):
-            return False  # Asked in every step; to compare configurations takes longer.
+            return False
         if pilot.controller_replaced:
             self.configuration = self.configuration.with_default_controller()
         if pilot.estimator.replaced:
@@ -142,21 +142,21 @@ class Tuning:
             return prepare(self.configuration, wanted, model, self._period_s, self._limit_scale, occasion)
         except ValueError as error:
             return error
-        except Exception as error:  # noqa: BLE001 - a controller of somebody else may raise anything
+        except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
             reason = f"{type(error).__name__}: {error}"
             return ValueError(f"{wanted.controller}, {wanted.estimator} cannot be built: {reason}")
 
     def wait(self) -> None:
-        """Wait until what is under way is prepared, where no control loop must go on meanwhile."""
+        """Wait for the end of the preparation."""
         self._work.wait()
 
     def finish(self) -> str | ValueError | None:
-        """Swap in what is ready; to be called between two control periods.
+        """Swap in what is ready, between two control periods.
 
         Returns
         -------
         str or ValueError or None
-            What flies from now on, why nothing changed, or None while nothing is ready.
+            Description of the new configuration, why it stays the same, or None while nothing is ready.
         """
         found = self._work.finish()
         if found is None:

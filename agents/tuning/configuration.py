@@ -1,4 +1,4 @@
-"""Which controller and estimator fly a vehicle, and with what settings."""
+"""Controller and estimator of a vehicle, and their settings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -11,12 +11,12 @@ from rcopterx.vehicles.model import Model
 
 DEFAULT_CONTROLLER: Final = "cascade"
 DEFAULT_ESTIMATOR: Final = "extended_kalman"
-"""They fly, with their default settings, where others fail."""
+"""Defaults of a fleet file; they fly with their default settings where others fail."""
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Names and settings; what is left out of the settings keeps its default.
+    """Names and settings; missing settings have their defaults.
 
     Attributes
     ----------
@@ -47,8 +47,8 @@ class Configuration:
     ) -> "Configuration":
         """The configuration after a change.
 
-        Settings are added to the present ones. Another controller takes only the horizon over, another
-        estimator nothing, because settings mean something else to each of them.
+        Settings are added to the present ones. Another controller keeps only the horizon, another estimator
+        nothing, because settings are specific to each of them.
         """
         kept = dict(self.controller_settings)
         if controller not in (None, self.controller):
@@ -72,7 +72,7 @@ class Configuration:
         return replace(self, estimator=DEFAULT_ESTIMATOR, estimator_settings={})
 
     def controller_for(self, model: Model, period_s: float, limit_scale: LimitScale) -> Controller:
-        """Build the controller.
+        """Build the controller; a fixed `input_range` of its settings has priority over `limit_scale`.
 
         Raises
         ------

@@ -1,9 +1,8 @@
 """The guard against oscillation: lowers the bandwidth of a controller whose vehicle oscillates.
 
-A true vehicle may be further from its model than the weights bear. Nothing lands because of it: the weights
-of the sticks of the loop that oscillates, and of no other, rise step by step, each step built beside the
-control loop like any other change, until the oscillation ends. They stay there until somebody tunes the
-vehicle.
+A vehicle may differ from its model by more than the weights allow. It does not land: the input weights of
+the loop that oscillates rise step by step until the oscillation ends. Each step is prepared like any other
+change. The weights stay until the vehicle is tuned.
 """
 
 from collections import Counter
@@ -21,7 +20,7 @@ EFFORT_FACTORS: Final = "effort_factors"
 STEP: Final = 3.0
 LARGEST: Final = STEP**4
 SHORTEST_STEP_S: Final = 0.25
-"""Between two steps."""
+"""Time between two steps."""
 
 OSCILLATION: Final = "oscillation"
 """Counted for every half-wave of an oscillation."""
@@ -30,7 +29,7 @@ BANDWIDTH_LOWERED: Final = "bandwidth_lowered"
 
 
 def effort_factors(configuration: Configuration) -> tuple[float, ...]:
-    """By how much the guard has raised the weights of the sticks of each `Loop`; 1 for not at all."""
+    """Return the factors by which the guard has raised the input weights of each `Loop`."""
     factors = configuration.controller_settings.get(EFFORT_FACTORS)
     if not isinstance(factors, list | tuple):
         return (1.0,) * len(Loop)
@@ -38,7 +37,7 @@ def effort_factors(configuration: Configuration) -> tuple[float, ...]:
 
 
 def without_guard(configuration: Configuration) -> Configuration:
-    """A configuration with the bandwidth that it had before the guard lowered it."""
+    """Return a configuration with the bandwidth before the guard lowered it."""
     settings = configuration.controller_settings
     kept = {name: value for name, value in settings.items() if name != EFFORT_FACTORS}
     return replace(configuration, controller_settings=kept)
@@ -53,19 +52,22 @@ class OscillationGuard:
         self._detector = OscillationDetector(pilot.model)
         self._since_step_s = SHORTEST_STEP_S
         self._swinging: frozenset[Loop] = frozenset()
-        """Loops that have been seen to oscillate since the last step."""
+        """Loops that have oscillated since the last step."""
         self._seen = ""
         self.events: Counter[str] = Counter()
         self.rejected: Counter[str] = Counter()
 
     @property
     def remark(self) -> str:
-        """What was seen when the bandwidth was lowered last; empty where it is as somebody wants it."""
+        """Oscillation at which the bandwidth was lowered last; empty if it has been tuned since."""
         lowered = max(effort_factors(self._tuning.configuration)) > 1.0
         return self._seen if lowered else ""
 
     def watch(self, output: ControlOutput, flown_by_own: bool = True) -> None:
-        """Take in the control period that was just flown, and lower the bandwidth if need be."""
+        """Process the control period that was just flown, and lower the bandwidth if necessary.
+
+        `flown_by_own` is False while an external program flies, whose bandwidth is its own.
+        """
         pilot = self._pilot
         if output.reference is None or pilot.exciter.under_way:
             # Sines that an identification adds are no oscillation; should they bring one about, the vehicle

@@ -1,4 +1,4 @@
-"""Feedback loops of a vehicle as it is configured."""
+"""Feedback loops of a vehicle in its configuration."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -17,7 +17,7 @@ from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
 
 CONTROLLER: Final = "cascade"
 ESTIMATOR: Final = "extended_kalman"
-"""The pair whose loops are known; others would need loops of their own."""
+"""The pair whose loops are known."""
 HORIZONTAL: Final = "horizontal"
 """Both horizontal axes of a vehicle with a tilt model, which couples them."""
 HORIZONTAL_AXES: Final = {"x": U_PITCH, "y": U_ROLL}
@@ -25,7 +25,7 @@ STEADY_AXES: Final = {"height": U_THRUST, "yaw": U_YAW}
 
 
 def unknown_loops(configuration: Configuration) -> str | None:
-    """Why the loops of a configuration are not known; None if they are."""
+    """Return why the loops of a configuration are not known; None if they are."""
     if (configuration.controller, configuration.estimator) == (CONTROLLER, ESTIMATOR):
         return None
     flown = f"{configuration.controller} with {configuration.estimator}"
@@ -36,6 +36,7 @@ def loops_of(model: Model, period_s: float, configuration: Configuration) -> Map
     """Loops of a vehicle by axis: `horizontal`, or `x` and `y` without a tilt model, `height` and `yaw`.
 
     Integral action, which the cascade needs only without an estimated disturbance, is left out.
+    `unknown_loops` has to accept the configuration.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from support.statuses import hovering
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
-from rcopterx.agents.separation.traffic import MOST, PATIENCE, TEND_EVERY_TICKS, Traffic, way
+from rcopterx.agents.separation.traffic import MOST, PATIENCE, UPDATE_EVERY_TICKS, Traffic, way
 from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint
 from rcopterx.vehicles.tuples import Three
 
@@ -97,7 +97,7 @@ def test_the_nearest_are_heard_when_many_are_near() -> None:
 
 def test_without_avoidance_nothing_is_heard_and_nothing_kept_clear() -> None:
     road = Road(clearance=None)
-    assert not any(road.traffic.due() for _ in range(3 * TEND_EVERY_TICKS))
+    assert not any(road.traffic.due() for _ in range(3 * UPDATE_EVERY_TICKS))
     assert road.heard(OWN, h2=status((0.4, 0.0, 1.0))) == []
     assert road.traffic.neighbours(road.clock, {}) == {}
 
