@@ -12,14 +12,11 @@ COAXIAL_PLANTS: Final = ("first_order", "helicopter", "drawn_helicopter")
 
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
-    """What distinguishes the simulated laboratory from equation (1). Zero switches an effect off.
+    """Differences of the simulated laboratory from equation (1); zero switches an effect off.
 
-    The defaults are the `ideal` preset: vehicles behave exactly as their models say, lag and delay included.
-
-    Raises
-    ------
-    ValueError
-        If a number is not finite or out of its range; the message names the field and what is allowed.
+    The defaults are the `ideal` preset: vehicles behave exactly as their models, lag and delay included.
+    Raises `ValueError` for a number that is not finite or out of range; the message names the field and what
+    is allowed.
     """
 
     turbulence_rms: Four = (0.0, 0.0, 0.0, 0.0)
@@ -31,8 +28,8 @@ class Conditions:
     lag_mismatch: float = 0.0
     """True lags are drawn per vehicle within this fraction of the model's."""
     transport_delay_s: float | None = None
-    """Delay of every input; None takes the `delay_s` of the vehicle's model. A simulation that emulates the
-    radio link needs 0 here, because the delay then comes from the emulated link."""
+    """Delay of every input; None for the `delay_s` of the vehicle's model. A simulation that emulates the
+    radio link needs 0, because the delay then comes from the emulated link."""
     parameter_mismatch: float = 0.0
     """Every true b and k is drawn per vehicle within this fraction of the model's."""
     trim_offset: float = 0.0
@@ -46,7 +43,7 @@ class Conditions:
     angle_noise_rad: float = 0.0
     """Measurement noise of yaw, roll and pitch, root mean square."""
     outlier_fraction: float = 0.0
-    """Fraction of the measured poses that are off by `outlier_m`, as when the Tracker takes one marker for
+    """Fraction of the measured poses that are off by `outlier_m`, as when the Tracker mistakes one marker for
     another."""
     outlier_m: float = 0.05
     """Distance by which they are off, in a random direction."""
@@ -55,8 +52,8 @@ class Conditions:
     volume_max_m: Three = (2.5, 2.5, 3.0)
     """Corners of the flight volume. Leaving it is flagged and has no other effect."""
     coaxial_plant: str = "first_order"
-    """What flies as a coaxial vehicle, of `COAXIAL_PLANTS`: equation (1) with its mismatches; the helicopter
-    with stabilizer bar in the middle of its family; or one drawn from the family for each vehicle. The latter
+    """Plant of a coaxial vehicle, of `COAXIAL_PLANTS`: equation (1) with its mismatches; the helicopter with
+    stabilizer bar in the middle of its family; or one drawn from the family for each vehicle. The latter
     two ignore `actuator_lag`, `lag_mismatch`, `parameter_mismatch` and `trim_offset`."""
     downwash_m_s2: float = 0.0
     """Downward acceleration of a vehicle that flies 0.3 m or less below another; above that it falls with
@@ -133,24 +130,10 @@ PRESETS: Final = MappingProxyType(
 
 
 def conditions_from(preset: str, overrides: Mapping[str, Any] = MappingProxyType({})) -> Conditions:
-    """Conditions of a named preset with some numbers changed.
+    """Conditions of a preset of `PRESETS` with some fields changed.
 
-    Parameters
-    ----------
-    preset
-        A name of `PRESETS`.
-    overrides
-        Fields of `Conditions` to change.
-
-    Returns
-    -------
-    Conditions
-        The changed preset.
-
-    Raises
-    ------
-    ValueError
-        On an unknown preset or field (the message lists what is allowed) or a value out of range.
+    Raises `ValueError` for an unknown preset or field (the message lists what is allowed) or a value out of
+    range.
     """
     if preset not in PRESETS:
         raise ValueError(f"conditions: unknown preset {preset!r}; allowed: {', '.join(PRESETS)}")

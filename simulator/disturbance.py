@@ -17,8 +17,8 @@ _BLOCK: Final = 256
 def random_stream(seed: int, vehicle: str, purpose: int) -> np.random.Generator:
     """Random generator of one vehicle for a purpose (`PARAMETERS`, `TURBULENCE`, `NOISE` or `OUTLIERS`).
 
-    The stream depends on the seed, which is not negative, and on the vehicle's name, not on how many others
-    fly: adding or removing a vehicle leaves the weather and the parameters of all others as they were.
+    The stream depends on the seed, not negative, and on the vehicle's name, not on how many others fly:
+    adding a vehicle changes neither weather nor parameters of the others.
     """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(purpose, *vehicle.encode())))
 
@@ -52,16 +52,8 @@ def correlate(steps: Array, start: Array, keep: float) -> None:
 class ColouredNoise:
     """Stationary Ornstein-Uhlenbeck processes, discretised exactly on a fixed time grid.
 
-    The value at a time depends on the seed and that time alone, not on the steps by which it was reached.
-
-    Parameters
-    ----------
-    rms
-        Root mean square of each channel.
-    correlation_s
-        Correlation time: the autocorrelation is exp(-t / correlation_s).
-    grid_s
-        Spacing of the time grid, on which the value is held.
+    The value at a time depends on the seed and that time alone, not on the steps by which it was reached. The
+    autocorrelation is exp(-t / correlation_s).
     """
 
     def __init__(

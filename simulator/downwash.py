@@ -1,4 +1,4 @@
-"""What the rotors of a vehicle do to whoever flies below it."""
+"""Effect of the rotors of a vehicle on vehicles below it."""
 
 import math
 from collections.abc import Collection
@@ -13,21 +13,9 @@ WIDTH_M: Final = 0.15
 
 
 def downwash_m_s2(below_m: float, aside_m: float, strength_m_s2: float) -> float:
-    """Downward acceleration in the wake of a vehicle in flight.
+    """Downward acceleration in the wake of a vehicle in flight; 0 at its height and above.
 
-    Parameters
-    ----------
-    below_m
-        Distance below it; nothing happens at its height and above.
-    aside_m
-        Horizontal distance.
-    strength_m_s2
-        Acceleration close below it.
-
-    Returns
-    -------
-    float
-        Acceleration, not negative.
+    `strength_m_s2` is the acceleration close below it.
     """
     if below_m <= 0.0:
         return 0.0
@@ -35,7 +23,7 @@ def downwash_m_s2(below_m: float, aside_m: float, strength_m_s2: float) -> float
 
 
 def set_downwash(plants: Collection[Plant], strength_m_s2: float) -> None:
-    """Tell every plant the downwash of all others that fly now."""
+    """Set the downwash of every plant from all others that fly now."""
     if strength_m_s2 == 0.0:
         return
     places = [(plant, plant.position_m) for plant in plants]

@@ -1,7 +1,7 @@
-"""Faults of the simulated laboratory, as scenario files tell them and as requests carry them.
+"""Faults of the simulated laboratory, in scenario files and in requests (docs/motion_capture.md).
 
 A fault is a small message with a `kind`. Faults with `duration_s` end by themselves; without one they last
-until `recover`. See docs/motion_capture.md.
+until `recover`.
 """
 
 from collections.abc import Iterable
@@ -257,12 +257,8 @@ def injected_faults(table: Iterable[TimedFault]) -> tuple[InjectedFault, ...]:
 
 
 def timed_faults(lines: Iterable[InjectedFault]) -> tuple[TimedFault, ...]:
-    """Lines of a request as faults.
-
-    Raises
-    ------
-    FaultError
-        No such kind or field, or a value of the wrong type.
+    """Lines of a request as faults; raises `FaultError` for an unknown kind or field, or a value of the wrong
+    type.
     """
     table: list[TimedFault] = []
     for line in lines:

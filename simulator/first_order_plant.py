@@ -1,6 +1,6 @@
-"""The vehicle that equation (1) describes: sticks become accelerations through first-order lags.
+"""Vehicle of equation (1): sticks become accelerations through first-order lags.
 
-A quadrotor in attitude mode departs from it by the geometry of its tilt.
+A quadrotor in attitude mode differs from it by the geometry of its tilt.
 """
 
 import math
@@ -17,21 +17,10 @@ from rcopterx.vehicles.tuples import Four
 
 
 def specimen(model: Model, conditions: Conditions, generator: np.random.Generator) -> tuple[Model, Four]:
-    """Draw the true parameters of one vehicle of a type.
+    """Draw the true parameters of one vehicle of a type: its model with true b, k and lags, and its trim
+    offsets.
 
-    Parameters
-    ----------
-    model
-        Nominal parameters.
-    conditions
-        Mismatch fractions, trim offset, and whether there are lags at all.
-    generator
-        Source of randomness; the same amount is drawn whatever is switched on.
-
-    Returns
-    -------
-    tuple
-        The model with true b, k and lags, and the trim offset of each input.
+    The same amount is drawn from the generator whatever the conditions switch on.
     """
     b, k, lag, trim = generator.uniform(-1.0, 1.0, (4, 4))
     lag_s = model.lag_s * (1 + conditions.lag_mismatch * lag)
@@ -47,19 +36,7 @@ def specimen(model: Model, conditions: Conditions, generator: np.random.Generato
 class FirstOrderPlant(Plant):
     """A vehicle that obeys equation (1), with parameters drawn around those of its model.
 
-    Public besides what every plant has: `model` and `trim`, the true parameters.
-
-    Parameters
-    ----------
-    name, conditions, seed, start
-        See `Plant`.
-    model
-        Nominal parameters; the true ones are drawn around them.
-
-    Raises
-    ------
-    ValueError
-        If the start pose is not finite or below the floor.
+    Public besides the members of every plant: `model` and `trim`, the true parameters.
     """
 
     def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> None:

@@ -1,12 +1,6 @@
 """The coaxial helicopter with stabilizer bar as a plant: servos, markers and state around its dynamics.
 
-To fly one by itself, without weather and delay::
-
-    calm = replace(IDEAL, transport_delay_s=0.0)
-    plant = Helicopter("h1", COAXIAL, calm, 0, Pose((0.0, 0.0, 1.0)), HelicopterParameters.nominal())
-    plant.set_input((0.1, 0.0, 0.545, 0.0))
-    plant.advance(0.02)
-    plant.motion, plant.pose, plant.marker_pose, plant.state, plant.parameters
+To fly one by itself, without weather and delay, see docs/helicopter.md.
 """
 
 import math
@@ -42,13 +36,7 @@ def helicopter_of(name: str, conditions: Conditions, seed: int) -> HelicopterPar
 
 
 class Servo:
-    """Resolution and dead band of a servo.
-
-    Parameters
-    ----------
-    step
-        Distance of its positions; commands at most this far from where it is leave it there.
-    """
+    """Resolution and dead band of a servo; commands at most `step` from its position leave it there."""
 
     def __init__(self, step: float) -> None:
         self._step = step
@@ -66,8 +54,8 @@ class Servo:
 class Helicopter(Plant):
     """A coaxial helicopter with stabilizer bar (docs/helicopter.md).
 
-    Public besides what every plant has: `parameters` (the true ones) and `state`, of `helicopter_dynamics`.
-    Of the model it uses the transport delay, and the thrust stick to start with.
+    Public besides the members of every plant: `parameters` (the true ones) and `state`, of
+    `helicopter_dynamics`. Of the model it uses the transport delay, and the thrust stick to start with.
     """
 
     def __init__(

@@ -25,12 +25,9 @@ DEGREE: Final = math.pi / 180
 
 @dataclass(frozen=True, kw_only=True)
 class HelicopterParameters:
-    """Everything that distinguishes one helicopter from another; SI units, sticks as fractions of full stick.
+    """Parameters of one helicopter; SI units, sticks as fractions of full stick.
 
-    Raises
-    ------
-    ValueError
-        A number is not finite or out of its range; the message begins with its name.
+    Raises `ValueError` for a number that is not finite or out of its range; the message begins with its name.
     """
 
     size: float
@@ -109,19 +106,10 @@ class HelicopterParameters:
 
     @classmethod
     def nominal(cls, size: float = NOMINAL_SIZE) -> Self:
-        """Middle of the family.
+        """Middle of the family, with the stick gains `NOMINAL_PLATEAU_M_S2`; `size` is the time scale against
+        the CoaX.
 
-        The trim and the glueing of the markers are half of what the family allows, in a fixed direction.
-
-        Parameters
-        ----------
-        size
-            Time scale against the CoaX.
-
-        Returns
-        -------
-        HelicopterParameters
-            A vehicle whose stick has the gains of `NOMINAL_PLATEAU_M_S2`.
+        The trim and the tilt of the markers are half of what the family allows, in a fixed direction.
         """
         length, mass = size**2, size**6
         vehicle = cls(
@@ -172,16 +160,6 @@ class HelicopterParameters:
         5 degrees, ground effect 5 to 10 %. Around the nominal vehicle of that size: arms and links 5 %,
         inertia, springs, thrust and torque coefficients and thrust gain 10 %, lags, bar, gyro and the stick's
         gains 15 %, drag 25 %, phase lags 0.06 rad. All uniform.
-
-        Parameters
-        ----------
-        generator
-            Source of randomness.
-
-        Returns
-        -------
-        HelicopterParameters
-            The vehicle.
         """
 
         def within(low: float, high: float) -> float:

@@ -1,6 +1,7 @@
-"""The fake laboratory without its wires: vehicles flying together, and what the Tracker would see of them.
+"""The simulated laboratory without its wires: vehicles flying together, and their poses as a Tracker measures
+them.
 
-No sockets and no clock: whoever holds it decides how time passes.
+No sockets and no clock; the caller advances the time.
 """
 
 import math
@@ -34,26 +35,11 @@ def plant_of(
     start: Pose,
     particulars: Particulars | None = None,
 ) -> Plant:
-    """Plant of a vehicle: a helicopter if it is coaxial and the conditions say so, else equation (1).
+    """Plant of a vehicle at time 0: a helicopter if it is coaxial and the conditions require it, else
+    equation (1).
 
-    With a `TiltOscillator` it is neither but an `OscillatingTiltPlant`.
-
-    Parameters
-    ----------
-    name, model, conditions, seed, start
-        See `Plant`.
-    particulars
-        Parameters of the helicopter in place of those that the conditions give it, or the tilt.
-
-    Returns
-    -------
-    Plant
-        The vehicle at time 0.
-
-    Raises
-    ------
-    ValueError
-        If the start pose is not finite or below the floor.
+    `particulars` replace the helicopter's parameters of the conditions; a `TiltOscillator` gives an
+    `OscillatingTiltPlant`. Raises `ValueError` for a start pose that is not finite or below the floor.
     """
     if isinstance(particulars, TiltOscillator):
         return OscillatingTiltPlant(name, model, conditions, seed, start, particulars)
@@ -66,23 +52,10 @@ def plant_of(
 class Laboratory:
     """Plants that advance together.
 
-    Parameters
-    ----------
-    models
-        Vehicle model by name. Order and number do not change what happens to each vehicle.
-    start
-        Start pose of each vehicle; on the floor (z = 0) it stands with motors stopped, else it hovers.
-    conditions
-        How real the laboratory is.
-    seed
-        Seed of all randomness, not negative.
-    particulars
-        What distinguishes vehicles, by name, from those that the conditions give.
-
-    Raises
-    ------
-    ValueError
-        If a vehicle has no start pose, a start pose no vehicle, or the seed is negative.
+    Order and number of the models do not change what happens to each vehicle. A vehicle that starts on the
+    floor (z = 0) stands with motors stopped, else it hovers. `particulars` replace parameters that the
+    conditions give. Raises `ValueError` if models and start poses differ in their vehicles, or for a negative
+    seed.
     """
 
     def __init__(
@@ -106,7 +79,7 @@ class Laboratory:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew at time 0: the same inputs then lead to exactly the same flight."""
+        """Restart at time 0: the same inputs then lead to exactly the same flight."""
         self._plants = {
             name: plant_of(
                 name, model, self._conditions, self._seed, self._start[name], self._particulars.get(name)
@@ -128,12 +101,8 @@ class Laboratory:
         return self._time_s
 
     def plant(self, name: str) -> Plant:
-        """Vehicle `name`, with its contact state, touchdown speed and true parameters.
-
-        Raises
-        ------
-        ValueError
-            If there is no such vehicle.
+        """Vehicle `name`, with its contact state, touchdown speed and true parameters; `ValueError` if there
+        is none.
         """
         try:
             return self._plants[name]
@@ -149,10 +118,7 @@ class Laboratory:
         self._time_s += duration_s
 
     def set_input(self, name: str, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
-        """Give vehicle `name` new stick positions, in some time: pitch, roll, thrust, yaw, normalised.
-
-        Motors run.
-        """
+        """Set the sticks of vehicle `name` after some time: pitch, roll, thrust, yaw, normalised. Motors run."""
         self.plant(name).set_input(inputs, after_s)
 
     def stop_motors(self, name: str, after_s: float = 0.0) -> None:

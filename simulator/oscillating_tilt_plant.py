@@ -1,6 +1,7 @@
 """A vehicle without a stabilizer bar whose tilt answers the stick as a damped oscillator.
 
-What a helicopter with a flybarless head, or a quadrotor under its attitude loop, is seen from the sticks.
+Seen from the sticks, a helicopter with a flybarless head and a quadrotor under its attitude loop are like
+this.
 """
 
 import cmath
@@ -18,12 +19,9 @@ Two = tuple[float, float]
 
 @dataclass(frozen=True)
 class TiltOscillator:
-    """How the tilt follows pitch and roll stick: theta'' = w^2 (stick - theta) - 2 zeta w theta'.
+    """Response of the tilt to pitch and roll stick: theta'' = w^2 (stick - theta) - 2 zeta w theta'.
 
-    Raises
-    ------
-    ValueError
-        A number out of its range; the message begins with its name.
+    Raises `ValueError` for a number out of its range; the message begins with its name.
     """
 
     frequency_rad_s: float
@@ -39,22 +37,7 @@ class TiltOscillator:
 
 
 class OscillatingTiltPlant(FirstOrderPlant):
-    """A vehicle of equation (1) with an oscillator in place of the lags of pitch and roll.
-
-    Gains, drag, trim, and the lags of thrust and yaw are those of `FirstOrderPlant`.
-
-    Parameters
-    ----------
-    name, model, conditions, seed, start
-        See `FirstOrderPlant`.
-    oscillator
-        Of pitch and roll.
-
-    Raises
-    ------
-    ValueError
-        If the start pose is not finite or below the floor.
-    """
+    """A `FirstOrderPlant` with an oscillator in place of the lags of pitch and roll."""
 
     def __init__(
         self, name: str, model: Model, conditions: Conditions, seed: int, start: Pose,

@@ -1,8 +1,4 @@
-"""One simulated vehicle between its sticks and its pose: what every kind of vehicle has in common.
-
-Plain floats instead of small arrays: one substep costs some microseconds, so that ten vehicles fly in real
-time on a few per cent of a core and experiments run many times faster than real time.
-"""
+"""One simulated vehicle between its sticks and its pose: what all kinds of vehicles share."""
 
 import math
 from abc import ABC, abstractmethod
@@ -25,12 +21,7 @@ _TIME_TOLERANCE_S = 1e-9
 class Pose(Struct, frozen=True):
     """Position of a vehicle's origin in the inertial frame, and its attitude.
 
-    Attributes
-    ----------
-    position_m
-        x, y, z.
-    yaw_rad, pitch_rad, roll_rad
-        Rotations about z, then body y, then body x. As z points up, positive pitch is nose down.
+    The angles are rotations about z, then body y, then body x. As z points up, positive pitch is nose down.
     """
 
     position_m: Three
@@ -54,7 +45,7 @@ class Pose(Struct, frozen=True):
 
 @dataclass(frozen=True, kw_only=True)
 class PlantFaults:
-    """What is broken about a vehicle.
+    """Faults of a vehicle.
 
     Attributes
     ----------
@@ -63,9 +54,9 @@ class PlantFaults:
     stuck
         Indices of sticks that stay where they are whatever is commanded.
     thrust_factor
-        Fraction of the thrust that is left, besides what the battery takes: 0 for no lift.
+        Fraction of the thrust that is left, besides what the battery uses: 0 for no lift.
     trim
-        What is added to each stick that is not stuck.
+        Offset of each stick that is not stuck.
     """
 
     stick_gain: Four = (1.0, 1.0, 1.0, 1.0)
@@ -75,13 +66,13 @@ class PlantFaults:
 
 
 class Plant(ABC):
-    """A vehicle that flies: delay of its sticks, weather, battery, floor and flight volume.
+    """A vehicle that flies: delay of its sticks, weather, battery, floor and flight volume; subclasses add
+    dynamics.
 
-    Kinds of vehicles add their dynamics. Public besides the methods: `turbulence` (acting accelerations,
-    inertial x, y, z and yaw), `on_floor`, `touchdowns`, `touchdown_speed_m_s` (of the last one, None before),
-    `motors_running`, `left_volume` (ever since the start or the last `place`), and two that may be set at any
-    time: `downwash_m_s2`, the downward acceleration by vehicles above, and `faults`, of which those of the
-    sticks act from the next input on.
+    Public besides the methods: `turbulence` (acting accelerations, inertial x, y, z and yaw), `on_floor`,
+    `touchdowns`, `touchdown_speed_m_s` (of the last one, None before), `motors_running`, `left_volume` (since
+    the start or the last `place`), and two that may be set at any time: `downwash_m_s2`, the downward
+    acceleration by vehicles above, and `faults`, of which those of the sticks act from the next input on.
 
     It starts standing with motors stopped if the start pose is on the floor (z = 0), else hovering at rest.
     On the floor it stands level and neither slides nor yaws; it leaves when its thrust exceeds its weight.
@@ -91,18 +82,9 @@ class Plant(ABC):
     name
         Selects the vehicle's streams of randomness.
     model
-        What is believed of the vehicle: transport delay, and the thrust stick that it starts hovering with.
-    conditions
-        How real the laboratory is.
-    seed
-        Seed of the laboratory.
+        Gives the transport delay, and the thrust stick that it starts hovering with.
     start
-        Pose at time 0; z not negative; only position and yaw count.
-
-    Raises
-    ------
-    ValueError
-        If the start pose is not finite or below the floor.
+        Pose at time 0; z not negative; only position and yaw count. `ValueError` for another one.
     """
 
     def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> None:
@@ -129,17 +111,10 @@ class Plant(ABC):
         self.place(start)
 
     def place(self, pose: Pose) -> None:
-        """Put the vehicle somewhere at rest, as by hand: battery, weather and time go on.
+        """Put the vehicle somewhere at rest, as by hand: battery, weather and time continue.
 
-        Parameters
-        ----------
-        pose
-            Where to; position and yaw count. On the floor the motors stop, above it the vehicle hovers.
-
-        Raises
-        ------
-        ValueError
-            If the pose is not finite or below the floor.
+        Position and yaw count. On the floor the motors stop, above it the vehicle hovers. Raises `ValueError`
+        if the pose is not finite or below the floor.
         """
         x, y, z = pose.position_m
         if not all(map(math.isfinite, (x, y, z, pose.yaw_rad))) or z < 0:
@@ -191,19 +166,11 @@ class Plant(ABC):
         return 1.0 - self._conditions.battery_sag * used
 
     def set_input(self, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
-        """Give the sticks new positions; they take effect after the transport delay. Motors run.
+        """Move the sticks (pitch, roll, thrust, yaw, normalised) in `after_s`; they act after the transport
+        delay.
 
-        Parameters
-        ----------
-        inputs
-            Pitch, roll, thrust, yaw, normalised.
-        after_s
-            When the sticks will be moved, from now on. Commands take effect in the order of the calls.
-
-        Raises
-        ------
-        ValueError
-            If these are not four finite numbers, or the time is negative or not finite.
+        Motors run. Commands act in the order of the calls. Raises `ValueError` if these are not four finite
+        numbers, or the time is negative or not finite.
         """
         sticks = four(inputs)
         if not all(map(math.isfinite, sticks)):
@@ -220,18 +187,7 @@ class Plant(ABC):
         self._pending.append((self._time_s + after_s + self._delay_s, sticks))
 
     def advance(self, duration_s: float) -> None:
-        """Fly on.
-
-        Parameters
-        ----------
-        duration_s
-            How long, not negative.
-
-        Raises
-        ------
-        ValueError
-            If the duration is negative or not finite.
-        """
+        """Advance the time; raises `ValueError` for a duration that is negative or not finite."""
         if not 0.0 <= duration_s < math.inf:
             raise ValueError(f"{self._name}: cannot advance by {duration_s} s")
         end_s, pending = self._time_s + duration_s, self._pending
@@ -262,7 +218,7 @@ class Plant(ABC):
         self._command(inputs)
 
     def _substeps(self, count: int, step_s: float) -> int:
-        """Live on by some substeps, `count` at most; returns how many."""
+        """Advance by some substeps, `count` at most; returns how many."""
         if not self.on_floor:
             return self._fly_on(count, step_s)
         self._use_battery(step_s * self._load)
@@ -306,13 +262,7 @@ class Plant(ABC):
 
 
 def four(numbers: Sequence[float] | Array) -> Four:
-    """Four stick positions as floats.
-
-    Raises
-    ------
-    ValueError
-        If there are not four.
-    """
+    """Four stick positions as floats; raises `ValueError` if there are not four."""
     if len(numbers) != 4:
         raise ValueError(f"{len(numbers)} inputs given, a vehicle has 4: pitch, roll, thrust, yaw")
     pitch, roll, thrust, yaw = map(float, numbers)

@@ -20,7 +20,7 @@ from rcopterx.simulator.vehicle_faults import VehicleFaults
 from rcopterx.vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
 
 TRUTH_BITS = 17
-"""Truth is told to 2^-17 m, rad and m/s: last bits would take a part of every flight log."""
+"""True motion is published to 2^-17 m, rad and m/s: further bits would only enlarge flight logs."""
 LONGEST_STEP_S = 0.02
 """Requests, timed faults and answers of radio modules wait no longer where frames are rarer."""
 
@@ -49,10 +49,10 @@ class Simulator:
         session.announce(channels.SIMULATOR_UNIT, "simulator")
 
     def run_once(self) -> None:
-        """Wait for bytes or for what is due next, and do it.
+        """Wait for bytes or for the next due time, and handle them.
 
-        Bytes are only received when they arrive, because nothing else tells when that was: modules, vehicles
-        and requests have time until the next frame.
+        Bytes are received as they arrive, because their time of arrival counts: modules, vehicles and
+        requests are handled at the next frame.
         """
         due_s = min(self._step_at_s, self._tracker_due_s)
         timeout_s = max(0.0, due_s - self._clock())
@@ -79,7 +79,7 @@ class Simulator:
         self._room.advance(min(now_s, self._frame_at_s))
         if now_s >= self._frame_at_s:
             published = self._tracker.publish(self._room.capture(self._frame))
-            self._tell_truth(published.frame, published.sent_s)
+            self._publish_truth(published.frame, published.sent_s)
             self._frame += 1
             self._frame_at_s += self._period_s
         self._step_at_s = min(self._frame_at_s, now_s + LONGEST_STEP_S)
@@ -114,7 +114,7 @@ class Simulator:
         self._tracker.close()
         self._room.close()
 
-    def _tell_truth(self, frame: int, sent_s: float) -> None:
+    def _publish_truth(self, frame: int, sent_s: float) -> None:
         self._session.publish(channels.LABORATORY, channels.SIMULATOR_UNIT, self._truth(frame, sent_s))
 
     def _truth(self, frame: int, sent_s: float) -> LaboratoryState:
@@ -160,14 +160,10 @@ class Simulator:
 
 
 def run_simulator(settings: SimulatorSettings) -> None:
-    """Run the fake laboratory until SIGTERM or SIGINT.
+    """Run the simulated laboratory until SIGTERM or SIGINT.
 
-    Raises
-    ------
-    OSError
-        The Tracker's address cannot be listened on, or a pseudo-terminal's path is taken.
-    BusUnreachableError
-        No router answers.
+    Raises `OSError` if the Tracker's address cannot be listened on, or a pseudo-terminal's path is taken, and
+    `BusUnreachableError` if no router answers.
     """
     stopping: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -18,15 +18,7 @@ SILENT_S = 0.07
 
 
 class RadioLink:
-    """A module and the receiver that hears it, without any port.
-
-    Parameters
-    ----------
-    module : RadioModule
-        Emulated transmitter module.
-    receiver : Receiver
-        Emulated receiver in the vehicle.
-    """
+    """A module and the receiver that receives its packets, without any port."""
 
     def __init__(self, module: RadioModule, receiver: Receiver) -> None:
         self.module = module
@@ -42,7 +34,7 @@ class RadioLink:
         """Let the time pass; return what the module answers."""
         answers = self.module.advance(now_s)
         for packet in self.module.take_packets():
-            if self.receiver.hear(packet):
+            if self.receiver.receive(packet):
                 self.module.receiver_answered(packet.time_s)
                 answers += self.module.advance(now_s)
             self.note_output(packet.time_s)
@@ -74,22 +66,11 @@ class RadioLink:
 
 
 class RadioPty:
-    """A `RadioLink` on a pseudo-terminal with a fixed name.
+    """A `RadioLink` on a pseudo-terminal with a fixed name, a symbolic link.
 
     Call `receive` whenever `fileno` is readable and `live` often enough for the module to answer; `service`
-    is both.
-
-    Parameters
-    ----------
-    path : str or Path
-        Symbolic link to the pseudo-terminal; a link left over by a killed process is replaced.
-    link : RadioLink
-        Module and receiver.
-
-    Raises
-    ------
-    FileExistsError
-        `path` exists and is not a symbolic link.
+    does both. A link left over by a killed process is replaced; `FileExistsError` if `path` is no symbolic
+    link.
     """
 
     def __init__(self, path: str | Path, link: RadioLink) -> None:
@@ -164,10 +145,10 @@ class RadioPty:
             self.link.feed(frame, start_s)
 
     def _separated(self, data: bytes, now_s: float) -> list[tuple[float, bytes]]:
-        """Give frames that piled up while nobody looked their pauses back.
+        """Restore the pauses of frames that piled up between two reads.
 
-        A pseudo-terminal does not tell when bytes were written. Bytes read in one go count as back to back,
-        unless the last look is so long ago that whole frames can have come in one after the other.
+        A pseudo-terminal does not report when bytes were written. Bytes of one read count as back to back,
+        unless the last read is so long ago that whole frames can have arrived one after the other.
         """
         length = self.link.module.frame_length
         if len(data) < 2 * length:
@@ -183,9 +164,9 @@ class RadioPty:
         ]
 
     def _clear_exclusive(self) -> None:
-        """Forget the exclusive mark of a writer that may be gone.
+        """Clear the exclusive mark of a writer that may be gone.
 
-        A serial adapter forgets it with the last close; a pseudo-terminal keeps it, and a restarted gateway
+        A serial adapter clears it with the last close; a pseudo-terminal keeps it, and a restarted gateway
         could not open the port again.
         """
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
@@ -196,7 +177,7 @@ class RadioPty:
         return self.link.output(now_s)
 
     def unplug(self) -> None:
-        """Pull the cable, which also feeds the module: the device vanishes for whoever has it open."""
+        """Pull the cable, which also feeds the module: the device vanishes for its users."""
         if not self.is_open:
             return
         self._powered = False

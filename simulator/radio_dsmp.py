@@ -24,16 +24,10 @@ BIND_FLAG = 0x80
 
 
 class DsmpModule(FreeRunningModule):
-    """A module that needs a set-up frame, and takes channels for 10-bit ones until it has it.
+    """A module that needs a set-up frame, and reads channels as 10-bit ones until it has it.
 
-    Like a bare board it is assumed to repeat its last channels when the frames stop.
-
-    Parameters
-    ----------
-    powered_s : float
-        When it is switched on [s].
-    firmware : int
-        Major version it reports after its first set-up frame.
+    Like a bare board it is assumed to repeat its last channels when the frames stop. `firmware` is the major
+    version it reports after its first set-up frame.
     """
 
     def __init__(self, powered_s: float = 0.0, *, firmware: int = 1) -> None:

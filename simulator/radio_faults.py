@@ -11,13 +11,7 @@ from rcopterx.simulator.radio_kinds import condition_refused, set_condition
 
 
 class RadioFaults:
-    """Breaks and mends radio modules. Time comes in as an argument.
-
-    Parameters
-    ----------
-    radios
-        Radio module by vehicle.
-    """
+    """Breaks and repairs the radio modules of vehicles."""
 
     def __init__(self, radios: Mapping[str, RadioPty]) -> None:
         self._radios = radios

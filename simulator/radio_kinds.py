@@ -33,10 +33,7 @@ _MODULES: Final[dict[str, Callable[[SimulatedRadio, float], RadioModule]]] = {
 
 
 def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
-    """Module that a vehicle's transmitter protocol talks to, switched on at `start_s` [s].
-
-    It is wired and set as the protocol expects: the faults of a laboratory are asked for separately.
-    """
+    """Module for a vehicle's transmitter protocol, wired and set as it expects, switched on at `start_s`."""
     return _MODULES[radio.protocol.name](radio, start_s)
 
 
@@ -48,17 +45,10 @@ def condition_refused(radio: RadioPty, condition: str) -> str | None:
 
 
 def set_condition(radio: RadioPty, condition: str, now_s: float) -> None:
-    """Break or mend a radio module while the laboratory runs.
+    """Break or repair the radio module behind a pseudo-terminal while the laboratory runs.
 
-    Parameters
-    ----------
-    radio
-        The module behind its pseudo-terminal.
-    condition
-        `ready`; `unplugged`: the cable is pulled; `off`: the adapter is there, the module has no power;
-        `refusing`: a Multiprotocol module whose firmware knows no DSM2.
-    now_s
-        Clock of the simulator [s].
+    `condition` is `ready`; `unplugged`: the cable is pulled; `off`: the adapter is there, the module has no
+    power; `refusing`: a Multiprotocol module whose firmware has no DSM2.
     """
     module = radio.link.module
     if isinstance(module, MultiModule):

@@ -23,14 +23,8 @@ _TIME: Final[Callable[[Timer], float]] = itemgetter(0)
 
 
 class SerialFrame(Struct, frozen=True):
-    """A frame the module accepted.
-
-    Parameters
-    ----------
-    arrival_s : float
-        When its last byte had arrived on the wire [s].
-    pulses_us : tuple of float
-        Channels as commanded, throttle, aileron, elevator, rudder, ... [us].
+    """A frame the module accepted: when its last byte had arrived, and its channels, throttle, aileron,
+    elevator, ...
     """
 
     arrival_s: float
@@ -40,21 +34,17 @@ class SerialFrame(Struct, frozen=True):
 
 
 class AirPacket(Struct, frozen=True):
-    """What a module sends to the receivers.
+    """Packet that a module sends to receivers.
 
-    Parameters
+    Attributes
     ----------
-    time_s : float
-        When it is sent [s].
-    rf_channels : int
+    rf_channels
         Identity of the two radio channels in use; changes whenever the module picks new ones.
-    model_match : int
-        Model match number.
-    pulses_us : tuple of float
-        Channels as a receiver decodes them, throttle, aileron, elevator, rudder, ... [us].
-    bind : bool
+    pulses_us
+        Channels as a receiver decodes them, throttle, aileron, elevator, rudder, ...
+    bind
         A bind packet; its channels mean nothing.
-    weak : bool
+    weak
         Sent with range-check power.
     """
 
@@ -68,14 +58,9 @@ class AirPacket(Struct, frozen=True):
 
 @dataclass(slots=True)
 class SerialInput:
-    """Bytes on a serial line: back to back within what one read delivered, in bursts between pauses.
+    """Bytes on a serial line: back to back within one read, in bursts between pauses.
 
-    Parameters
-    ----------
-    byte_s : float
-        Time of one byte on the wire [s].
-    end_of_frame_s : float
-        A burst ends when no byte completes for this long [s].
+    `byte_s` is the time of one byte on the wire; a burst ends when no byte completes for `end_of_frame_s`.
     """
 
     byte_s: float
@@ -110,20 +95,13 @@ class SerialInput:
 
 
 class RadioModule(ABC):
-    """State machine over timestamped bytes; it has no clock, `advance` lets the time pass.
-
-    Parameters
-    ----------
-    byte_s, end_of_frame_s : float
-        See `SerialInput`.
-    frame_length : int
-        Usual number of bytes of a frame.
+    """State machine over timestamped bytes without a clock; `advance` lets the time pass.
 
     Attributes
     ----------
-    frames : deque of SerialFrame
+    frames
         Accepted frames, newest last.
-    rejected : Counter
+    rejected
         Frames and bytes that were not accepted, by reason.
     """
 
@@ -139,12 +117,12 @@ class RadioModule(ABC):
 
     @property
     def shortest_spacing_s(self) -> float:
-        """Shortest time between the starts of two frames that are told apart [s]."""
+        """Shortest time between the starts of two frames that the module distinguishes."""
         return self.frame_length * self._byte_s + self._end_of_frame_s
 
     @abstractmethod
     def power_cycle(self, now_s: float) -> None:
-        """Start anew, as after a brown-out or a replugged cable."""
+        """Restart, as after a brown-out or a replugged cable."""
 
     @abstractmethod
     def _on_burst(self, end_s: float, data: bytes) -> None:
@@ -155,7 +133,7 @@ class RadioModule(ABC):
         """When the module does something by itself, and what."""
 
     def receiver_answered(self, now_s: float) -> None:  # noqa: B027 - most modules do not listen
-        """Hear the bind answer of a receiver."""
+        """Receive the bind answer of a receiver."""
 
     def feed(self, data: bytes, now_s: float) -> None:
         """Take bytes put on the line at `now_s`."""
@@ -188,17 +166,7 @@ class RadioModule(ABC):
 
 
 class FreeRunningModule(RadioModule):
-    """A module that sends its channels on a fixed grid from the first frame on, whatever comes after.
-
-    Parameters
-    ----------
-    line : SerialLine
-        Line the module listens on.
-    frame_length : int
-        Usual number of bytes of a frame.
-    powered_s : float
-        When it is switched on [s].
-    """
+    """A module that sends its channels on a fixed grid from its first frame on, whatever follows."""
 
     def __init__(self, line: SerialLine, frame_length: int, powered_s: float) -> None:
         byte_s = line.duration_s(1)

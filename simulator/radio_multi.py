@@ -79,11 +79,9 @@ class MultiModule(RadioModule):
 
     Parameters
     ----------
-    powered_s : float
-        When it is switched on [s].
-    inverted_wiring : bool
-        Whether the line is inverted; a frame whose polarity bit says otherwise makes the module deaf.
-    knows_dsm2 : bool
+    inverted_wiring
+        Whether the line is inverted; a frame whose polarity bit differs makes the module deaf.
+    knows_dsm2
         False for EU builds, which refuse the protocol.
     """
 
@@ -171,7 +169,7 @@ class MultiModule(RadioModule):
         return (*(frame.counts[index] for index in MAPPED_TO_TAER), *frame.counts[4:])
 
     def _initialise(self, now_s: float) -> None:
-        """Start the radio part anew: it is silent for a while and picks two new channels."""
+        """Restart the radio part: it is silent for a while and picks two new channels."""
         self.rf_channels += 1
         self._init_done_s = now_s + INIT_S
         self._next_rf_s = math.inf

@@ -16,15 +16,6 @@ class TrainerTransmitter(FreeRunningModule):
     """A transmitter with its trainer switch held on.
 
     Without trainer pulses it sends its own sticks, which are parked at throttle low.
-
-    Parameters
-    ----------
-    settings : PpmSettings, optional
-        Number and order of the trainer channels.
-    model_match : int
-        Model selected in the transmitter.
-    powered_s : float
-        When it is switched on [s].
     """
 
     def __init__(

@@ -34,19 +34,19 @@ class ReceiverOutput(Struct, frozen=True):
 
 
 class Receiver:
-    """Hears the packets of a module and drives the vehicle's channels.
+    """Receives the packets of a module and drives the vehicle's channels.
 
     Parameters
     ----------
-    model_match : int or None
+    model_match
         Number it was bound with; None when it was never bound.
-    connect_s : float
-        Time needed to find a module on new radio channels [s]; 2 to 6 s are typical.
-    failsafe_throttle_us : float
-        Throttle stored at bind [us].
-    answers_bind : bool
+    connect_s
+        Time to find a module on new radio channels; 2 to 6 s are typical.
+    failsafe_throttle_us
+        Throttle stored at bind.
+    answers_bind
         Newer receivers answer a bind, old DSM2 ones do not.
-    in_range_check_reach : bool
+    in_range_check_reach
         False: too far away for range-check power.
     """
 
@@ -69,7 +69,7 @@ class Receiver:
     def _power_up(self) -> None:
         self._pulses = (self._failsafe_throttle_us, *(CHANNELS - 1) * (CENTER_US,))
         self._linked_to: int | None = None
-        self._heard_s = -math.inf
+        self._last_packet_s = -math.inf
         self._found: tuple[int, float] | None = None
         self._bind_mode = False
         self._bind_packets = 0
@@ -84,19 +84,19 @@ class Receiver:
         self._power_up()
         self._bind_mode = True
 
-    def hear(self, packet: AirPacket) -> bool:
+    def receive(self, packet: AirPacket) -> bool:
         """Take a packet; return True when the receiver answers a bind."""
         if packet.weak and not self.in_range_check_reach:
             return False
         if packet.bind:
-            return self._hear_bind(packet)
+            return self._receive_bind(packet)
         if self._bind_mode or packet.model_match != self.model_match:
             return False
         if packet.rf_channels == self._linked_to or self._find(packet):
             self._take(packet)
         return False
 
-    def _hear_bind(self, packet: AirPacket) -> bool:
+    def _receive_bind(self, packet: AirPacket) -> bool:
         if self._bind_mode:
             self._bind_packets += 1
             if self._bind_packets >= BIND_PACKETS_NEEDED:
@@ -109,14 +109,14 @@ class Receiver:
         """Search on new radio channels; the search starts when the hold of the old link is over."""
         if self._found is None or self._found[0] != packet.rf_channels:
             self._found = (packet.rf_channels, packet.time_s)
-        start_s = max(self._found[1], self._heard_s + HOLD_S)
+        start_s = max(self._found[1], self._last_packet_s + HOLD_S)
         if packet.time_s < start_s + self._connect_s:
             return False
         self._linked_to, self._found = packet.rf_channels, None
         return True
 
     def _take(self, packet: AirPacket) -> None:
-        self._heard_s = packet.time_s
+        self._last_packet_s = packet.time_s
         self._pulses = (*packet.pulses_us, *self._pulses[len(packet.pulses_us) :])
         if math.isinf(self._store_until_s) and self._store_until_s > 0:
             self._store_until_s = packet.time_s + STORE_AFTER_BIND_S
@@ -126,7 +126,7 @@ class Receiver:
     def pulses_us(self, now_s: float) -> tuple[float, ...]:
         """Channels at `now_s` [us]: last values, and throttle at its stored position without a link."""
         linked = self._linked_to is not None and not self._bind_mode
-        if linked and now_s < self._heard_s + HOLD_S:
+        if linked and now_s < self._last_packet_s + HOLD_S:
             return self._pulses
         return (self._failsafe_throttle_us, *self._pulses[1:])
 
@@ -136,9 +136,9 @@ class Receiver:
             state = ReceiverState.BIND
         elif self._linked_to is None:
             state = ReceiverState.SEARCHING
-        elif now_s < self._heard_s + 2 * 0.022:
+        elif now_s < self._last_packet_s + 2 * 0.022:
             state = ReceiverState.LINKED
-        elif now_s < self._heard_s + HOLD_S:
+        elif now_s < self._last_packet_s + HOLD_S:
             state = ReceiverState.HOLD
         else:
             state = ReceiverState.FAILSAFE

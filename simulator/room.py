@@ -14,17 +14,7 @@ MOTOR_START_US = 15.0
 
 
 class Room:
-    """Vehicles with their receivers; time comes from outside.
-
-    Parameters
-    ----------
-    vehicles
-        Who flies.
-    conditions, seed
-        See `Laboratory`.
-    start_s
-        Clock at the beginning.
-    """
+    """Vehicles with their receivers; the clock begins at `start_s` and advances by `advance`."""
 
     def __init__(
         self, vehicles: tuple[SimulatedVehicle, ...], conditions: Conditions, seed: int, start_s: float
@@ -46,15 +36,15 @@ class Room:
         self._now_s = start_s
 
     def advance(self, now_s: float) -> None:
-        """Let radios and vehicles live on until `now_s`; sticks move when radio packets are heard.
+        """Advance radios and vehicles to `now_s`; sticks move when radio packets are received.
 
-        What is written to the radios meanwhile has to be received by whoever waits for it.
+        The caller receives the bytes that gateways write to the radios meanwhile.
         """
         for vehicle in self.vehicles:
             radio = self.radios[vehicle.name]
             radio.live(now_s)
-            for heard_s, pulses_us in radio.link.take_outputs():
-                self._drive(vehicle, pulses_us, max(0.0, heard_s - self._now_s))
+            for received_s, pulses_us in radio.link.take_outputs():
+                self._drive(vehicle, pulses_us, max(0.0, received_s - self._now_s))
         if now_s > self._now_s:
             self.laboratory.advance(now_s - self._now_s)
             self._now_s = now_s

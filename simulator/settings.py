@@ -12,15 +12,7 @@ from rcopterx.vehicles.model import Model
 
 @dataclass(frozen=True)
 class SimulatedRadio:
-    """A radio module and the receiver bound to it.
-
-    Attributes
-    ----------
-    protocol
-        What the vehicle's transmitter gateway speaks; the module is set up to understand it.
-    model_match
-        Number the receiver was bound with.
-    """
+    """A radio module for a transmitter protocol, and the number of the receiver bound to it."""
 
     protocol: RadioProtocol
     model_match: int
@@ -28,14 +20,14 @@ class SimulatedRadio:
 
 @dataclass(frozen=True)
 class SimulatedVehicle:
-    """One vehicle of the fake laboratory.
+    """One vehicle of the simulated laboratory.
 
     Attributes
     ----------
     subject
         Name in the emulated Tracker.
     port
-        Path of the pseudo-terminal that stands for its radio module.
+        Path of the pseudo-terminal of its radio module.
     calibration
         How the vehicle's electronics read pulse widths.
     """

@@ -1,7 +1,7 @@
 """Tracker emulator: a DataStream server for any number of clients (Vicon DataStream SDK).
 
 One thread, no blocking: the owner's loop calls `poll` when `fileno` is readable or `next_due_s` has come, and
-`publish` once per captured frame. Slow or dead clients lose frames, they never hold up the others.
+`publish` once per captured frame. Slow or dead clients lose frames and never delay the others.
 """
 
 import selectors
@@ -42,11 +42,11 @@ class Published(NamedTuple):
 
     Attributes
     ----------
-    frame : int
+    frame
         Frame id on the wire; differs from the captured one after a `ResetFrameId`.
-    sent_s : float
+    sent_s
         Clock just before the first byte was sent.
-    clients : int
+    clients
         Clients it was sent or queued to.
     """
 
@@ -60,15 +60,15 @@ class TrackerState(NamedTuple):
 
     Attributes
     ----------
-    clients : int
+    clients
         Connected now.
-    accepted : int
+    accepted
         Connections so far.
-    frames : int
+    frames
         Captured so far.
-    dropped : int
+    dropped
         Frames a client did not get because it reads too slowly.
-    rejected : int
+    rejected
         Connections ended because the client sent malformed bytes.
     """
 
@@ -80,25 +80,23 @@ class TrackerState(NamedTuple):
 
 
 class TrackerServer:
-    """A Tracker that shows what it is given.
+    """A Tracker that shows the frames it is given.
 
     Parameters
     ----------
-    host, port : str, int
-        Where to listen; port 0 takes a free one, see `address`.
-    profile : {"tracker1", "tracker2", "tracker3"}
-        Age of the Tracker: what it offers.
-    rate_hz : float
-        Capture rate told to the clients; the pace itself is that of `publish`.
-    compact : bool
+    port
+        0 for a free one, see `address`.
+    profile
+        Age of the Tracker, which determines its offer: tracker1, tracker2 or tracker3.
+    rate_hz
+        Capture rate reported to the clients; the pace itself is that of `publish`.
+    compact
         Leave unchanged dynamic objects out as well.
-    clock : callable
-        Monotonic seconds.
-    max_backlog_bytes : int
+    max_backlog_bytes
         A client with more unread bytes than this loses frames.
-    replay : sequence of RecordedConnection, optional
-        Play these recordings, the k-th connection getting the k-th one and so on in a circle, instead of
-        what is published.
+    replay
+        Play these recordings, the k-th connection getting the k-th one and so on in a circle, instead of what
+        is published.
 
     Raises
     ------
@@ -193,12 +191,8 @@ class TrackerServer:
         self._flush()
 
     def publish(self, frame: TrackerFrame) -> Published:
-        """Send a captured frame to every client it is due for.
-
-        Raises
-        ------
-        ValueError
-            Two bodies have the same name.
+        """Send a captured frame to every client it is due for; raises `ValueError` for two bodies of one
+        name.
         """
         if len({body.name for body in frame.bodies}) < len(frame.bodies):
             raise ValueError(f"frame {frame.frame}: two bodies have the same name")
@@ -242,7 +236,7 @@ class TrackerServer:
         while True:
             try:
                 link, _ = self._listener.accept()
-            except OSError:  # nobody is waiting any more, or who was has gone again
+            except OSError:  # no client is waiting, or it has gone again
                 return
             link.setblocking(False)
             link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -1,7 +1,7 @@
 """Faults of the Tracker emulator (docs/motion_capture.md), on request or by a time table.
 
-What the faults are is in `rcopterx.simulator.faults`. Those with `duration_s` end by themselves, others last
-until `Recover`.
+`rcopterx.simulator.faults` lists them. Those with `duration_s` end by themselves, others last until
+`Recover`.
 """
 
 import heapq
@@ -57,20 +57,16 @@ _F = TypeVar("_F", bound=LastingFault)
 
 
 class TrackerFaults:
-    """Which faults are active, and what they do to a captured frame. Pure: time comes in as an argument.
+    """Active faults and their effect on a captured frame.
 
-    The server carries out what concerns bytes and connections; it asks `active` and `take_pending`.
-
-    Parameters
-    ----------
-    offer : set of int
-        Object types the Tracker offers; faults that need others are refused.
+    The server carries out faults of bytes and connections, with `active` and `take_pending`. `offer` are the
+    object types of the Tracker; faults that need others are refused.
 
     Attributes
     ----------
-    applied : int
-        Faults started.
-    refused : deque of str
+    applied
+        Number of faults started.
+    refused
         Lines of a time table that could not be carried out when their time came, the newest last.
     """
 
@@ -94,10 +90,8 @@ class TrackerFaults:
     def apply(self, fault: TrackerFault, now_s: float) -> None:
         """Start a fault now.
 
-        Raises
-        ------
-        FaultError
-            A value out of range, a subject that is not tracked, something this Tracker does not offer.
+        Raises `FaultError` for a value out of range, an unknown subject, or something this Tracker does not
+        offer.
         """
         self._check(fault)
         self.applied += 1
@@ -115,7 +109,7 @@ class TrackerFaults:
     def schedule(self, table: Iterable[TimedFault], start_s: float) -> None:
         """Apply faults later, at `start_s` plus their own time; raises `FaultError` and accepts none.
 
-        Lines that concern radios are left to others.
+        Lines for radios are ignored.
         """
         lines = [
             (line.at_s, line.fault) for line in table if not isinstance(line.fault, BreakRadio | BreakVehicle)

@@ -60,7 +60,7 @@ _NUMBERED: Mapping[int, Callable[[int], WireObject]] = {
     ObjectType.FRAME_INFO: FrameInfo,
     ObjectType.HARDWARE_FRAME_INFO: HardwareFrameInfo,
 }
-"""Objects of the whole stream that tell the frame's number."""
+"""Objects of the whole stream that carry the frame's number."""
 
 
 class TrackedBody(NamedTuple):
@@ -68,17 +68,15 @@ class TrackedBody(NamedTuple):
 
     Attributes
     ----------
-    name : str
-        Subject name.
-    position_m : (3,)
+    position_m
         In the world, Z up.
-    quaternion_xyzw : (4,)
+    quaternion_xyzw
         Unit quaternion, body to world.
-    quality : float
+    quality
         From 0 to 1.
-    occluded : bool
+    occluded
         Listed, but not seen.
-    root_segment : str or None
+    root_segment
         Name of the root segment where it differs from the subject's.
     """
 
@@ -91,17 +89,7 @@ class TrackedBody(NamedTuple):
 
 
 class TrackerFrame(NamedTuple):
-    """One captured frame.
-
-    Attributes
-    ----------
-    frame : int
-        Frame id, from 0.
-    bodies : tuple of TrackedBody
-        Every listed subject.
-    latency_samples : tuple of (name, seconds)
-        Stages between capture and publishing.
-    """
+    """One captured frame: its id from 0, every listed subject, and latencies until publishing."""
 
     frame: int
     bodies: tuple[TrackedBody, ...]
@@ -109,16 +97,7 @@ class TrackerFrame(NamedTuple):
 
 
 class FrameContent:
-    """The encoded objects of one frame, each type encoded once and only when a client wants it.
-
-    Parameters
-    ----------
-    frame : TrackerFrame
-    rate_hz : float
-    subject_ids : mapping of subject name to id
-    y_up : bool
-        Send positions and rotations in a Y-up world.
-    """
+    """The encoded objects of one frame, each type encoded once and only when a client selects it."""
 
     def __init__(
         self, frame: TrackerFrame, rate_hz: float, subject_ids: Mapping[str, int], y_up: bool = False
@@ -189,7 +168,7 @@ class FrameContent:
         return LightSegment(ROOT_SEGMENT, translation_mm, (x * factor, y * factor, z * factor))
 
 
-# Lists that are the same as in the frame before are found to be so without a look at their bytes.
+# Lists of the frame before compare equal without a comparison of their bytes.
 @lru_cache(maxsize=64)
 def _constant_single(kind: int, rate_hz: float, y_up: bool) -> list[bytes]:
     """Return an object of the whole stream that does not depend on the frame, encoded."""

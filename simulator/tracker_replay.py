@@ -1,4 +1,4 @@
-"""Plays a raw recording of a Tracker's stream to whoever connects, byte by byte as it came."""
+"""Plays a raw recording of a Tracker's stream to its clients, byte by byte as it was received."""
 
 import math
 import time
@@ -11,15 +11,15 @@ from rcopterx.vicon_gateway.recording import RecordedConnection
 
 
 class ReplayProgress(NamedTuple):
-    """How far a replay is.
+    """Progress of a replay.
 
     Attributes
     ----------
-    connection, connections : int
-        Recorded connection that was begun last, from 1; 0 before the first. And how many there are.
-    played_s, total_s : float
+    connection, connections
+        Recorded connection that was begun last, from 1; 0 before the first. And their number.
+    played_s, total_s
         Recorded time played of that connection, and its length.
-    clients : int
+    clients
         Connected now.
     """
 
@@ -33,23 +33,9 @@ class ReplayProgress(NamedTuple):
 class TrackerReplay:
     """A Tracker that repeats a recording: the k-th client that connects gets the k-th recorded connection.
 
-    Parameters
-    ----------
-    recording : sequence of RecordedConnection
-        See `rcopterx.vicon_gateway.recording.connections`.
-    host, port : str, int
-        Where to listen; port 0 takes a free one, see `address`.
-    speed : float
-        1 is real time, 2 twice as fast.
-    clock : callable
-        Monotonic seconds.
-
-    Raises
-    ------
-    ValueError
-        Nothing recorded, or a speed that is not positive.
-    OSError
-        The address cannot be listened on.
+    `port` 0 selects a free one, see `address`; `speed` 2 is twice as fast as real time. Raises `ValueError`
+    for an empty recording or a speed that is not positive, and `OSError` if the address cannot be listened
+    on.
     """
 
     def __init__(
@@ -90,7 +76,7 @@ class TrackerReplay:
 
     @property
     def finished(self) -> bool:
-        """Whether the last recorded connection has been begun and nobody is connected any more."""
+        """Whether the last recorded connection has been begun and no client is connected any more."""
         return self._begun >= len(self._connections) and self._server.state.clients == 0
 
     def poll(self, timeout_s: float) -> None:

@@ -35,13 +35,13 @@ _SEND_ORDER = (1, 2, 37, 28, 28001, 29, 40, 5, 23, 26, 36, 39, 8, 9, 901, 6, 7)
 
 
 class TrackerConnection:
-    """What one client has asked for and what it has been sent.
+    """Requests of one client, and what it has been sent.
 
     Parameters
     ----------
-    offer : set of int
+    offer
         Object types this server can send.
-    compact : bool
+    compact
         Leave out unchanged dynamic types as well, and name them (exercises a client's carry-over).
     """
 
@@ -65,12 +65,8 @@ class TrackerConnection:
         return offer_packet(self.offer)
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Take in bytes of the client and return the packets to send at once.
-
-        Raises
-        ------
-        WireError
-            The client's bytes are malformed; the connection is of no use any more.
+        """Handle bytes of the client and return the packets to send at once; raises `WireError` if they are
+        malformed.
         """
         self._reader.feed(data)
         replies: list[bytes] = []
@@ -82,7 +78,7 @@ class TrackerConnection:
         return replies
 
     def publish(self, content: FrameContent) -> bytes | None:
-        """Take in a captured frame and return its packet, None when it is not due."""
+        """Return the packet of a captured frame, None when it is not due."""
         self._latest, self._latest_sent = content, False
         if self.selection is None:
             return None
@@ -93,7 +89,7 @@ class TrackerConnection:
         return None
 
     def miss(self, content: FrameContent) -> None:
-        """Take in a captured frame that cannot be sent because the client does not read."""
+        """Note a captured frame that cannot be sent because the client does not read."""
         self._latest, self._latest_sent = content, False
 
     def _handle(self, item: WireObject) -> list[bytes]:
@@ -132,7 +128,7 @@ class TrackerConnection:
         return encode_packet(_contents(self._kinds, tuple(map(len, present)), unchanged), *parts)
 
     def _unchanged(self, objects: Mapping[int, list[bytes]]) -> frozenset[int]:
-        """Return the types to leave out; none where the client has no Contents to be told with."""
+        """Return the types to leave out; none for a client without the Contents object that names them."""
         if _CONTENTS not in (self.selection or ()):
             return frozenset()
         static = {kind: items for kind, items in objects.items() if kind in STATIC_TYPES}

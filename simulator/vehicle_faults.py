@@ -13,13 +13,7 @@ _STICKS: Final = ("pitch", "roll", "thrust", "yaw")
 
 
 class VehicleFaults:
-    """Breaks and mends vehicles. Time comes in as an argument.
-
-    Parameters
-    ----------
-    plants
-        Plant by vehicle.
-    """
+    """Breaks and repairs plants of vehicles."""
 
     def __init__(self, plants: Mapping[str, Plant]) -> None:
         self._plants = plants

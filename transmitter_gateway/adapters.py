@@ -10,17 +10,7 @@ STABLE_NAMES = (Path("/dev/rcopterx"), Path("/dev/serial/by-id"))
 
 
 class Adapter(NamedTuple):
-    """A serial adapter.
-
-    Attributes
-    ----------
-    port : str
-        Best name to write into a fleet file.
-    device : str
-        What the kernel calls it now.
-    description : str
-        What it tells of itself.
-    """
+    """A serial adapter: the best name for a fleet file, the kernel's name now, and its own description."""
 
     port: str
     device: str

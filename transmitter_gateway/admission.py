@@ -58,19 +58,12 @@ class Stream:
 class Admission:
     """Checks commands and keeps the newest valid one.
 
-    Parameters
-    ----------
-    limits : ArbiterLimits
-        Input limits and times.
-    counters : Counter
-        Rejections, and changes of the agent that commands, are counted here.
-
     Attributes
     ----------
-    stream : Stream or None
-        What the agent with the newest lease commands; None before the first command.
-    leases : Leases
-        Whose commands count.
+    stream
+        Commands of the agent with the newest lease; None before the first one.
+    leases
+        Which agent commands.
     """
 
     def __init__(self, limits: ArbiterLimits, counters: Counter[str]) -> None:
@@ -87,18 +80,9 @@ class Admission:
     def consider(
         self, command: CommandInput, now_s: float, *, pose: PoseStamp | None, flying: bool
     ) -> Rejection | None:
-        """Accept `command` or say why not; the first one of a later lease takes over.
+        """Accept `command` or return why not; the first one of a later lease takes over.
 
-        Parameters
-        ----------
-        command : CommandInput
-            The command as received.
-        now_s : float
-            Time of arrival [s].
-        pose : PoseStamp or None
-            Newest raw pose of the vehicle, if any was received.
-        flying : bool
-            Whether the vehicle may be in the air.
+        `pose` is the newest raw pose of the vehicle, `flying` whether it may be in the air.
         """
         checked = self._check_form(command)
         if isinstance(checked, AcceptedCommand):
@@ -139,7 +123,7 @@ class Admission:
         return AcceptedCommand(Cause(*numbers), inputs[0], inputs[1:], float(period))
 
     def _check_plan(self, plan: tuple[Sequence[float], ...]) -> tuple[Input, ...] | Rejection:
-        """Clamp all inputs; the first bad one tells the reason."""
+        """Clamp all inputs; the first bad one gives the reason."""
         if self._is_within(plan):
             return cast(tuple[Input, ...], plan)
         inputs: list[Input] = []
@@ -180,12 +164,11 @@ class Admission:
         return rejection or (clamped[0], clamped[1], clamped[2], clamped[3])
 
     def _check_order(self, cause: Cause, pose_epoch: int | None, flying: bool) -> Rejection | None:
-        """Judge lease, epoch and sequence number against the last accepted command.
+        """Check lease, epoch and sequence number against the last accepted command.
 
-        A change of epoch is believed only when the raw poses, which do not come from the agent, carry that
-        epoch too: then the Tracker's stream has restarted. A changed epoch starts a new count, and so does
-        a later lease. An agent may be behind the raw poses for a moment, but not ahead of them: what was
-        believed before there were any is not believed when they contradict it.
+        The epoch changes only when the raw poses, which do not come from the agent, carry the new one: then
+        the Tracker's stream has restarted. A new epoch or lease starts a new count of sequence numbers. An
+        agent may be behind the raw poses for a moment, but never ahead of them.
         """
         if self.leases.lost(cause.lease):
             return Rejection.LEASE_LOST
@@ -205,7 +188,7 @@ class Admission:
         return None if cause.epoch == pose_epoch else Rejection.UNKNOWN_EPOCH
 
     def _check_age(self, cause: Cause, pose: PoseStamp) -> Rejection | None:
-        """Refuse a command that is behind the raw poses: its source does not hear them any more."""
+        """Reject a command that is behind the raw poses: its agent does not receive them any more."""
         if pose.period_s is None or cause.epoch != pose.epoch:
             return None
         age_s = (pose.frame - cause.frame) * pose.period_s + pose.latency_s

@@ -1,8 +1,8 @@
 """Safety arbiter of one vehicle (docs/safety.md).
 
-What may follow what is the table in `transitions.py`; here are its conditions and the outputs. Every input
-first lets the time pass (`Arbiter.step`), then takes effect; so nothing that arrives after a limit was passed
-can hide that it was passed.
+`transitions.py` holds the table of states; here are its conditions and the outputs. Every input first lets
+the time pass (`Arbiter.step`), then takes effect: an input that arrives after a limit cannot hide that it
+passed.
 """
 
 from __future__ import annotations
@@ -41,24 +41,13 @@ ON_THE_WAY_DOWN = frozenset({State.LAND, State.DESCEND})
 class Arbiter:
     """Decides what one vehicle does from commands, raw poses, requests, link state and time.
 
-    Parameters
-    ----------
-    vehicle : str
-        Name of the vehicle, as in the poses.
-    limits : ArbiterLimits
-        All limits.
-    u_hover : float
-        Thrust at which the vehicle hovers, by its calibration.
-    slew_per_s : tuple of float
-        Fastest change of each input while ARMED [1/s].
-
     Attributes
     ----------
     state, reason
         Current state and why.
-    counters : Counter
+    counters
         Rejections, state entries, planned inputs played and steps that slew rates limited, by name.
-    commanded : bool
+    commanded
         Whether commands count: from arming until the flight is over, but not in a landing that an earlier
         process began.
     """
@@ -179,11 +168,10 @@ class Arbiter:
         return "; ".join(missing + present)
 
     def take_over(self, last: LastApplied, now_s: float) -> Answer:
-        """Go on with the flight of an earlier process, or say why not and stay as after any start.
+        """Continue the flight of an earlier process, or answer why not and stay as after any start.
 
-        The vehicle is taken over landing; fresh commands then count again.
-        A landing goes on to its end, because why it was begun is not known any more. So does a descent, open
-        loop: its poses may have been those of another body.
+        The vehicle is landed, until fresh commands arrive. A landing continues to its end, because its reason
+        is not known. So does a descent, open loop: its poses may have been those of another body.
         """
         self.step(now_s)
         problem = take_over_problem(last, self.state, self.surveillance.own_track, self.limits, now_s)

@@ -1,7 +1,7 @@
 """Which planned input acts while the next command is late.
 
 Planned input n belongs to the time n periods after its command. The first one waits half a period longer, but
-not until HOLD, so that a command that is merely a little late does not count as missing.
+not until HOLD, so that a command that is slightly late does not count as missing.
 """
 
 import math
@@ -31,13 +31,7 @@ def played_input(command: AcceptedCommand, step: int) -> Input:
 
 
 class CommandAges:
-    """At which ages of its newest command a vehicle may do something else.
-
-    Parameters
-    ----------
-    limits : ArbiterLimits
-        Limits of its arbiter.
-    """
+    """Ages of the newest command at which the output of a vehicle may change."""
 
     def __init__(self, limits: ArbiterLimits) -> None:
         self._limits = limits

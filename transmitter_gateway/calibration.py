@@ -40,22 +40,9 @@ def _check_index_and_slew(index: int, slew_per_s: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ChannelCalibration:
-    """Pulse width of a cyclic or yaw channel: ``clamp(center + trim + sign gain u, lo, hi)``.
+    """Pulse width of a cyclic or yaw channel: ``clamp(center + trim + sign gain u, lo, hi)`` [us].
 
-    Parameters
-    ----------
-    index : int
-        Channel, 0 throttle, 1 aileron, 2 elevator, 3 rudder, ...
-    sign : {1, -1}
-        Direction of the channel.
-    center_us, trim_us : float
-        Neutral pulse width and its correction [us].
-    gain_us : float
-        Pulse width per unit of input [us].
-    lo_us, hi_us : float
-        Limits of the pulse width [us].
-    slew_per_s : float
-        Fastest change of the input [1/s].
+    `index` counts from 0: throttle, aileron, elevator, rudder; `slew_per_s` limits the input.
     """
 
     index: int
@@ -96,18 +83,9 @@ class ChannelCalibration:
 
 @dataclass(frozen=True, slots=True)
 class ThrottleCalibration:
-    """Pulse width of the throttle, linear between three measured points.
+    """Pulse width of the throttle, linear between measured points at thrust 0, `u_hover` and 1.
 
-    Parameters
-    ----------
-    us0, us_hover, us1 : float
-        Pulse widths [us] at thrust 0, `u_hover` and 1.
-    u_hover : float
-        Thrust at which the model hovers.
-    low_us : float
-        Throttle low [us], sent when the motors must stop; free of any trim, so not above `us0`.
-    index, slew_per_s
-        As in `ChannelCalibration`.
+    `low_us` stops the motors; it is free of any trim, so not above `us0`.
     """
 
     index: int = THROTTLE
@@ -146,10 +124,7 @@ class ThrottleCalibration:
 class Calibration:
     """All channels of one vehicle; inputs are ordered u = (u_x pitch, u_y roll, u_z thrust, u_psi yaw).
 
-    Raises
-    ------
-    CalibrationError
-        Two inputs on one channel; single channels check themselves.
+    Raises `CalibrationError` for two inputs on one channel.
     """
 
     pitch: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(ELEVATOR))
@@ -175,14 +150,9 @@ class Calibration:
         return (self.pitch.slew_per_s, self.roll.slew_per_s, self.throttle.slew_per_s, self.yaw.slew_per_s)
 
     def pulses_us(self, u: Sequence[float], *, throttle_low: bool = False) -> tuple[float, ...]:
-        """Pulse widths [us] in channel order; unused channels are centred.
+        """Pulse widths [us] in channel order for u of shape (4,); unused channels are centred.
 
-        Parameters
-        ----------
-        u : sequence of float, shape (4,)
-            Normalised inputs.
-        throttle_low : bool
-            Send the throttle at `low_us` whatever the thrust.
+        With `throttle_low` the throttle is `low_us` whatever the thrust.
         """
         pitch, roll, throttle, yaw = self.pitch, self.roll, self.throttle, self.yaw
         highest = max(pitch.index, roll.index, throttle.index, yaw.index, len(CHANNEL_NAMES) - 1)
@@ -203,17 +173,10 @@ class Calibration:
         )
 
     def trimmed(self, mean_u: Sequence[float]) -> Calibration:
-        """Calibration with new trims of pitch, roll and yaw from the mean inputs of a hover.
+        """Calibration with new trims from the mean applied inputs of a steady hover of about 10 s; thrust is
+        not used.
 
-        Parameters
-        ----------
-        mean_u : sequence of float, shape (4,)
-            Mean applied inputs of a steady hover of about 10 s; the thrust entry is not used.
-
-        Raises
-        ------
-        CalibrationError
-            A new neutral would lie outside the channel's limits.
+        Raises `CalibrationError` if a new neutral would lie outside the channel's limits.
         """
         trimmed: dict[str, ChannelCalibration] = {}
         for name, mean in (("pitch", mean_u[0]), ("roll", mean_u[1]), ("yaw", mean_u[3])):

@@ -1,7 +1,7 @@
-"""Thrust at which a vehicle hovers now: the calibrated one, corrected by what its steady flight needed.
+"""Hover thrust: the calibrated one, corrected from steady flight.
 
-A descent is open loop. Eight per cent of error in the thrust gain let a vehicle touch down at 2 m/s, or hover
-on until its motors are cut; and every battery brings such an error with it.
+A descent is open loop. With an error of eight per cent in the thrust gain, which any battery may cause, a
+vehicle touches down at 2 m/s, or hovers until its motors are cut.
 """
 
 from rcopterx.transmitter_gateway.surveillance import Track
@@ -22,12 +22,10 @@ class HoverThrust:
 
     Parameters
     ----------
-    calibrated : float
-        Thrust at which the vehicle hovers, by its calibration.
-    largest_correction : float
-        The corrected one stays within this of it; 0 for no correction.
-    airborne_m : float
-        Height above the floor from which a vehicle certainly flies [m].
+    largest_correction
+        Limit of the difference from the calibrated thrust; 0 for no correction.
+    airborne_m
+        Height above the floor from which a vehicle certainly flies.
     """
 
     def __init__(self, calibrated: float, largest_correction: float, airborne_m: float) -> None:
@@ -40,18 +38,8 @@ class HoverThrust:
     def note(
         self, thrust: float, elapsed_s: float, track: Track | None, floor_m: float, now_s: float
     ) -> None:
-        """Take in the thrust applied for `elapsed_s` up to `now_s`; it counts while the vehicle hovers.
-
-        Parameters
-        ----------
-        thrust, elapsed_s : float
-            What was applied, and for how long [s].
-        track : Track or None
-            What is known of the vehicle.
-        floor_m : float
-            Height at which the vehicle stands [m].
-        now_s : float
-            Now [s].
+        """Use the thrust applied for `elapsed_s` up to `now_s`, if the vehicle hovers; it stands at
+        `floor_m`.
         """
         if track is None or track.position_m is None or now_s > track.seen_s + SEEN_WITHIN_S:
             return

@@ -1,7 +1,4 @@
-"""What the arbiter is told and what it answers: small typed values without behaviour.
-
-They are made for every message, and `Struct` makes them in a tenth of the time of a frozen dataclass.
-"""
+"""Inputs and outputs of the arbiter: small typed values without behaviour."""
 
 from __future__ import annotations
 
@@ -58,20 +55,8 @@ class Action(StrEnum):
 class CommandInput(Struct, frozen=True):
     """A command as received; nothing in it is trusted before admission.
 
-    Parameters
-    ----------
-    lease : int
-        Control lease of the agent that sends it.
-    epoch, frame : int
-        Pose frame it was computed from.
-    sequence : int
-        Grows with every command of a lease.
-    u : sequence of float, shape (4,)
-        Normalised inputs (pitch, roll, thrust, yaw).
-    next_u : sequence of sequences of float, shape (k, 4)
-        Planned inputs of the following periods.
-    period_s : float
-        Command period [s].
+    `epoch` and `frame` stamp the pose that it was computed from; `next_u` are the planned inputs of the
+    following periods, shape (k, 4).
     """
 
     lease: int
@@ -84,22 +69,10 @@ class CommandInput(Struct, frozen=True):
 
 
 class PoseInput(Struct, frozen=True):
-    """A raw pose from motion capture.
+    """A raw pose from motion capture; `position_m` is None when the vehicle is occluded.
 
-    Parameters
-    ----------
-    vehicle : str
-        Whose pose it is.
-    epoch, frame : int
-        Stream epoch and frame number.
-    position_m : tuple of float or None
-        Position in the inertial frame [m]; None when occluded.
-    period_s : float or None
-        Frame period [s] if known; without it the arrival times are used.
-    yaw_rad : float or None
-        Heading [rad]; without it the vehicle cannot be held or landed in a closed loop.
-    latency_s : float
-        From capture to arrival, as far as the Tracker tells [s].
+    Without `period_s` the arrival times are used; without `yaw_rad` the vehicle cannot be held or landed in a
+    closed loop; `latency_s` is the time from capture to arrival, as far as the Tracker reports it.
     """
 
     vehicle: str
@@ -112,17 +85,7 @@ class PoseInput(Struct, frozen=True):
 
 
 class PoseStamp(Struct, frozen=True):
-    """Which frame the newest raw pose is from, and how late it arrived.
-
-    Parameters
-    ----------
-    epoch, frame : int
-        Stream epoch and frame number.
-    period_s : float or None
-        Frame period [s] if known.
-    latency_s : float
-        From capture to arrival [s].
-    """
+    """Frame of the newest raw pose, and its latency."""
 
     epoch: int
     frame: int
@@ -138,20 +101,9 @@ class ActionRequest(Struct, frozen=True):
 
 
 class LastApplied(Struct, frozen=True):
-    """What an earlier process of this gateway wrote last.
+    """Last state and inputs that an earlier process of this gateway wrote, and its leases.
 
-    Parameters
-    ----------
-    state : State
-        State of its arbiter.
-    u : tuple of float
-        Inputs it applied.
-    written_s : float
-        When it wrote them, on the local clock [s]; never later than the truth by more than the bus takes.
-    lease : int
-        Control lease whose commands counted.
-    issued : int
-        Newest control lease that was heard of.
+    `written_s` is on the local clock, early by at most the delay of the bus.
     """
 
     state: State
@@ -178,23 +130,19 @@ class Cause(Struct, frozen=True):
 
 
 class ArbiterOutput(Struct, frozen=True):
-    """What the vehicle is to do now.
+    """Decision of the arbiter.
 
-    Parameters
+    Attributes
     ----------
-    state : State
-        State of the arbiter.
-    reason : str
-        Why it is in this state.
-    u : tuple of float
+    u
         Inputs after limits and slew.
-    throttle_low : bool
+    throttle_low
         Send throttle low, free of trim.
-    kill : bool
+    kill
         Send the kill channel.
-    bridging_step : int
+    bridging_step
         0, or the number of the planned input being played because commands are late.
-    cause : Cause or None
+    cause
         Command behind `u`, None when it comes from the arbiter alone.
     """
 

@@ -13,10 +13,7 @@ HINT = "space or k: cut all motors of this gateway at once, latching; Ctrl-C: br
 class KillKeys(AbstractContextManager["KillKeys"]):
     """Reads single keys of a terminal without waiting; does nothing where there is no terminal.
 
-    Parameters
-    ----------
-    descriptor : int
-        The terminal. It shows no keys and delivers them one by one until the context ends.
+    The terminal echoes no keys and delivers them one by one until the context ends.
     """
 
     def __init__(self, descriptor: int) -> None:

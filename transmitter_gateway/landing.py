@@ -1,16 +1,15 @@
-"""Holding and landing by itself: a fixed feedback law on raw poses, for a vehicle that nobody commands.
+"""Holding and landing without commands: a fixed feedback law on raw poses.
 
 Horizontally, position and velocity feedback at 1.3 rad/s on the nominal acceleration of the sticks.
 Vertically, proportional-integral feedback of the climb rate around the hover thrust. Yaw is held by
-proportional feedback. It is stable with half to one and a half times the nominal gains and 60 ms from pose to
-air, on a first-order vehicle and on a helicopter whose tilt swings at 10 to 17 rad/s. The measured tilt is
-not fed back: through that delay it makes the swinging worse.
+proportional feedback. The law is stable with half to one and a half times the nominal gains and 60 ms from
+pose to air, on a first-order vehicle and on a helicopter whose tilt swings at 10 to 17 rad/s. The measured
+tilt is not fed back: through that delay it would amplify the swinging.
 
-A vehicle that becomes faster and faster under this law does not obey its sticks. Where what one of them asked
-for and what the vehicle did show that it acts the wrong way round, it is turned round, and the vehicle
-brakes. Where that is not it, or does not help, the swash plate is left level, which drives the vehicle no
-further. A stick that has long asked for much without any effect is left at rest. A vehicle that has become
-faster under the law, or has a stick that is given up, comes down faster; height and yaw go on.
+A vehicle that becomes faster under this law does not obey its sticks. A stick that demonstrably acts the
+wrong way round is reversed, and the vehicle brakes. Otherwise the swash plate is left level, which
+accelerates the vehicle no further. A stick that has long commanded much without effect is left at rest. A
+vehicle that has become faster, or has lost a stick, descends faster; height and yaw control continue.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ CLIMB_GAIN_PER_S = 2.0
 CLIMB_INTEGRAL_PER_S2 = 1.0
 LARGEST_INTEGRAL_M_S2 = 2.5
 CLIMB_CHANGE_M_S2 = 0.5
-"""How fast the climb rate that is asked for changes; a step would overshoot."""
+"""Rate at which the climb rate set point changes; a step would overshoot."""
 CUSHION_M = 0.05
 """So near the floor the ground carries part of the weight: who sinks slowly there, floats."""
 FASTER_M_S = 0.2
@@ -67,13 +66,7 @@ class Motion(Struct, frozen=True):
 
 
 class LandingLaw:
-    """Holds a vehicle over one place while it hovers or descends.
-
-    Parameters
-    ----------
-    limits : LandingLimits
-        Nominal gains of the sticks and limits of what the law asks of them.
-    """
+    """Holds a vehicle over one place while it hovers or descends."""
 
     def __init__(self, limits: LandingLimits) -> None:
         self._limits = limits
@@ -98,7 +91,7 @@ class LandingLaw:
         self._climb_integral_m_s2 = 0.0
 
     def renew(self) -> None:
-        """Forget everything: somebody else has flown the vehicle, or it has not flown."""
+        """Reset: the vehicle was flown by commands, or has not flown."""
         if self._new:
             return
         self._new = True
@@ -117,24 +110,7 @@ class LandingLaw:
         return self.obeyed and not self._faster
 
     def step(self, motion: Motion, climb_m_s: float, hover_thrust: float, elapsed_s: float) -> Input:
-        """Inputs that hold the place at a climb rate.
-
-        Parameters
-        ----------
-        motion : Motion
-            Newest pose of the vehicle with its velocity.
-        climb_m_s : float
-            Climb rate asked for; negative to descend [m/s].
-        hover_thrust : float
-            Thrust at which the vehicle hovers.
-        elapsed_s : float
-            Time since the last step [s].
-
-        Returns
-        -------
-        tuple of float
-            Pitch, roll, thrust, yaw.
-        """
+        """Pitch, roll, thrust and yaw that hold the place at a climb rate, negative to descend."""
         self._new = False
         if self._place is None:
             self._place, self._yaw_rad = motion.position_m, motion.yaw_rad
@@ -179,7 +155,7 @@ class LandingLaw:
         forward, left = self._acceleration_m_s2(motion, place)
         pitch, roll = _limited(forward / forward_gain, limit), _limited(left / left_gain, limit)
         along, across = self._effects
-        along.asked_m_s2, across.asked_m_s2 = pitch * forward_gain, roll * left_gain
+        along.commanded_m_s2, across.commanded_m_s2 = pitch * forward_gain, roll * left_gain
         return along.sense * pitch, across.sense * roll
 
     def _acceleration_m_s2(self, motion: Motion, place: Position) -> tuple[float, float]:
@@ -193,29 +169,29 @@ class LandingLaw:
 
 
 class StickEffect:
-    """What one stick of the swash plate does, against what it should do.
+    """Effect of one stick of the swash plate, compared with its nominal effect.
 
     Attributes
     ----------
-    sense : float
-        1; -1 for a stick that acts the wrong way round, 0 for one that is given up.
-    asked_m_s2 : float
-        Acceleration that the stick should give as it stands now.
-    work : float
-        Integral of that acceleration, as it is due to act, over the speed that was gained.
+    sense
+        1; -1 for a stick that acts the wrong way round, 0 for one that is not used any more.
+    commanded_m_s2
+        Acceleration that the stick should give now.
+    work
+        Integral of that acceleration, delayed as it should act, over the speed that was gained.
     """
 
     def __init__(self) -> None:
         self.sense = 1.0
-        self.asked_m_s2 = 0.0
+        self.commanded_m_s2 = 0.0
         self.work = 0.0
         self._due_m_s2 = 0.0
         self._speed_m_s: float | None = None
         self._effort = 0.0
 
     def note(self, speed_m_s: float, elapsed_s: float) -> None:
-        """Take in the speed along the stick's axis after a step, and give up a stick that does nothing."""
-        self._due_m_s2 += -math.expm1(-elapsed_s / RESPONSE_S) * (self.asked_m_s2 - self._due_m_s2)
+        """Use the speed along the stick's axis after a step, and stop using a stick without effect."""
+        self._due_m_s2 += -math.expm1(-elapsed_s / RESPONSE_S) * (self.commanded_m_s2 - self._due_m_s2)
         gained_m_s = 0.0 if self._speed_m_s is None else speed_m_s - self._speed_m_s
         self._speed_m_s = speed_m_s
         kept = math.exp(-elapsed_s / REMEMBERED_S)
@@ -226,7 +202,7 @@ class StickEffect:
 
     def pause(self) -> None:
         """The motion of the next step does not follow from this stick; what is known of it stays."""
-        self.asked_m_s2 = self._due_m_s2 = 0.0
+        self.commanded_m_s2 = self._due_m_s2 = 0.0
         self._speed_m_s = None
 
     @property
@@ -253,18 +229,8 @@ def climb_rate_m_s(
 ) -> float:
     """Climb rate of a landing: none while the vehicle brakes, then down, slowly just above the floor.
 
-    Parameters
-    ----------
-    motion : Motion
-        Newest pose of the vehicle with its velocity.
-    floor_m : float
-        Height at which the vehicle stands [m].
-    landing_s : float
-        Time since the landing began [s].
-    limits : LandingLimits
-        Speeds.
-    brakes : bool
-        Whether the vehicle does not become faster; one that does is not waited for, and comes down faster.
+    `landing_s` is the time since the landing began; a vehicle that becomes faster (not `brakes`) descends at
+    once and faster.
     """
     speed_m_s = math.hypot(motion.velocity_m_s[0], motion.velocity_m_s[1])
     if brakes and speed_m_s > limits.braked_m_s and landing_s < limits.braking_s:

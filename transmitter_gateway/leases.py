@@ -1,8 +1,8 @@
-"""Control leases: numbers by which an arbiter tells the agents of one vehicle apart.
+"""Control leases: numbers that distinguish the agents of one vehicle.
 
-An agent asks for a lease and carries its number in every command. Numbers only grow, and nobody else hands
-them out, so no clock of any host matters. The newest lease that has commanded counts; commands of all
-earlier ones are refused from then on, whatever they were delayed by.
+An agent requests a lease and adds its number to every command. Numbers only grow and are issued here only, so
+no clock of any host matters. The newest lease that has commanded counts; commands of earlier ones are
+rejected from then on, however long they were delayed.
 """
 
 import math
@@ -11,13 +11,13 @@ from typing import Final
 RESERVED_S: Final = 0.1
 """How long an agent that was given a lease has time to command before another one is given the next."""
 UNDER_WAY: Final = 64
-"""More leases than an earlier process of the gateway can have issued since it was last heard."""
+"""More leases than an earlier process of the gateway can have issued after its last message."""
 MOST_AGENTS: Final = 16
 """Agents whose leases are remembered."""
 
 
 class Leases:
-    """Issues the leases of one vehicle, and knows which one commands.
+    """Issues the leases of one vehicle.
 
     Attributes
     ----------
@@ -34,14 +34,13 @@ class Leases:
         self._reserved_until_s = -math.inf
 
     def bid(self, agent: int, now_s: float, *, fresh: bool, take_over: bool) -> int:
-        """Lease of an agent that asks for one; 0 while another agent commands.
+        """Lease of an agent that requests one; 0 while another agent commands. A repeated request gets the
+        same answer.
 
         Parameters
         ----------
         agent
-            Identifies the process. Asking again gives the same answer.
-        now_s
-            Now [s].
+            Identifies the process.
         fresh
             Whether the vehicle is commanded at this moment.
         take_over
@@ -75,16 +74,8 @@ class Leases:
         return changed
 
     def resume(self, commanding: int, issued: int, now_s: float) -> None:
-        """Count on from an earlier process of the gateway, which may have issued more than was heard of.
-
-        Parameters
-        ----------
-        commanding
-            Lease whose commands counted last.
-        issued
-            Newest lease that was heard of.
-        now_s
-            Now [s].
+        """Continue from an earlier process of the gateway, which may have issued more than the newest known
+        lease.
         """
         self.commanding = max(self.commanding, commanding)
         self.issued = max(self.issued, max(commanding, issued) + UNDER_WAY)

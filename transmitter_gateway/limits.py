@@ -23,16 +23,15 @@ class Fence:
 
     Parameters
     ----------
-    lower_m, upper_m : tuple of float
-        Corners of the box in the inertial frame [m].
-    margin_m : float
-        Distance outside the box at which the vehicle is brought down [m].
-    cut_m : float
-        Distance outside the box at which the motors of a vehicle that the arbiter lands, and that does not
-        obey its sticks, are cut [m].
-    braking_m_s2 : tuple of float
-        Deceleration a healthy vehicle reaches on each axis [m/s^2]: a vehicle too fast to stop inside the
-        box is taken out of its controller's hands.
+    lower_m, upper_m
+        Corners in the inertial frame.
+    margin_m
+        Distance outside the box at which the vehicle is brought down.
+    cut_m
+        Distance outside the box at which the motors of a vehicle are cut that the arbiter lands and that does
+        not obey its sticks.
+    braking_m_s2
+        Deceleration a healthy vehicle reaches on each axis: one too fast to stop inside the box is held.
     """
 
     lower_m: Position
@@ -62,33 +61,31 @@ class Fence:
 
 @dataclass(frozen=True, slots=True)
 class SurveillanceLimits:
-    """What the arbiter judges from raw poses; None switches a judgement off.
+    """Limits judged from raw poses; None switches a judgement off.
 
     Parameters
     ----------
-    tracking_hold_s, tracking_descend_s : float or None
-        Time without a usable own pose before HOLD and DESCEND [s].
-    fence : Fence or None
+    tracking_hold_s, tracking_descend_s
+        Time without a usable own pose before HOLD and DESCEND.
+    fence
         Box to stay in. It depends on the laboratory, so there is none by default.
-    minimum_distance_m : float or None
-        Smallest distance between two vehicles [m]; below it HOLD.
-    distance_hysteresis_m : float
-        Additional distance before the vehicles count as apart again [m].
-    other_pose_s : float
-        Time for which the last position of another vehicle is used [s].
-    maximum_thrust_s : float or None
-        Longest time with thrust between arming and disarming [s]; then DESCEND.
-    maximum_jump_m : float or None
-        A position further than this from where the vehicle can be is not believed [m].
-    maximum_speed_m_s : float
-        Growth of that distance with the time since the last believed position [m/s].
-    jump_descend_s : float
-        Time of disbelief after which the vehicle comes down for good: it may be another body [s].
-    velocity_filter_s : float
-        Time constant of the low-pass on the finite-difference velocity [s].
-    trust_repeated_poses : bool
-        Whether a position that is exactly the last one counts as seen. Measurements of a flying vehicle
-        never repeat themselves: what does has got stuck. On the floor it always counts.
+    minimum_distance_m, distance_hysteresis_m
+        Smallest distance between two vehicles, below it HOLD; added distance before they count as apart
+        again.
+    other_pose_s
+        Time for which the last position of another vehicle is used.
+    maximum_thrust_s
+        Longest time with thrust between arming and disarming; then DESCEND.
+    maximum_jump_m, maximum_speed_m_s
+        A position further than this from where the vehicle can be is rejected; growth of that distance with
+        the time since the last accepted position.
+    jump_descend_s
+        Time of rejection after which the vehicle comes down for good: it may be another body.
+    velocity_filter_s
+        Time constant of the low-pass on the finite-difference velocity.
+    trust_repeated_poses
+        Whether a position that equals the last one counts as seen. Measurements of a flying vehicle never
+        repeat themselves exactly. On the floor they always count.
     """
 
     tracking_hold_s: float | None = 0.1
@@ -115,24 +112,24 @@ class SurveillanceLimits:
 
 @dataclass(frozen=True, slots=True)
 class LandingLimits:
-    """What the arbiter knows of its vehicle when it holds and lands it by itself, and what it may ask of it.
+    """Model of the vehicle for holding and landing, and limits of the law.
 
     Parameters
     ----------
-    input_gain : tuple of float
+    input_gain
         Nominal acceleration per unit of pitch, roll and thrust [m/s^2].
-    yaw_rate_gain_rad_s : float
-        Nominal yaw rate per unit of yaw [rad/s].
-    cyclic, thrust, yaw : float
+    yaw_rate_gain_rad_s
+        Nominal yaw rate per unit of yaw.
+    cyclic, thrust, yaw
         Largest pitch and roll, difference from the hover thrust, and yaw.
-    descent_m_s, touchdown_m_s, flare_m : float
-        Speed of the descent [m/s], and the slower one that begins so far above the floor [m].
-    braked_m_s, braking_s : float
-        The descent begins when the vehicle is slower than this [m/s], or after this time [s].
-    pose_age_s : float
-        A vehicle whose last believed pose is older is not seen [s].
-    longest_s : float
-        Longest landing; then the vehicle comes down open loop [s].
+    descent_m_s, touchdown_m_s, flare_m
+        Speed of the descent, and the slower one that begins at this height above the floor.
+    braked_m_s, braking_s
+        The descent begins when the vehicle is slower than this, or after this time.
+    pose_age_s
+        A vehicle whose last accepted pose is older is not seen.
+    longest_s
+        Longest landing; then the vehicle comes down open loop.
     """
 
     input_gain: Position = (2.0, 2.1, 18.0)
@@ -161,39 +158,35 @@ class ArbiterLimits:
 
     Parameters
     ----------
-    hold_after_s, descend_after_s, cut_after_s : float
-        Age of the last accepted command at which HOLD, LAND or DESCEND, and without poses CUT begin [s].
-    bridge_s : float
-        For how long planned inputs are played when commands are late [s].
-    command_age_s : float
-        A command computed from a pose that was captured longer ago is refused [s].
-    hold_limit_s : float
-        Longest HOLD before LAND or DESCEND [s].
-    arm_low_s, low_thrust : float
-        Commanded thrust must be at most `low_thrust` for `arm_low_s` before arming [s]; the same applied
-        thrust for the same time means that the vehicle stands on the floor.
-    disarm_after_s : float
-        How long an armed vehicle may stand on the floor before it is disarmed [s].
+    hold_after_s, descend_after_s, cut_after_s
+        Age of the last accepted command at which HOLD, LAND or DESCEND, and without poses CUT begin.
+    bridge_s
+        For how long planned inputs are played when commands are late.
+    command_age_s
+        A command computed from a pose that was captured longer ago is rejected.
+    hold_limit_s
+        Longest HOLD before LAND or DESCEND.
+    arm_low_s, low_thrust
+        Commanded thrust must be at most `low_thrust` for `arm_low_s` before arming; the same applied thrust
+        for the same time means that the vehicle stands on the floor.
+    disarm_after_s
+        How long an armed vehicle may stand on the floor before it is disarmed.
     lower, upper, tolerance
         Input limits; a command further outside than `tolerance` is rejected.
-    descend_below_hover, descend_rate_per_s : float
+    descend_below_hover, descend_rate_per_s
         DESCEND lowers the thrust at this rate to this much below hover.
-    hover_correction : float
-        Most by which the calibrated hover thrust is corrected from steady flight; 0 for not at all.
-    longest_period_s : float
-        Longest command period accepted [s].
-    take_over_s : float
-        Longest silence on the serial line after which a restarted gateway takes over a flying vehicle [s];
-        well under the time for which receivers hold their outputs.
-    floor_m, airborne_m : float
-        Height at which vehicles stand, for one that was not seen standing, and how far above that height
-        a vehicle certainly flies [m].
-    operators : frozenset of str
+    hover_correction
+        Largest correction of the calibrated hover thrust from steady flight; 0 for none.
+    longest_period_s
+        Longest command period accepted.
+    take_over_s
+        Longest silence on the serial line after which a restarted gateway takes over a flying vehicle; well
+        under the time for which receivers hold their outputs.
+    floor_m, airborne_m
+        Height at which vehicles stand, for one that was not seen standing, and how far above that height a
+        vehicle certainly flies.
+    operators
         Names whose requests count as an operator's.
-    surveillance : SurveillanceLimits
-        Limits judged from raw poses.
-    landing : LandingLimits
-        How the vehicle is held and landed while it is seen.
     """
 
     hold_after_s: float = 0.06

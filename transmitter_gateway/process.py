@@ -35,15 +35,7 @@ POSES_KEPT = 16
 
 
 class Gateway:
-    """All transmitters of one process.
-
-    Attributes
-    ----------
-    stations
-        Transmitters with their subscriptions, by vehicle.
-    recall
-        Requests for what an earlier process did.
-    """
+    """All transmitters of one process."""
 
     def __init__(
         self,
@@ -137,10 +129,7 @@ class Gateway:
     def bring_down(self, kill_requested: Callable[[], bool]) -> None:
         """Bring the vehicles down after an error, without the bus; the others do not depend on a broken one.
 
-        Parameters
-        ----------
-        kill_requested
-            Whether a signal has requested a kill since the last call.
+        `kill_requested` returns whether a signal has requested a kill since its last call.
         """
         working = dict(self._transmitters)
 
@@ -225,13 +214,8 @@ def run_gateway(settings: GatewaySettings) -> None:
     """Run a transmitter gateway until SIGTERM or SIGINT, then bring its vehicles down.
 
     SIGUSR1 and a key on the gateway's terminal kill all of them. When the bus is lost, the arbiters bring the
-    vehicles down because their commands are silent; the gateway goes on sending throttle low and serves again
-    when the bus is back.
-
-    Raises
-    ------
-    BusUnreachableError
-        No router answers.
+    vehicles down because their commands are silent; the gateway sends throttle low and serves again when the
+    bus is back. Raises `BusUnreachableError` if no router answers at the start.
     """
     wakeup = Wakeup()
     caught: set[int] = set()

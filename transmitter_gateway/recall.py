@@ -15,15 +15,7 @@ PATIENCE_S = 0.1
 
 
 class Recall:
-    """Asks for several vehicles in a thread of its own: a busy launcher keeps no radio waiting.
-
-    Parameters
-    ----------
-    session : Session
-        Open bus session; its loop is woken by answers.
-    vehicles : iterable of str
-        Vehicles of this gateway.
-    """
+    """Requests the last applied inputs of several vehicles in a thread of its own, so that no radio waits."""
 
     def __init__(self, session: Session, vehicles: Iterable[str]) -> None:
         self._session = session
@@ -36,7 +28,7 @@ class Recall:
     def _run(self) -> None:
         while self._open and not self._stopping:
             vehicle = self._open.popleft()
-            asked_s = self._session.clock()
+            requested_s = self._session.clock()
             try:
                 reply = self._session.request(
                     vehicle, RecallTransmitter(), timeout_s=ANSWER_LIMIT_S, patience_s=PATIENCE_S
@@ -47,7 +39,7 @@ class Recall:
                 self._open.append(vehicle)
                 continue
             else:
-                last = last_applied(reply, asked_s)
+                last = last_applied(reply, requested_s)
             self._answers.put((vehicle, last))
             self._session.wake()
 
@@ -68,25 +60,17 @@ class Recall:
         self._thread.join()
 
 
-def last_applied(reply: Reply, asked_s: float) -> LastApplied | None:
-    """What an answer says about the earlier process; None if there was none.
-
-    Parameters
-    ----------
-    reply : Reply
-        The launcher's answer.
-    asked_s : float
-        When it was asked [s].
-    """
+def last_applied(reply: Reply, requested_s: float) -> LastApplied | None:
+    """Last applied inputs in the answer to a request at `requested_s`; None if there were none."""
     if not isinstance(reply, RecallTransmitterReply):
         return None
     if reply.killed:
         return LastApplied(
-            State.KILLED, NEUTRAL, asked_s - reply.age_s, lease=reply.lease, issued=reply.issued
+            State.KILLED, NEUTRAL, requested_s - reply.age_s, lease=reply.lease, issued=reply.issued
         )
     if reply.applied is None:
         return None
     state = State(reply.applied.state.upper())
     return LastApplied(
-        state, reply.applied.input, asked_s - reply.age_s, lease=reply.lease, issued=reply.issued
+        state, reply.applied.input, requested_s - reply.age_s, lease=reply.lease, issued=reply.issued
     )

@@ -64,18 +64,11 @@ class WriteOutcome(StrEnum):
 class SerialPort:
     """A port that is opened and reopened by `service` and written frame by frame.
 
-    Parameters
-    ----------
-    path : str
-        Device, best a name under /dev/serial/by-id.
-    line : SerialLine
-        Baud rate, parity and stop bits.
-
     Attributes
     ----------
-    problem : str or None
+    problem
         Why the port is not open, None when it is.
-    counters : Counter
+    counters
         Outcomes of writes, openings and losses, by name.
     """
 
@@ -196,7 +189,7 @@ class SerialPort:
         if descriptor is None:
             return b""
         try:
-            # An idle terminal reads as nothing, like one that is gone: only "readable" tells them apart.
+            # An idle terminal reads as nothing, like one that is gone: only "readable" distinguishes them.
             if not select.select([descriptor], [], [], 0)[0]:
                 return b""
             data = os.read(descriptor, READ_SIZE)
@@ -238,12 +231,8 @@ def queued_bytes(descriptor: int) -> int:
 
 
 def set_baud(descriptor: int, baud: int) -> None:
-    """Set a baud rate that has no termios constant, on Linux.
-
-    Raises
-    ------
-    OSError
-        The device does not know the request, or took another speed.
+    """Set a baud rate that has no termios constant, on Linux; raises `OSError` if the device does not accept
+    it.
     """
     *flags, rest, _, _ = TERMIOS2.unpack(fcntl.ioctl(descriptor, TCGETS2, bytes(TERMIOS2.size)))
     flags[2] = flags[2] & ~SPEED_BITS | SPEED_IS_A_NUMBER

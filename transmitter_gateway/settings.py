@@ -10,15 +10,7 @@ from rcopterx.transmitter_gateway.protocols.base import RadioProtocol
 
 @dataclass(frozen=True)
 class TransmitterSettings:
-    """One vehicle's transmitter.
-
-    Attributes
-    ----------
-    vehicle
-        Name of the vehicle.
-    port
-        Serial device.
-    """
+    """One vehicle's transmitter; `port` is its serial device."""
 
     vehicle: str
     port: str

@@ -1,4 +1,4 @@
-"""What the vehicle is told in each state: commands within slew rates, or inputs of the arbiter's own."""
+"""Inputs of the vehicle in each state: commands within slew rates, or inputs of the arbiter's own."""
 
 from __future__ import annotations
 
@@ -17,20 +17,9 @@ LONGEST_SLEW_STEP_S = 0.04
 class Shaping:
     """Inputs of one vehicle from step to step.
 
-    Parameters
-    ----------
-    limits : ArbiterLimits
-        Limits of the inputs, of descents and landings.
-    u_hover : float
-        Thrust at which the vehicle hovers, by its calibration.
-    slew_per_s : tuple of float
-        Fastest change of each input that commands may ask for [1/s].
-    counters : Counter
-        Steps that slew rates limited are counted here.
-
     Attributes
     ----------
-    u : tuple of float
+    u
         Inputs that are applied now.
     """
 
@@ -63,8 +52,8 @@ class Shaping:
     def play(self, target: Input, now_s: float) -> None:
         """Apply a command within the slew rates.
 
-        The time since an input moved last allows its next move: steps in between, for poses or deadlines,
-        must not use it up.
+        The time since an input moved last allows its next move: steps in between, for poses or deadlines, do
+        not use it up.
         """
         self._law.renew()
         limited: list[float] = []
@@ -81,7 +70,7 @@ class Shaping:
         self._counters["steps slew limited"] += self.u != target
 
     def learn_hover(self, elapsed_s: float, track: Track | None, floor_m: float, now_s: float) -> None:
-        """Take in what the applied thrust did for `elapsed_s` up to `now_s`."""
+        """Correct the hover thrust by the thrust applied for `elapsed_s` up to `now_s`."""
         self._hover.note(self.u[THRUST], elapsed_s, track, floor_m, now_s)
 
     def hold(self, motion: Motion | None, elapsed_s: float) -> None:
@@ -93,17 +82,7 @@ class Shaping:
             self._fly(motion, 0.0, elapsed_s)
 
     def land(self, motion: Motion, floor_m: float, landing_s: float, elapsed_s: float) -> None:
-        """Descend straight to the floor.
-
-        Parameters
-        ----------
-        motion : Motion
-            Newest pose of the vehicle with its velocity.
-        floor_m : float
-            Height at which the vehicle stands [m].
-        landing_s, elapsed_s : float
-            Time since the landing and since the last step [s].
-        """
+        """Descend straight to the floor; `landing_s` is the time since the landing began."""
         limits, brakes = self._limits.landing, self._law.brakes
         self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, limits, brakes=brakes), elapsed_s)
 

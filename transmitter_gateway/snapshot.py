@@ -1,4 +1,4 @@
-"""What a transmitter tells about itself: the frame it has just written, and its state at one moment."""
+"""State of a transmitter at one moment, and the frame that it has just written."""
 
 from __future__ import annotations
 
@@ -12,18 +12,8 @@ from rcopterx.transmitter_gateway.serial_port import WriteOutcome
 
 
 class Write(Struct, frozen=True):
-    """One attempt to write a frame: when, what became of it, what the frame carried and why.
-
-    Parameters
-    ----------
-    time_s : float
-        Local time of the write [s].
-    outcome : WriteOutcome
-        Whether the frame went out.
-    output : ArbiterOutput
-        Decision behind the frame, with the applied inputs and the command's identity.
-    pulses_us : tuple of float
-        Pulse widths in channel order [us].
+    """One attempt to write a frame: its outcome, the decision behind it and its pulse widths in channel
+    order.
     """
 
     time_s: float
@@ -36,21 +26,15 @@ class Write(Struct, frozen=True):
 class TransmitterSnapshot:
     """Everything a status message needs, at one moment.
 
-    Parameters
+    Attributes
     ----------
-    state, reason
-        Of the arbiter.
-    link : LinkState
-        Port and module.
-    module : str
-        The module, or what is wrong with the port, as text.
-    lease : int
+    module
+        State of the module, or the problem of the port, as text.
+    lease
         Control lease whose commands count; 0 before the first command.
-    binding : bool
-        Bind frames are being sent.
-    bridging_step : int
+    bridging_step
         Planned input being played, 0 for none.
-    counters : mapping
+    counters
         Every counter of arbiter and port by name.
     """
 

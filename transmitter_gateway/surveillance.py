@@ -37,15 +37,15 @@ class Judgement(Struct, frozen=True):
 
 @dataclass(slots=True)
 class Track:
-    """Newest pose of a vehicle and its newest believed position [m].
+    """Newest pose of a vehicle and its newest accepted position.
 
-    Only the own vehicle's has a heading [rad], a low-passed velocity [m/s], the frame they are from, and when
-    that was captured on the local clock [s].
+    Only the own vehicle's has a heading, a low-passed velocity, the frame they are from, and its time of
+    capture on the local clock.
     """
 
     epoch: int
     frame: int
-    heard_s: float
+    arrived_s: float
     position_m: Position | None = None
     seen_s: float = -math.inf
     seen_frame: int = 0
@@ -58,19 +58,12 @@ class Track:
 class Surveillance:
     """Follows the raw poses of one vehicle and its neighbours.
 
-    Parameters
-    ----------
-    limits : SurveillanceLimits
-        What is allowed.
-    counters : Counter
-        Poses that were not used are counted here by reason.
-
     Attributes
     ----------
-    own_track : Track or None
-        What is known of the own vehicle, None before its first pose.
-    stamp : PoseStamp or None
-        Of its newest pose, believed or not.
+    own_track
+        Of the own vehicle, None before its first pose.
+    stamp
+        Of its newest pose, accepted or not.
     """
 
     def __init__(self, limits: SurveillanceLimits, counters: Counter[str]) -> None:
@@ -85,16 +78,9 @@ class Surveillance:
         self.stamp: PoseStamp | None = None
 
     def own_pose(self, pose: PoseInput, now_s: float, *, airborne: bool) -> bool:
-        """Take a pose of the own vehicle; return whether its position is believed.
+        """Take a pose of the own vehicle; return whether its position is accepted.
 
-        Parameters
-        ----------
-        pose : PoseInput
-            The pose.
-        now_s : float
-            Time of arrival [s].
-        airborne : bool
-            Whether the vehicle may be in the air; on the floor it can be carried anywhere.
+        On the floor, not `airborne`, a vehicle can be carried anywhere.
         """
         track = self.own_track
         rejection = self._check(pose, track, now_s)
@@ -103,7 +89,7 @@ class Surveillance:
             return False
         if track is None:
             track = self.own_track = Track(pose.epoch, pose.frame, now_s)
-        track.epoch, track.frame, track.heard_s = pose.epoch, pose.frame, now_s
+        track.epoch, track.frame, track.arrived_s = pose.epoch, pose.frame, now_s
         self.stamp = PoseStamp(pose.epoch, pose.frame, pose.period_s, pose.latency_s)
         position = pose.position_m
         if position is None:
@@ -131,7 +117,7 @@ class Surveillance:
             return False
         if track is None:
             track = self._others[pose.vehicle] = Track(pose.epoch, pose.frame, now_s)
-        track.epoch, track.frame, track.heard_s = pose.epoch, pose.frame, now_s
+        track.epoch, track.frame, track.arrived_s = pose.epoch, pose.frame, now_s
         if pose.position_m is None:
             self._counters["occluded pose"] += 1
             return False
@@ -149,7 +135,7 @@ class Surveillance:
         if pose.epoch == track.epoch and pose.frame > track.frame:
             return None
         # After a silence any epoch is a new beginning: one wild number must not blind us for ever.
-        if now_s > track.heard_s + FORGET_AFTER_S:
+        if now_s > track.arrived_s + FORGET_AFTER_S:
             return None
         return "old pose frame" if pose.epoch == track.epoch else "pose of an older epoch"
 
@@ -208,23 +194,17 @@ class Surveillance:
         self._mistaken = None
 
     def take_over(self, distrust: str | None) -> None:
-        """Begin with a vehicle that flies already: nobody saw where it stood.
+        """Begin with a vehicle that flies already, so that its floor is not known.
 
-        Parameters
-        ----------
-        distrust : str or None
-            Why the own poses must not be believed until the vehicle has landed, if they must not.
+        `distrust` is a reason why the own poses must not be accepted until the vehicle has landed.
         """
         self._stood_at_m = None
         self._mistaken = distrust
 
     def floor_m(self, otherwise_m: float) -> float:
-        """Height at which the vehicle stood before it took off [m].
+        """Height at which the vehicle stood before it took off.
 
-        Parameters
-        ----------
-        otherwise_m : float
-            The floor for a vehicle that was not seen standing, or that stood on something higher [m].
+        `otherwise_m` holds for a vehicle that was not seen standing, or that stood on something higher.
         """
         stood_at_m = self._stood_at_m
         return otherwise_m if stood_at_m is None or stood_at_m > otherwise_m + STANDING_M else stood_at_m
@@ -255,7 +235,7 @@ class Surveillance:
         return Judgement(hold, descend)
 
     def _mistaken_identity(self, now_s: float) -> str | None:
-        """Poses that stay somewhere else belong to another body: nothing tells which one was ours."""
+        """Poses that stay somewhere else belong to another body, and which one was ours is not known."""
         since_s = self._jumping_since_s
         if since_s is not None and now_s >= since_s + self._limits.jump_descend_s:
             self._mistaken = "own pose jumped and did not come back"
@@ -303,13 +283,6 @@ def judge_fence(fence: Fence, position: Position, velocity: Position) -> tuple[s
     A vehicle beyond the margin comes down. One that cannot stop inside any more is held, except when it
     climbs towards the ceiling: holding does not end a climb, so it comes down. Towards the floor there is no
     stopping test, it would forbid landing.
-
-    Parameters
-    ----------
-    fence : Fence
-        The box.
-    position, velocity : tuple of float
-        In the inertial frame [m, m/s].
     """
     hold: str | None = None
     axes = zip("xyz", position, velocity, fence.lower_m, fence.upper_m, fence.braking_m_s2, strict=True)

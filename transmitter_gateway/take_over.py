@@ -10,21 +10,7 @@ from rcopterx.transmitter_gateway.surveillance import Track
 def take_over_problem(
     last: LastApplied, state: State, track: Track | None, limits: ArbiterLimits, now_s: float
 ) -> str | None:
-    """Why the vehicle cannot be taken over, None if it can.
-
-    Parameters
-    ----------
-    last : LastApplied
-        What the earlier process wrote last.
-    state : State
-        State of this process's arbiter.
-    track : Track or None
-        What is known of the vehicle.
-    limits : ArbiterLimits
-        Limits of the arbiter.
-    now_s : float
-        Now [s].
-    """
+    """Why a vehicle with this last output and this track cannot be taken over, None if it can."""
     if state is not State.DISARMED or last.state not in FLYING:
         return f"{last.state} before, {state} now"
     if now_s >= last.written_s + limits.take_over_s:

@@ -1,4 +1,4 @@
-"""Whether a vehicle that comes down stands, told by its height, its climb rate and its thrust."""
+"""Whether a vehicle that comes down stands, from its height, its climb rate and its thrust."""
 
 from __future__ import annotations
 
@@ -24,18 +24,8 @@ class Touchdown:
         self._at_floor_since_s = self._light_since_s = None
 
     def happened(self, motion: Motion, floor_m: float, missing_thrust: float, now_s: float) -> bool:
-        """Whether the vehicle stands.
-
-        Parameters
-        ----------
-        motion : Motion
-            Newest pose of the vehicle with its velocity.
-        floor_m : float
-            Height at which it stood before it took off [m].
-        missing_thrust : float
-            Hover thrust less the applied thrust.
-        now_s : float
-            Now [s].
+        """Whether the vehicle stands; `floor_m` is its height before it took off, `missing_thrust` hover
+        minus applied.
         """
         still = abs(motion.velocity_m_s[2]) < STILL_M_S
         if not (still and motion.position_m[2] < floor_m + AT_FLOOR_M):

@@ -36,7 +36,7 @@ POWER_UP_LIMIT_S = 30.0
 """How long a board that binds only when it is switched on is waited for."""
 AFTER_BIND_S = 5.0
 RECALL_LIMIT_S = 0.5
-"""How long a restarted gateway is silent until it has heard what was written before."""
+"""How long a restarted gateway is silent while it does not know what was written before."""
 FIRST_POSE_S = 0.1
 """How long a restarted gateway waits for the own pose before it decides whether the vehicle flies."""
 
@@ -46,25 +46,19 @@ class Transmitter:
 
     Parameters
     ----------
-    vehicle : str
-        Name of the vehicle, as in the poses.
-    limits : ArbiterLimits
-        Limits of the arbiter.
-    calibration : Calibration
+    calibration
         Inputs to pulse widths; its slew rates and hover thrust also serve the arbiter.
-    protocol : RadioProtocol
-        Codec of the radio.
-    port : SerialPort
-        The port, opened by the first `tick`.
-    low_power : bool
-        Ask the radio for low power.
+    port
+        Opened by the first `tick`.
+    low_power
+        Request low power from the radio.
 
     Raises
     ------
     PulseRangeError
-        The calibration can ask for a pulse width that the protocol cannot carry.
+        The calibration can give a pulse width that the protocol cannot carry.
     ProtocolError
-        Low power is asked for and the radio has none.
+        The radio has no low power.
     """
 
     def __init__(
@@ -137,9 +131,9 @@ class Transmitter:
         return answer
 
     def await_recall(self, now_s: float) -> None:
-        """Begin silent: nothing is written before `recall`, and so nothing switched off.
+        """Begin silent: before `recall` nothing is written, and so no vehicle switched off.
 
-        After `RECALL_LIMIT_S` throttle low is written all the same; arming waits on.
+        After `RECALL_LIMIT_S` throttle low is written all the same; arming still waits.
         """
         self._awaiting_recall = True
         self._silent_until_s = now_s + RECALL_LIMIT_S
@@ -151,10 +145,10 @@ class Transmitter:
         return self._awaiting_recall
 
     def recall(self, last: LastApplied | None, now_s: float) -> None:
-        """Hear what an earlier process wrote last, None if there was none.
+        """Use what an earlier process wrote last, None if there was none.
 
-        A kill stays a kill. A flight goes on if it can: nothing is written until the own pose has been seen,
-        for at most `FIRST_POSE_S`. A flight that is recalled too late is over.
+        A kill stays a kill. A flight continues if it can: nothing is written until the own pose has been
+        seen, for at most `FIRST_POSE_S`. A flight that is recalled too late is over.
         """
         in_time = now_s < self._silent_until_s
         self._awaiting_recall = False
@@ -194,9 +188,9 @@ class Transmitter:
         return False
 
     def bind(self, now_s: float) -> Answer:
-        """Start binding: bind frames until the module is done, then 5 s of neutral frames (section 3.4).
+        """Start binding: bind frames until the module is done, then 5 s of neutral frames.
 
-        A board that looks at the flag only when it is switched on is waited for; its port may vanish then.
+        A board that reads the flag only when it is switched on is waited for; its port may vanish then.
         """
         if self.arbiter.state is not State.DISARMED:
             return Answer(False, f"binding is only possible while DISARMED, not {self.arbiter.state}")
@@ -227,16 +221,10 @@ class Transmitter:
         throttle_us: float | None = None,
         until_s: float = math.inf,
     ) -> Answer:
-        """Send these inputs while DISARMED, for calibration; the throttle is low or as given [us].
+        """Send these inputs while DISARMED, for calibration; None ends it. Meanwhile arming is refused.
 
-        Parameters
-        ----------
-        u : sequence of float, shape (4,), or None
-            Inputs; None ends it. Meanwhile arming is refused.
-        until_s : float
-            When it ends by itself [s].
-        throttle_us : float, optional
-            Throttle pulse width, between throttle low and full throttle of the calibration.
+        `throttle_us` is between throttle low and full throttle of the calibration; without it the throttle is
+        low.
         """
         if self.arbiter.state is not State.DISARMED:
             return Answer(False, f"calibration is only possible while DISARMED, not {self.arbiter.state}")

@@ -1,6 +1,6 @@
 """One transmitter without bus, agents and arming: binding, range check and calibration at the workbench.
 
-The serial port is opened exclusively, so nothing here is possible while a gateway has it, in flight or not.
+The serial port is opened exclusively, so nothing here is possible while a gateway has it.
 """
 
 from __future__ import annotations
@@ -31,15 +31,8 @@ class WorkbenchError(RuntimeError):
 class Workbench(AbstractContextManager["Workbench"]):
     """A transmitter that can never be armed.
 
-    Parameters
-    ----------
-    settings : TransmitterSettings
-        The vehicle's transmitter.
-    clock : callable
-        Monotonic clock [s].
-    wait : callable
-        Waits for one of the descriptors or for the time-out, `wait(descriptors, timeout_s)`; returns the
-        ready ones.
+    `wait(descriptors, timeout_s)` waits for one of the descriptors or for the time-out and returns the ready
+    ones.
     """
 
     def __init__(
@@ -73,16 +66,9 @@ class Workbench(AbstractContextManager["Workbench"]):
         until: Callable[[], bool] = lambda: False,
         descriptors: Sequence[int] = (),
     ) -> bool:
-        """Keep the radio served; return whether `until` came true within the time [s].
+        """Serve the radio for some seconds or until `until` is true, and return whether it is.
 
-        Parameters
-        ----------
-        seconds : float
-            Longest time [s].
-        until : callable
-            Ends it.
-        descriptors : sequence of int
-            What else shall end a pause, for instance standard input.
+        `descriptors`, for instance standard input, end a pause as well.
         """
         end_s = self._clock() + seconds
         while not until():
@@ -98,12 +84,8 @@ class Workbench(AbstractContextManager["Workbench"]):
         return True
 
     def wait_ready(self, limit_s: float = 5.0) -> str:
-        """Wait until the module is ready; return what it says.
-
-        Raises
-        ------
-        WorkbenchError
-            The port cannot be opened or the module is not ready.
+        """Wait until the module is ready and return its text; raises `WorkbenchError` if it does not become
+        ready.
         """
         if not self.run(limit_s, self._ready):
             snapshot = self.transmitter.snapshot(self._clock())
@@ -119,24 +101,17 @@ class Workbench(AbstractContextManager["Workbench"]):
     def bind(self) -> None:
         """Bind: flagged frames until the module is done, then the neutral frames receivers store as failsafe.
 
-        A board that looks at the flag only when it is switched on has to be switched on within the time.
-
-        Raises
-        ------
-        WorkbenchError
-            The radio is bound by itself, or the port is closed.
+        A board that reads the flag only when it is switched on has to be switched on within the time. Raises
+        `WorkbenchError` if the radio is bound by itself, or the port is closed.
         """
         self.run(1.0, lambda: self.transmitter.port.is_open)
         self._require(self.transmitter.bind(self._clock()))
         self.run(LONGEST_BINDING_S, lambda: not self.transmitter.busy(self._clock()))
 
     def range_check(self, seconds: float, until: Callable[[], bool], descriptors: Sequence[int] = ()) -> None:
-        """Send with reduced power, moving the swash plate so that it can be seen whether the vehicle hears.
+        """Send with reduced power and move the swash plate, to show whether the vehicle receives it.
 
-        Raises
-        ------
-        WorkbenchError
-            The radio has no reduced power.
+        Raises `WorkbenchError` if the radio has no reduced power.
         """
         self._require(self.transmitter.range_check(True))
         end_s = self._clock() + seconds
@@ -148,12 +123,8 @@ class Workbench(AbstractContextManager["Workbench"]):
                 return
 
     def show(self, u: Sequence[float], *, throttle_us: float | None = None, seconds: float) -> None:
-        """Send inputs for a time [s], the throttle low or at a pulse width [us].
-
-        Raises
-        ------
-        WorkbenchError
-            The pulse width cannot be sent.
+        """Send inputs for some seconds, the throttle low or at a pulse width; raises `WorkbenchError` if it
+        is refused.
         """
         self._require(self.transmitter.show(u, throttle_us=throttle_us, until_s=self._clock() + seconds))
 

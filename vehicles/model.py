@@ -40,12 +40,9 @@ Seven = tuple[float, float, float, float, float, float, float]
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """How far a true vehicle may be from its model: what a controller has to bear.
+    """How far a true vehicle may be from its model, for the margins of controllers.
 
-    Raises
-    ------
-    ValueError
-        A number out of its range; the message begins with its name.
+    Raises `ValueError` for a number out of its range; the message begins with its name.
     """
 
     gain_factor: float
@@ -64,19 +61,10 @@ class Uncertainty:
             raise ValueError(f"frequency_fraction: must be from 0 to below 1, got {self.frequency_fraction}")
 
     def graded(self, identified: float, unidentified: float) -> float:
-        """What a vehicle gets that is known as well as this, of what identified ones and others get.
+        """Value between that of identified and that of unidentified vehicles, geometric in the gain factor.
 
-        Parameters
-        ----------
-        identified
-            At the gain factor of `IDENTIFIED` and below it, above 0.
-        unidentified
-            At that of `UNIDENTIFIED` and above it, above 0.
-
-        Returns
-        -------
-        float
-            Geometric between the two.
+        `identified` holds at the gain factor of `IDENTIFIED` and below it, `unidentified` at that of
+        `UNIDENTIFIED` and above it; both are positive.
         """
         known, unknown = IDENTIFIED.gain_factor, UNIDENTIFIED.gain_factor
         share = min(max((self.gain_factor - known) / (unknown - known), 0.0), 1.0)
@@ -93,13 +81,9 @@ IDENTIFIED = Uncertainty(gain_factor=1.3, delay_s=0.015, frequency_fraction=0.1)
 class Model:
     """Parameters of equation (1) with actuator lag and delay, the limits and the scaling of one vehicle.
 
-    Four-vectors are ordered pitch (body x), roll (body y), thrust (z), yaw. State limits bound
-    x, y, z, xd_B, yd_B, zd_B, psid in this order; yaw itself is free.
-
-    Raises
-    ------
-    ValueError
-        A parameter no vehicle can have; the message begins with its name.
+    Four-vectors are ordered pitch (body x), roll (body y), thrust (z), yaw. State limits bound x, y, z, xd_B,
+    yd_B, zd_B, psid in this order; yaw itself is free. Raises `ValueError` for a parameter no vehicle can
+    have; the message begins with its name.
     """
 
     kind: str
@@ -110,7 +94,7 @@ class Model:
     """k_x, k_y, k_z, k_psi [1/s], negative for a stable vehicle; of motions slower than the lags."""
     lag_s: Four
     """First-order actuator lag of each input; with a tilt model those of pitch and roll are the equivalent
-    for controllers that know nothing slower than a lag."""
+    for controllers that model nothing slower than a lag."""
     delay_s: float
     """Transport delay from a pose to the first effect of the command computed from it."""
     hover_thrust: float
@@ -209,8 +193,9 @@ class Model:
 
     @cached_property
     def rate_feedback(self) -> Four:
-        """What on-board electronics subtract from each stick per unit of velocity, ahead of the lag: the gyro
-        [s/m, s/rad]."""
+        """Amount that on-board electronics subtract from each stick per unit of velocity, ahead of the lag:
+        the gyro [s/m, s/rad].
+        """
         gyro = -self.damping[U_YAW] / self.input_gain[U_YAW] if self.yaw_gyro else 0.0
         return 0.0, 0.0, 0.0, gyro
 
@@ -233,23 +218,14 @@ class Model:
 
 
 def motion_derivative(model: Model, motion: Array, actuator: Array, disturbance: Array) -> Array:
-    """Continuous dynamics (1) of the motion states under actuator states that already passed their lag.
+    """Time derivative of the motion state, shape (8,), by equation (1).
 
     Parameters
     ----------
-    model
-        Vehicle parameters.
-    motion
-        Motion state, shape (8,).
     actuator
         Inputs after their lag, shape (4,).
     disturbance
         Accelerations: body x, body y, z [m/s^2], yaw [rad/s^2], shape (4,).
-
-    Returns
-    -------
-    Array
-        Time derivative, shape (8,).
     """
     c, s = np.cos(motion[YAW]), np.sin(motion[YAW])
     xd, yd, zd, yaw_rate = motion[XD_BODY : YAW_RATE + 1]
@@ -269,23 +245,10 @@ def motion_derivative(model: Model, motion: Array, actuator: Array, disturbance:
 
 
 def input_behind_gyro(model: Model, motion: Array, actuator: Array, applied_input: Array) -> Array:
-    """Input that the actuators follow: the one that acts, with what gyro and thrust make of the yaw stick.
+    """Input that the actuators follow, shape (4,): the applied one, with gyro and thrust coupling on the yaw
+    stick.
 
-    Parameters
-    ----------
-    model
-        Vehicle parameters.
-    motion
-        Motion state, shape (8,).
-    actuator
-        Inputs after their lag, shape (4,).
-    applied_input
-        Input, shape (4,).
-
-    Returns
-    -------
-    Array
-        Shape (4,).
+    `actuator` are the inputs after their lag, shape (4,).
     """
     if not model.yaw_behind_rotors:
         return applied_input

@@ -1,4 +1,4 @@
-"""Quadrotor in attitude mode: the on-board electronics hold roll, pitch and yaw rate as the sticks ask.
+"""Quadrotor in attitude mode: on-board electronics hold the roll, pitch and yaw rate that the sticks command.
 
 Seen from the sticks it has the structure of equation (1): horizontal acceleration follows the commanded
 attitude with a lag, b = g tan(tilt limit), and the true vehicle departs from it by the geometry of its tilt.
@@ -48,38 +48,16 @@ propellers have. The yaw stick is limited to 0.7, which is the yaw rate bound of
 
 
 def tilt_limit_rad(model: Model) -> float:
-    """Attitude at full pitch and roll stick, from b = g tan(tilt limit), pitch and roll averaged.
-
-    Parameters
-    ----------
-    model
-        A quadrotor's parameters.
-
-    Returns
-    -------
-    float
-        Tilt at stick 1.
-    """
+    """Attitude at full pitch and roll stick, from b = g tan(tilt limit), pitch and roll averaged."""
     horizontal = (model.input_gain[0] + model.input_gain[1]) / 2
     return math.atan(horizontal / model.gravity_m_s2)
 
 
 def thrust_acceleration(pitch_rad: float, roll_rad: float, thrust_m_s2: float) -> tuple[float, float, float]:
-    """Acceleration by the tilted thrust in the heading frame.
+    """Forward, left and upward acceleration [m/s^2] by the tilted thrust in the heading frame, without
+    gravity.
 
-    Parameters
-    ----------
-    pitch_rad
-        Rotation about body y, positive accelerates forward (nose down).
-    roll_rad
-        Rotation about body x, positive accelerates to the right (minus body y).
-    thrust_m_s2
-        Thrust over mass, along the rotor axis.
-
-    Returns
-    -------
-    tuple of float
-        Forward, left and upward acceleration [m/s^2], gravity not included.
+    Positive pitch accelerates forward (nose down), positive roll to the right (minus body y).
     """
     return (
         thrust_m_s2 * math.sin(pitch_rad) * math.cos(roll_rad),

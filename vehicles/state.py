@@ -34,17 +34,6 @@ INPUT_SIZE: Final = 4
 
 
 def heading_matrix(yaw_rad: float) -> Array:
-    """Rotation from the body (heading) frame to the inertial frame.
-
-    Parameters
-    ----------
-    yaw_rad
-        Heading psi.
-
-    Returns
-    -------
-    Array
-        R(psi), shape (2, 2); its transpose maps inertial to body vectors.
-    """
+    """Rotation R(psi), shape (2, 2), from the body (heading) frame to the inertial frame."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     return np.array(((c, -s), (s, c)))

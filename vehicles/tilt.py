@@ -1,9 +1,9 @@
-"""How the pitch and roll sticks tilt a vehicle, and what acceleration comes of it (docs/helicopter.md).
+"""How the pitch and roll sticks tilt a vehicle, and the acceleration that results (docs/helicopter.md).
 
 Seen in the inertial frame, a rotor's tilt is a vector: the horizontal components of the body's upward axis.
 Its dynamics do not prefer any direction, so the heading enters at one place only: the sticks are given in the
 body frame. A *demand* e [m/s^2] is the stick times its gain b, turned into the inertial frame, after the
-servo's lag; a model of this module says how the demand becomes the acceleration a:
+servo's lag; a model of this module gives the acceleration a:
 
     core' = A core + B e,    a = C core + D e,    tilt = S core
 
@@ -23,12 +23,8 @@ from rcopterx.vehicles.state import GRAVITY_M_S2, Array, heading_matrix
 class TiltDynamics:
     """Continuous dynamics from demand to acceleration, inertial frame; n core states.
 
-    Attributes
-    ----------
-    a, b, c, d
-        Shapes (n, n), (n, 2), (2, n), (2, 2).
-    rate
-        Indices of the two tilt rates among the core states; the tilt itself are the first two.
+    Matrices a, b, c, d have the shapes (n, n), (n, 2), (2, n), (2, 2). The first two core states are the
+    tilt; `rate` are the indices of its rates.
     """
 
     a: Array
@@ -48,15 +44,11 @@ class TiltModel:
     """A tilt that answers the stick as a damped oscillator, and the stabilizer bar of a coaxial helicopter.
 
     Without a bar the whole rotor tilts with the body, as under the attitude loop of a quadrotor. With one,
-    the swash plate tilts the lower rotor, which tilts the body; the bar stays where it was and pulls the body
-    back by the upper rotor: an oscillator with hardly any damping of its own. Slowly the bar follows the
+    the swash plate tilts the lower rotor, which tilts the body; the bar keeps its direction and pulls the
+    body back by the upper rotor: an oscillator with hardly any damping of its own. Slowly the bar follows the
     mast, so that a constant stick makes the tilt creep. Phase lags of the rotors turn the directions and
-    couple the axes.
-
-    Raises
-    ------
-    ValueError
-        A parameter no vehicle can have; the message begins with its name.
+    couple the axes. Raises `ValueError` for a parameter no vehicle can have; the message begins with its
+    name.
     """
 
     frequency_rad_s: float
@@ -96,7 +88,8 @@ class TiltModel:
 
     def dynamics(self) -> TiltDynamics:
         """Continuous dynamics with the core states tilt (2), tilt rate (2) and, with a bar, its direction
-        (2)."""
+        (2).
+        """
         w, eye, none = self.frequency_rad_s, np.eye(2), np.zeros((2, 2))
         upper, lower = heading_matrix(self.upper_phase_rad), heading_matrix(-self.lower_phase_rad)
         pull, damping = w**2 * upper, 2 * self.damping_ratio * w * eye

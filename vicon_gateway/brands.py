@@ -1,13 +1,12 @@
 """Other motion-capture brands through the `motioncapture` library, in a process of its own.
 
 The library blocks without a limit, keeps the interpreter's lock while it connects, and never notices that its
-server has gone. It therefore runs in a child process (``python -m
-vicon_gateway.brands``) that writes what it sees to a pipe; the parent watches, kills and restarts it, and
-never imports the library.
+server has gone. It therefore runs in a child process (``python -m vicon_gateway.brands``) that writes its
+frames to a pipe; the parent watches, kills and restarts it, and never imports the library.
 
-The library tells neither frame numbers nor times: frames are counted by the child from 0, so a lost frame
-cannot be seen, and every restart of the child begins at 0 again, which begins a new epoch. A body that is not
-seen is missing from the library's answer: the bodies seen since the start of the child are the subjects.
+The library has neither frame numbers nor times: the child counts frames from 0, so a lost frame cannot be
+seen, and every restart of the child begins at 0 again, which begins a new epoch. A body that is not seen is
+missing from the library's answer: the bodies seen since the start of the child are the subjects.
 """
 
 import ctypes
@@ -44,7 +43,7 @@ BRANDS: Mapping[str, tuple[str, ...]] = {
 """Back-ends compiled into the library's wheel and their settings, spelt as the library spells them."""
 
 DEFAULT_LIMITS = ClientLimits(connect_s=15.0, silence_min_s=0.5)
-"""The library looks for a server every 5 s, and a new child takes about half a second to start."""
+"""The library searches for a server every 5 s, and a new child takes about half a second to start."""
 
 MISSING_LIBRARY = "the library motioncapture is not installed: pip install 'rcopterx[mocap]'"
 MAX_MESSAGE_BYTES = 1024 * 1024
@@ -159,23 +158,17 @@ class _Child:
 
 
 class BrandClient:
-    """Frames of a motion-capture system of another brand; the same face as `client.DataStreamClient`.
+    """Frames of a motion-capture system of another brand; the interface of `client.DataStreamClient`.
 
     Create and use it in one thread: the child dies with the thread that started it.
 
     Parameters
     ----------
-    brand : str
-        One of `BRANDS`.
-    settings : mapping
-        Settings of the library's back-end, see `BRANDS`.
-    rate_hz : float
-        Capture rate; the library does not tell it.
-    latency_s : float
-        Capture to arrival; the library does not tell it either.
-    clock : callable
-        Monotonic seconds.
-    limits : ClientLimits
+    brand, settings
+        One of `BRANDS`, and settings of its back-end there.
+    rate_hz, latency_s
+        Capture rate, and time from capture to arrival; the library does not report them.
+    limits
         `connect_s` limits the time from the child's start to its first frame.
 
     Raises
@@ -345,13 +338,7 @@ class LibraryMissingError(ValueError):
 
 
 def check_library() -> None:
-    """Make sure that the library is there, without importing it.
-
-    Raises
-    ------
-    LibraryMissingError
-        It is not.
-    """
+    """Raise `LibraryMissingError` if the library is not installed, without importing it."""
     if find_spec("motioncapture") is None:
         raise LibraryMissingError(MISSING_LIBRARY)
 

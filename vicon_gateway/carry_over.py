@@ -12,15 +12,9 @@ class CarryOver:
     """Applies packets to the two classes of objects, each with its own rule.
 
     Static objects stay until a packet carries any static object; then the types named as unchanged are kept
-    and all others become empty. Dynamic objects are built afresh by every packet that carries one; types
-    named as unchanged are copied from the previous frame. Types are carried over as a whole.
-
-    Attributes
-    ----------
-    payloads : dict of type to list of payloads
-        The objects that are valid now.
-    contents : Contents or None
-        Of the last packet, None when it had none.
+    and all others become empty. Dynamic objects are rebuilt by every packet that carries one; types named as
+    unchanged are copied from the previous frame. Types are carried over as a whole. `payloads` are the
+    objects that are valid now, `contents` that of the last packet.
     """
 
     def __init__(self) -> None:
@@ -31,10 +25,7 @@ class CarryOver:
     def apply(self, objects: Iterable[tuple[int, bytes]]) -> bool:
         """Apply one packet's objects; True when it makes a frame, that is, carries a dynamic object.
 
-        Raises
-        ------
-        WireError
-            The Contents object is malformed.
+        Raises `WireError` for a malformed Contents object.
         """
         present: dict[int, list[bytes]] = {}
         for kind, payload in objects:

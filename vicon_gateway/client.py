@@ -1,6 +1,6 @@
-"""DataStream client over TCP: connects, watches, reconnects by itself.
+"""DataStream client over TCP that connects, watches and reconnects by itself.
 
-Non-blocking; `next_frame` never raises for trouble with the network, `state` tells what is going on.
+Non-blocking; `next_frame` never raises for trouble with the network, `state` describes it.
 """
 
 import contextlib
@@ -30,26 +30,24 @@ StateName = Literal["waiting", "resolving", "connecting", "negotiating", "up", "
 
 
 class ClientState(NamedTuple):
-    """What a client is doing, for people and for status messages.
+    """State of a client, for people and for status messages.
 
     Attributes
     ----------
-    name : str
+    name
         waiting (pause before the next try), resolving (host name), connecting (TCP), negotiating (offer and
         first frame), up (frames with segments arrive), closed (by the caller).
-    doing : str
+    doing
         The same as a sentence with addresses and times.
-    last_error : str or None
+    last_error
         Why the last connection failed or ended.
-    connects : int
+    connects
         TCP connections established so far.
-    frames, skipped, lost, repeated, restarts, rejected : int
+    frames, skipped, lost, repeated, restarts, rejected
         See `StreamCounters`.
-    received_bytes : int
-        From the network, all connections together.
-    recorded_bytes : int
-        Written to the raw recording, 0 without one.
-    recording_error : str or None
+    received_bytes, recorded_bytes
+        From the network, all connections together, and written to the raw recording.
+    recording_error
         Why the raw recording ended.
     """
 
@@ -73,11 +71,11 @@ class ClientLimits(NamedTuple):
 
     Attributes
     ----------
-    connect_s : float
+    connect_s
         For the host name, for TCP connect plus offer, and then once more for the first frame.
-    silence_periods, silence_min_s : float
+    silence_periods, silence_min_s
         A connection without frames for that many periods, but at least that long, is closed.
-    retry_min_s, retry_max_s : float
+    retry_min_s, retry_max_s
         Pause before the next try: doubles from the first to the second, starts again once frames arrived.
     """
 
@@ -93,17 +91,10 @@ class _LinkError(Exception):
 
 
 class DataStreamClient:
-    """Frames of a Tracker, newest first, for as long as the caller asks.
+    """Frames of a Tracker, newest first, for as long as the caller wants.
 
-    Parameters
-    ----------
-    host, port : str, int
-        The Tracker PC. A host name is looked up in a thread of its own, because the look-up cannot be timed.
-    clock : callable
-        Monotonic seconds.
-    limits : ClientLimits
-    record_raw : Sink, optional
-        Where to store all received bytes (`recording`). The caller closes it.
+    A host name is looked up in a thread of its own, because the look-up has no time limit. `record_raw`
+    stores all received bytes (`recording`); the caller closes it.
     """
 
     def __init__(
@@ -330,7 +321,7 @@ class DataStreamClient:
 
 
 class _Lookup:
-    """A host name look-up that can be waited for with a limit, unlike getaddrinfo."""
+    """A host name look-up with a time limit, unlike getaddrinfo."""
 
     def __init__(self, host: str, port: int) -> None:
         self._host, self._port = host, port

@@ -71,21 +71,21 @@ _CARRIED = STATIC_TYPES | DYNAMIC_TYPES | {int(ObjectType.CONTENTS)}
 
 
 class StreamCounters(Struct):
-    """What happened to frames; one object outlives the sessions of a client.
+    """Counters of frames; one object outlives the sessions of a client.
 
     Attributes
     ----------
-    frames : int
+    frames
         Delivered.
-    skipped : int
-        Received, but a newer one was there before the caller asked.
-    lost : int
+    skipped
+        Received, but a newer one arrived before the caller's next call.
+    lost
         Missing frame ids within a connection.
-    repeated : int
+    repeated
         Frames with the id of the frame before; not delivered.
-    restarts : int
+    restarts
         Jumps of the frame id back.
-    rejected : int
+    rejected
         Malformed packets, and values refused: not finite, out of range, not a rotation.
     """
 
@@ -106,12 +106,7 @@ class _Subject(NamedTuple):
 class DataStreamSession:
     """One connection to a DataStream server, from the offer to the last frame.
 
-    Parameters
-    ----------
-    connection : int
-        Number written into the frames.
-    counters : StreamCounters, optional
-        Where to count; a new object when not given.
+    `connection` is the number written into the frames; `counters` outlive the session.
     """
 
     def __init__(self, connection: int = 1, counters: StreamCounters | None = None) -> None:
@@ -160,13 +155,10 @@ class DataStreamSession:
         return data
 
     def feed(self, data: bytes, now_s: float) -> None:
-        """Take in received bytes; frames wait for `take_frame`.
+        """Process received bytes; frames wait for `take_frame`.
 
-        Raises
-        ------
-        WireError
-            Not a DataStream server, an offer without poses, or a malformed packet. The session is of no use
-            afterwards: a packet left out would break the carry-over of the following ones.
+        Raises `WireError` for a server of another protocol, an offer without poses, or a malformed packet.
+        The session ends with it: a packet left out would break the carry-over of the following ones.
         """
         self._reader.feed(data)
         while (body := self._next_body()) is not None:
@@ -217,7 +209,7 @@ class DataStreamSession:
         self._outgoing += packet(ObjectEnums(self.selection), RequestFrame(streaming=True))
 
     def _update(self, now_s: float) -> None:
-        """Decode a frame; malformed objects show here even in frames nobody takes."""
+        """Decode a frame; malformed objects show here even in frames that are skipped."""
         for kind, decode in self._decoders.items():
             payloads = self._carry_over.payloads.get(kind, [])
             # Most objects are the same in nearly every frame.
@@ -230,7 +222,9 @@ class DataStreamSession:
             self._ping(now_s)
 
     def _carries_segments(self) -> bool:
-        """Tell frames captured before our selection arrived, which show every subject as occluded, apart."""
+        """Whether a frame was captured after our selection arrived; earlier ones show every subject as
+        occluded.
+        """
         contents = self._carry_over.contents
         if contents is None or self._segments:
             return True

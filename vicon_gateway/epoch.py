@@ -15,14 +15,14 @@ RATE_TOLERANCE = 1e-3
 
 
 class Stamp(NamedTuple):
-    """When a frame was captured, in the fleet's clock.
+    """Time of a captured frame in the fleet's clock.
 
     Attributes
     ----------
-    epoch : int
+    epoch
         Milliseconds of the wall clock at the first frame of the epoch, or more: it always grows, also when
         the wall clock is set back, as far as earlier epochs are known (`EpochCounter.leave_behind`).
-    frame : int
+    frame
         Raw frame id.
     """
 
@@ -51,16 +51,11 @@ class EpochCounter:
     def stamp(self, frame: CapturedFrame, wall_clock_s: float) -> Stamp | None:
         """Return the stamp of a frame; None for a capture that has been stamped before.
 
-        A frame number that goes on keeps the epoch, on a new connection too, when the gap agrees with the
+        A frame number that continues keeps the epoch, on a new connection too, when the gap agrees with the
         time that has passed. A jump back, or a gap that does not agree, begins a new epoch; so does a jump
         forward within a connection by more than the time that has passed. A frame that is the last one again,
-        number and poses, is no capture, however much later it comes.
-
-        Parameters
-        ----------
-        frame : CapturedFrame
-        wall_clock_s : float
-            Wall clock (Unix time) now; its value matters only where a new epoch begins.
+        number and poses, is no capture, however much later it arrives. The wall clock [Unix time] matters
+        only where a new epoch begins.
         """
         last = self._last
         if last is not None and frame.frame == last.frame and frame.subjects == last.subjects:

@@ -11,16 +11,14 @@ class SubjectPose(NamedTuple):
 
     Attributes
     ----------
-    name : str
-        Name in the Tracker.
-    occluded : bool
-        True: the subject is listed but not seen in this frame, and there is no pose.
-    position_m : (3,) or None
+    occluded
+        The subject is listed but not seen in this frame, and there is no pose.
+    position_m
         Origin of the root segment in the Tracker's world, Z up.
-    quaternion_xyzw : (4,) or None
+    quaternion_xyzw
         Unit quaternion with w >= 0 that rotates segment to world coordinates.
-    quality : float or None
-        From 0 (bad) to 1 (good); None where the source does not tell.
+    quality
+        From 0 (bad) to 1 (good); None where the source does not report it.
     """
 
     name: str
@@ -35,19 +33,18 @@ class CapturedFrame(NamedTuple):
 
     Attributes
     ----------
-    frame : int
+    frame
         Raw frame id of the wire, from 0; tools built on SDK 1.11 and later show this number plus one.
-    connection : int
+    connection
         Number of the connection that delivered it, from 1; a change means the stream was interrupted.
-    period_s : float
+    period_s
         Nominal time between frames.
-    received_s : float
+    received_s
         Local clock at arrival.
-    latency_s : float
-        Capture to arrival: the sum of `latency_samples`.
-    latency_samples : tuple of (name, seconds)
-        Stages as the source names them, and "Network Transmission" once a ping was answered.
-    subjects : tuple of SubjectPose
+    latency_s, latency_samples
+        Capture to arrival: a sum, and its stages as the source names them, "Network Transmission" among them
+        once a ping was answered.
+    subjects
         Every listed subject, occluded or not.
     """
 

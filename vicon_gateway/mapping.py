@@ -12,19 +12,17 @@ VEHICLE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 
 
 class SubjectStatus(NamedTuple):
-    """What is known about one subject.
+    """State of one subject of the Tracker.
 
     Attributes
     ----------
-    subject : str
-        Name in the Tracker.
-    vehicle : str or None
-        Its vehicle; None for a subject the configuration does not know.
-    listed : bool
+    vehicle
+        None for a subject that is not configured.
+    listed
         The Tracker listed it in the last frame.
-    occluded_s : float or None
+    occluded_s
         For how long it has been listed without a pose; None while it is seen or not listed.
-    ambiguous : bool
+    ambiguous
         Listed more than once: no pose is delivered for it.
     """
 
@@ -36,17 +34,10 @@ class SubjectStatus(NamedTuple):
 
 
 class SubjectMap:
-    """Gives each vehicle its pose and keeps account of all subjects.
+    """Assigns poses to vehicles and keeps account of all subjects.
 
-    Parameters
-    ----------
-    vehicle_of_subject : mapping
-        Subject name, exactly as in the Tracker (blanks count), to vehicle name.
-
-    Raises
-    ------
-    ValueError
-        A vehicle name that is not key-safe, or a vehicle with two subjects.
+    Subject names must match exactly (blanks count). Raises `ValueError` for a vehicle name that is not
+    key-safe, or a vehicle with two subjects.
     """
 
     def __init__(self, vehicle_of_subject: Mapping[str, str]) -> None:
@@ -81,7 +72,7 @@ class SubjectMap:
         return tuple(name for name, number in self._listed.items() if number > 1)
 
     def update(self, frame: CapturedFrame) -> list[tuple[str, SubjectPose]]:
-        """Take in a frame and return (vehicle, pose) of every vehicle that is listed, occluded or not."""
+        """Return (vehicle, pose) of every vehicle that a frame lists, occluded or not."""
         names = tuple([pose.name for pose in frame.subjects])
         if names != self._names:
             self._list(names)

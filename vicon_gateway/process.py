@@ -30,7 +30,8 @@ POSES_KEPT = 8
 STANDBY_S = 1.0
 """A gateway that stands by goes on when the other one has been silent for so long."""
 FLOWN_LIMIT_S = 3.0
-"""How long a gateway that starts listens to what vehicles fly by; agents tell it five times a second."""
+"""How long a starting gateway waits for the epoch in which vehicles fly; agents publish it five times a
+second."""
 
 
 class TrackerGateway:
@@ -57,7 +58,7 @@ class TrackerGateway:
         self._report_at_s = 0.0
         self._standby_until_s = -math.inf
         self._standbys = 0
-        # One vehicle's poses are enough to tell that another gateway is there.
+        # One vehicle's poses are enough to detect another gateway.
         vehicle = next(iter(settings.subjects.values()))
         self._published = session.subscribe(channels.POSE, vehicle, depth=POSES_KEPT, waking=False, own=False)
         self._flown: tuple[UnitSubscriptions[Any], ...] = (
@@ -96,10 +97,10 @@ class TrackerGateway:
                 publish(channels.POSE, vehicle, pose_message(frame, stamp, subject, latency_s, self._host))
 
     def _notice_earlier_gateway(self, now_s: float) -> None:
-        """Begin a newer epoch than the one by which vehicles fly, though the wall clock was set back.
+        """Begin a newer epoch than the one in which vehicles fly, though the wall clock was set back.
 
-        Transmitters tell it as long as they obey commands; agents tell the one they believe in also when
-        vehicles are held because poses were missing for too long.
+        Transmitters publish it as long as they obey commands; agents publish theirs also when vehicles are
+        held because poses were missing for too long.
         """
         for heard in self._flown:
             for inbox in list(heard.inboxes.values()):
@@ -112,9 +113,9 @@ class TrackerGateway:
             self._flown = ()
 
     def _notice_other_gateway(self, now_s: float) -> None:
-        """Stand by while another gateway publishes: of two, the one that began later goes on.
+        """Stand by while another gateway publishes: of two, the one that began later continues.
 
-        A gateway that has published nothing yet never stands by: what it hears may be the last pose of one
+        A gateway that has published nothing yet never stands by: what it receives may be the last pose of one
         that has just died.
         """
         for received in self._published.drain():
@@ -175,7 +176,7 @@ class TrackerGateway:
 def pose_message(
     frame: CapturedFrame, stamp: Stamp, subject: SubjectPose, latency_s: float, host: str | None
 ) -> Pose:
-    """Bus message of one subject in one frame, with the latency that is told; the host is the gateway's."""
+    """Bus message of one subject in one frame, with the reported latency; the host is the gateway's."""
     return Pose(
         epoch=stamp.epoch,
         frame=stamp.frame,
@@ -191,16 +192,16 @@ def pose_message(
 
 
 def run_tracker_gateway(settings: TrackerSettings) -> None:
-    """Run the gateway until SIGTERM or SIGINT.
+    """Run the gateway until SIGTERM or SIGINT; it keeps trying while the Tracker does not answer.
 
     Raises
     ------
     LibraryMissingError
         The motion capture needs the library `motioncapture`, which is not installed.
     RecordingFileError
-        The file to record into cannot be created. When it fails later, the gateway goes on without it.
+        The file to record into cannot be created. When it fails later, the gateway continues without it.
     BusUnreachableError
-        No router answers. A Tracker that does not answer is no error: the gateway keeps trying and says so.
+        No router answers.
     """
     if settings.brand is not None:
         check_library()

@@ -26,7 +26,7 @@ class RecordingError(ValueError):
 
 
 class RawEvent(IntEnum):
-    """What a record tells."""
+    """Kind of a record."""
 
     OPENED = 0
     RECEIVED = 1
@@ -94,10 +94,8 @@ class RawRecorder:
 def read_records(source: BinaryIO) -> Iterator[RawRecord]:
     """Yield the records of a recording.
 
-    Raises
-    ------
-    RecordingError
-        Wrong first bytes, an unknown event, or a record longer than `MAX_RECORD_BYTES`.
+    Raises `RecordingError` for wrong first bytes, an unknown event, or a record longer than
+    `MAX_RECORD_BYTES`.
     """
     if source.read(len(FILE_MAGIC)) != FILE_MAGIC:
         raise RecordingError(f"not a raw DataStream recording: it does not start with {FILE_MAGIC!r}")
@@ -113,14 +111,7 @@ def read_records(source: BinaryIO) -> Iterator[RawRecord]:
 
 @dataclass(slots=True)
 class RecordedConnection:
-    """One connection of a recording.
-
-    Attributes
-    ----------
-    chunks : list of (seconds since the connection was opened, bytes)
-    ended_after_s : float or None
-        When it ended; None where the recording stopped first.
-    """
+    """One connection of a recording: chunks with seconds since its opening, and when it ended."""
 
     chunks: list[tuple[float, bytes]] = field(default_factory=list)
     ended_after_s: float | None = None

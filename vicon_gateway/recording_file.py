@@ -16,13 +16,7 @@ class RecordingFileError(ValueError):
 
 
 def check_creatable(path: Path) -> None:
-    """Make sure that a recording can be created; nothing is left behind.
-
-    Raises
-    ------
-    RecordingFileError
-        It cannot.
-    """
+    """Raise `RecordingFileError` if a recording cannot be created; nothing is left behind."""
     with _created(path) as file:
         Path(file.name).unlink()
 
@@ -43,15 +37,7 @@ def _created(path: Path) -> BinaryIO:
 
 
 class RecordingFile:
-    """A file to record into; it is closed at the end.
-
-    Parameters
-    ----------
-    file : BinaryIO
-        Opened for writing.
-    path : Path
-        Where it is.
-    """
+    """A file to record into; it is closed at the end."""
 
     def __init__(self, file: BinaryIO, path: Path) -> None:
         self.path = path
@@ -65,23 +51,15 @@ class RecordingFile:
 
     @classmethod
     def create(cls, path: Path) -> Self:
-        """Create a new file; if there is one already, it is kept and a number added to the new name.
-
-        Raises
-        ------
-        RecordingFileError
-            The file cannot be created.
+        """Create a new file, with a number added to its name if there is one already; raises
+        `RecordingFileError`.
         """
         file = _created(path)
         return cls(file, Path(file.name))
 
     def write(self, data: bytes) -> None:
-        """Have bytes written, without waiting.
-
-        Raises
-        ------
-        OSError
-            Earlier bytes could not be written, or the disk is too far behind.
+        """Queue bytes for writing; raises `OSError` if earlier ones could not be written, or the disk is too
+        slow.
         """
         if self._error is not None:
             raise self._error

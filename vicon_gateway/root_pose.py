@@ -12,15 +12,7 @@ MAX_POSITION_MM: Final = 1e6
 
 
 def root_pose(root: RootNumbers, y_up: bool) -> tuple[Position, Quaternion] | None:
-    """Position in metres and unit quaternion, Z up; None for numbers that are no pose.
-
-    Parameters
-    ----------
-    root
-        Of the root segment, in the Tracker's world.
-    y_up
-        Whether Y points up in the Tracker's world.
-    """
+    """Position in metres and unit quaternion, Z up, of a root segment; None for numbers that are no pose."""
     x, y, z, *matrix = root
     limit = MAX_POSITION_MM
     if not (-limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit):

@@ -19,18 +19,16 @@ class BrandSettings:
 
 @dataclass(frozen=True)
 class TrackerSettings:
-    """The motion capture to read.
+    """Motion capture to read.
 
     Attributes
     ----------
-    host, port
-        Address of the data stream.
     subjects
         Vehicle name by subject name.
     brand
         Motion capture of another brand; None for a Vicon Tracker, read by our own client.
     record_raw
-        Where to record the raw stream, None for nowhere; a file that is there is not overwritten.
+        Where to record the raw stream, None for nowhere; an existing file is not overwritten.
     """
 
     bus: BusAddress

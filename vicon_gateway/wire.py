@@ -36,17 +36,10 @@ def encode_packet(*objects: bytes) -> bytes:
 
 
 def split_objects(body: bytes) -> list[tuple[int, bytes]]:
-    """Cut a packet body into its objects.
+    """Split a packet body into its objects, (type, payload) in the order of the packet, unknown types
+    included.
 
-    Returns
-    -------
-    list of (type, payload)
-        In the order of the packet; unknown types included.
-
-    Raises
-    ------
-    WireError
-        A length that exceeds the body, a cut header, or more than `MAX_OBJECTS` objects.
+    Raises `WireError` for a length that exceeds the body, a cut header, or more than `MAX_OBJECTS` objects.
     """
     objects: list[tuple[int, bytes]] = []
     position, end = 0, len(body)
@@ -87,10 +80,7 @@ class PacketReader:
     def next_body(self) -> bytes | None:
         """Return the body of the next complete packet, None when more bytes are needed.
 
-        Raises
-        ------
-        WireError
-            Wrong magic (judged from the first byte on) or a body longer than the limit.
+        Raises `WireError` for a wrong magic (judged from the first byte on) or a body longer than the limit.
         """
         buffer = self._buffer
         if buffer[:4] != _MAGIC_BYTES[: len(buffer)]:

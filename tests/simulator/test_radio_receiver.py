@@ -12,7 +12,7 @@ def packet(time_s: float, *, rf_channels: int = 1, model_match: int = 3, weak: b
 
 def stream(receiver: Receiver, start_s: float, end_s: float, **fields: int) -> None:
     for n in range(round((end_s - start_s) / 0.022)):
-        receiver.hear(packet(start_s + n * 0.022, **fields))
+        receiver.receive(packet(start_s + n * 0.022, **fields))
 
 
 def linked(until_s: float = 4.0) -> Receiver:
@@ -53,7 +53,7 @@ def test_lost_signal_holds_for_a_second_then_cuts_only_the_throttle() -> None:
 
 def test_control_returns_at_once_on_unchanged_channels() -> None:
     receiver = linked()
-    receiver.hear(packet(9.0))
+    receiver.receive(packet(9.0))
     assert receiver.output(9.01).state is ReceiverState.LINKED
 
 
@@ -77,7 +77,7 @@ def test_power_cycle_searches_again() -> None:
 def test_weak_packets_do_not_reach_a_receiver_too_far_away() -> None:
     near, far = Receiver(3, connect_s=0.0), Receiver(3, connect_s=0.0, in_range_check_reach=False)
     for receiver in (near, far):
-        receiver.hear(packet(0.0, weak=True))
+        receiver.receive(packet(0.0, weak=True))
     assert near.output(0.0).state is ReceiverState.LINKED
     assert far.output(0.0).state is ReceiverState.SEARCHING
 
@@ -88,10 +88,10 @@ def test_throttle_at_bind_becomes_the_failsafe(throttle: float, stored: float) -
     receiver.enter_bind_mode()
     assert receiver.output(0.0).state is ReceiverState.BIND
     for n in range(20):
-        receiver.hear(AirPacket(n * 0.01, 1, 7, (), bind=True))
+        receiver.receive(AirPacket(n * 0.01, 1, 7, (), bind=True))
     for n in range(500):
         pulses = (throttle if n < 300 else 1700.0, *HOVER[1:])
-        receiver.hear(AirPacket(1.0 + n * 0.022, 1, 7, pulses))
+        receiver.receive(AirPacket(1.0 + n * 0.022, 1, 7, pulses))
     failsafe = receiver.output(100.0)
     assert failsafe.state is ReceiverState.FAILSAFE
     assert failsafe.pulses_us[0] == stored

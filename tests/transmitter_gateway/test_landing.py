@@ -167,10 +167,10 @@ def test_figures_of_the_law_are_those_it_was_flown_with() -> None:
 def test_effect_of_a_stick_is_expected_with_its_lag_and_forgotten_in_a_second() -> None:
     """One step of 20 ms: 1 - exp(-0.02 / 0.15) of 1 m/s^2 is due, and 0.1 m/s are gained."""
     found = StickEffect()
-    assert (found.sense, found.asked_m_s2, found.work) == (1.0, 0.0, 0.0)
+    assert (found.sense, found.commanded_m_s2, found.work) == (1.0, 0.0, 0.0)
     found.note(0.0, STEP_S)
     assert (found.work, found.share) == (0.0, 0.0)
-    found.asked_m_s2 = 1.0
+    found.commanded_m_s2 = 1.0
     found.note(0.1, STEP_S)
     due = 1.0 - math.exp(-0.02 / 0.15)
     assert found.work == pytest.approx(0.1 * due)
@@ -317,21 +317,21 @@ def test_vehicle_that_does_not_obey_changes_its_climb_rate_faster() -> None:
     )
 
 
-def effect(asked_m_s2: float, gained_m_s2: float, seconds: float = 0.6) -> StickEffect:
+def effect(commanded_m_s2: float, gained_m_s2: float, seconds: float = 0.6) -> StickEffect:
     """A stick that asks for an acceleration, and its vehicle, which has another one."""
     found = StickEffect()
-    found.asked_m_s2 = asked_m_s2
+    found.commanded_m_s2 = commanded_m_s2
     for n in range(round(seconds / STEP_S)):
         found.note(gained_m_s2 * n * STEP_S, STEP_S)
     return found
 
 
-@pytest.mark.parametrize("asked_m_s2", [-1.0, 1.0])
+@pytest.mark.parametrize("commanded_m_s2", [-1.0, 1.0])
 @pytest.mark.parametrize("share", [-1.0, -0.5, 0.0, 0.5, 1.0])
 def test_effect_of_a_stick_is_the_share_of_what_was_asked_for_that_was_seen(
-    asked_m_s2: float, share: float
+    commanded_m_s2: float, share: float
 ) -> None:
-    found = effect(asked_m_s2, share * asked_m_s2, seconds=3.0)
+    found = effect(commanded_m_s2, share * commanded_m_s2, seconds=3.0)
     assert found.share == pytest.approx(share, abs=0.1)
     assert found.work == pytest.approx(share * 0.88, abs=0.1)
 
@@ -360,7 +360,7 @@ def test_effect_is_that_of_the_last_seconds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked_m_s2", "share", "sense"),
+    ("commanded_m_s2", "share", "sense"),
     [
         (1.6, 0.0, 0.0),
         (1.6, 0.15, 0.0),
@@ -371,9 +371,9 @@ def test_effect_is_that_of_the_last_seconds() -> None:
     ],
 )
 def test_stick_that_has_asked_for_much_without_effect_is_given_up(
-    asked_m_s2: float, share: float, sense: float
+    commanded_m_s2: float, share: float, sense: float
 ) -> None:
-    assert effect(asked_m_s2, share * asked_m_s2, seconds=1.5).sense == sense
+    assert effect(commanded_m_s2, share * commanded_m_s2, seconds=1.5).sense == sense
 
 
 def test_stick_without_effect_is_left_at_rest_and_the_other_one_goes_on() -> None:

@@ -33,16 +33,8 @@ class FrameDecodeError(ProtocolError):
 
 @dataclass(frozen=True, slots=True)
 class SerialLine:
-    """Settings of a serial line.
-
-    Parameters
-    ----------
-    baud : int
-        Bits per second.
-    parity : {"N", "E"}
-        None or even. A pseudo-terminal drops parity, so simulations configure "N".
-    stop_bits : {1, 2}
-        Number of stop bits.
+    """Settings of a serial line; parity is "N" or "E". A pseudo-terminal drops parity, so simulations use
+    "N".
     """
 
     baud: int
@@ -95,26 +87,18 @@ class ModuleStatus:
 class RadioProtocol(ABC):
     """One radio: how pulse widths become bytes, when frames may be sent, what the module answers.
 
-    A protocol object belongs to one serial port. It knows no port and no clock; times are passed in.
+    A protocol object belongs to one serial port. It has no port and no clock; times are passed in.
 
     Attributes
     ----------
-    name : str
-        Name in the fleet file.
-    offers : frozenset of str
+    offers
         Flags the radio understands.
-    binds_at_power_up : bool
-        The radio looks at the bind flag only in its first frames after it was switched on.
-    line : SerialLine
-        Serial line the radio expects.
-    channel_count : int
-        Number of channels a frame carries.
-    pulse_range_us : tuple of float
-        Shortest and longest pulse width that can be encoded [us], both finite.
-    minimum_interval_s : float
-        Shortest time between the starts of two frames [s].
-    keepalive_s : float
-        Longest wanted time between the starts of two frames [s].
+    binds_at_power_up
+        The radio reads the bind flag only in its first frames after it was switched on.
+    pulse_range_us
+        Shortest and longest pulse width that can be encoded, both finite.
+    minimum_interval_s, keepalive_s
+        Shortest possible and longest wanted time between the starts of two frames.
     """
 
     name: ClassVar[str]
@@ -134,13 +118,10 @@ class RadioProtocol(ABC):
 
         Parameters
         ----------
-        pulses_us : sequence of float
-            Pulse widths [us], throttle, aileron, elevator, rudder, gear, aux1, ...; channels not given are
-            sent centred.
-        flags : FrameFlags
-            What the frame asks for besides the channel values.
-        disarmed : bool
-            True when the caller knows that the vehicle is not flying; binding needs it.
+        pulses_us
+            Throttle, aileron, elevator, rudder, gear, aux1, ...; channels not given are sent centred.
+        disarmed
+            The caller knows that the vehicle is not flying; binding needs it.
 
         Raises
         ------
@@ -154,13 +135,7 @@ class RadioProtocol(ABC):
 
     @abstractmethod
     def decode(self, frame: bytes) -> DecodedFrame:
-        """Read a channel frame back.
-
-        Raises
-        ------
-        FrameDecodeError
-            `frame` is not a complete channel frame of this protocol.
-        """
+        """Read a channel frame back; raises `FrameDecodeError` if it is no complete one of this protocol."""
 
     @abstractmethod
     def link_opened(self, now_s: float) -> None:
@@ -170,7 +145,7 @@ class RadioProtocol(ABC):
     def link_resumed(self, now_s: float) -> None:
         """Open the link to a module that an earlier process found ready a moment ago.
 
-        It counts as ready until it says otherwise, or until it has been silent for too long.
+        It counts as ready until it reports otherwise, or has been silent for too long.
         """
 
     @abstractmethod
@@ -182,19 +157,13 @@ class RadioProtocol(ABC):
         """Judge the module at `now_s` from what it answered."""
 
     def check(self, pulses_us: Sequence[float]) -> list[float]:
-        """Complete `pulses_us` [us] to `channel_count` channels after checking every one.
-
-        Raises
-        ------
-        PulseRangeError
-            A pulse width is not finite, outside `pulse_range_us`, or there are too many of them.
-        """
+        """Check pulse widths [us] and complete them to `channel_count`; raises `PulseRangeError`."""
         if len(pulses_us) > self.channel_count:
             raise PulseRangeError(
                 f"{self.name}: {len(pulses_us)} channels given, {self.channel_count} are possible"
             )
         low, high = self.pulse_range_us
-        # For every frame. The least and the greatest do not tell of a NaN; the sum does.
+        # Minimum and maximum do not show a NaN; the sum does.
         inside = low <= min(pulses_us, default=low) and max(pulses_us, default=high) <= high
         if not inside or math.isnan(sum(pulses_us)):
             index = next(index for index, pulse in enumerate(pulses_us) if not low <= pulse <= high)
@@ -215,13 +184,7 @@ class RadioProtocol(ABC):
 
 
 class OneWayRadio(RadioProtocol):
-    """A radio that never answers: taken as ready after it was fed for a settling time.
-
-    Attributes
-    ----------
-    settling_s : float
-        Time from opening the port until the radio counts as ready [s].
-    """
+    """A radio that never answers: it counts as ready `settling_s` after the port was opened."""
 
     settling_s: float = 1.0
     _opened_s: float | None = None

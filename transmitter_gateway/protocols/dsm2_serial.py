@@ -30,15 +30,7 @@ RANGE_CHECK = 0x20
 
 @dataclass(frozen=True, slots=True)
 class Dsm2Settings:
-    """Header and model match of the frames.
-
-    Parameters
-    ----------
-    model : int
-        Model match number, 0..63.
-    family : {"dsm2", "dsmx", "lp"}
-        Radio board: DSM2 only, DSMX/DSM2, or a LP4DSM/LP5DSM board.
-    """
+    """Model match number, 0..63, and radio board: DSM2 only, DSMX/DSM2, or a LP4DSM/LP5DSM board ("lp")."""
 
     model: int = 0
     family: str = "dsm2"
@@ -63,7 +55,7 @@ class Dsm2SerialProtocol(OneWayRadio):
     """Driver of a bare radio board.
 
     The board answers nothing and is assumed to repeat its last frame for ever, so silence stops no motor. It
-    looks at the bind flag only just after power-up: power it up while bind frames are sent.
+    reads the bind flag only just after power-up: power it up while bind frames are sent.
     """
 
     name: ClassVar[str] = "dsm2_serial"

@@ -48,15 +48,15 @@ VERSION, ANSWER_LENGTH = 0xFF, 18
 
 @dataclass(frozen=True, slots=True)
 class DsmpSettings:
-    """How the module is to transmit.
+    """Settings of the module.
 
     Parameters
     ----------
-    model : int
+    model
         Model match number, 0..255; firmware 1 ignores it.
-    channels : int
+    channels
         Number of channels, 3..12.
-    dsmx, eleven_ms, eleven_bit : bool
+    dsmx, eleven_ms, eleven_bit
         DSMX instead of DSM2, 11 ms instead of 22 ms, 2048 instead of 1024 steps.
     """
 
@@ -106,10 +106,10 @@ class DsmpProtocol(OneWayRadio):
         self._frames_since_setup = 0
         self._pass = 1
         self._binding = False
-        self._bind_asked = False
+        self._bind_requested = False
 
     def link_opened(self, now_s: float) -> None:
-        """Start the schedule anew."""
+        """Restart the schedule."""
         super().link_opened(now_s)
         self._forget()
 
@@ -119,9 +119,9 @@ class DsmpProtocol(OneWayRadio):
         """Build the next frame of the schedule; see `RadioProtocol.encode`."""
         self._refuse(flags, disarmed)
         pulses = self.check(pulses_us)
-        if flags.bind and not self._bind_asked:
+        if flags.bind and not self._bind_requested:
             self._binding = True
-        self._bind_asked = flags.bind
+        self._bind_requested = flags.bind
         setup = self._setup_frame(flags)
         if setup != self._setup or self._frames_since_setup >= self._setup_every(flags):
             self._setup = setup

@@ -55,13 +55,7 @@ def pulse_of(count: int) -> float:
 
 
 def pack_channels(counts: Sequence[int]) -> bytes:
-    """Pack 16 values of 11 bits into 22 bytes, first channel in the lowest bits.
-
-    Raises
-    ------
-    PulseRangeError
-        Not exactly 16 values, or one outside 0..2047.
-    """
+    """Pack 16 values of 11 bits into 22 bytes, first channel in the lowest bits; raises `PulseRangeError`."""
     if len(counts) != CHANNEL_COUNT:
         raise PulseRangeError(f"multi: {len(counts)} channel values given, exactly 16 are needed")
     if min(counts) < 0 or max(counts) > 2047:
@@ -117,10 +111,7 @@ class MultiFrame(Struct, frozen=True):
     def from_bytes(frame: bytes) -> MultiFrame:
         """Decode a frame of 26 to 36 bytes; bytes after the 27th are protocol data and ignored.
 
-        Raises
-        ------
-        FrameDecodeError
-            Wrong length or header.
+        Raises `FrameDecodeError` for a wrong length or header.
         """
         if not 26 <= len(frame) <= 36:
             raise FrameDecodeError(f"multi: frame of {len(frame)} bytes, 26 to 36 are possible")
@@ -152,22 +143,22 @@ def _without_channels(header: bytes, last: int) -> MultiFrame:
 
 @dataclass(frozen=True, slots=True)
 class MultiSettings:
-    """How the module is to transmit.
+    """Settings of the module.
 
     Parameters
     ----------
-    rx_num : int
+    rx_num
         Model match number, 0..63; each vehicle has its own.
-    sub_protocol : int
+    sub_protocol
         0 DSM2_1F (22 ms, 1024), 1 DSM2_2F (2048), 2 DSMX_1F (22 ms, 2048), 3 DSMX_2F.
-    channels : int
+    channels
         Number of channels on air, 3..12.
-    eleven_ms : bool
+    eleven_ms
         Send data every 11 ms (sub-protocols 1 and 3).
-    inverted_line : bool
+    inverted_line
         Polarity bit: True for a JR-bay module on an inverted line, False for an internal one. A wrong value
         makes the module deaf until it is power cycled.
-    answers_wired : bool
+    answers_wired
         False when the module's return line is not connected; readiness is then assumed.
     """
 
@@ -280,7 +271,7 @@ class MultiProtocol(RadioProtocol):
                 self._answered_s = now_s
 
     def status(self, now_s: float) -> ModuleStatus:
-        """Ready when the module says so and has been heard within 2 s (section 3.6)."""
+        """Ready when the module reports it and its last answer is at most 2 s old."""
         if self._opened_s is None:
             return ModuleStatus(False, False, "port not open")
         if not self.settings.answers_wired:

@@ -108,12 +108,7 @@ def _interpret(kind: int, payload: bytes) -> MultiAnswer | None:
 class AnswerParser:
     """Finds answers in a byte stream that may be cut anywhere and may contain garbage.
 
-    Attributes
-    ----------
-    skipped_bytes : int
-        Bytes that belonged to no answer.
-    unknown_answers : int
-        Complete answers of an unknown type or too short for their type.
+    It counts bytes that belonged to no answer, and answers of an unknown type or too short for their type.
     """
 
     def __init__(self) -> None:

@@ -30,15 +30,7 @@ DIGITAL_OFF = ord("0")
 
 @dataclass(frozen=True, slots=True)
 class PpmSettings:
-    """What the transmitter's trainer port expects.
-
-    Parameters
-    ----------
-    channels : int
-        Number of trainer channels, 4..8.
-    order : str
-        Order in which the radio expects throttle, aileron, elevator and rudder, such as "TAER" or "AETR".
-    """
+    """Trainer port: 4 to 8 channels, and the order of the first four, such as "TAER"."""
 
     channels: int = 6
     order: str = "TAER"

@@ -20,34 +20,17 @@ PROTOCOL_NAMES = tuple(_KINDS)
 
 
 def default_line(name: str) -> SerialLine:
-    """Serial line settings the radio expects.
-
-    Raises
-    ------
-    ProtocolError
-        No such radio.
-    """
+    """Serial line settings that a radio expects; raises `ProtocolError` if there is no such radio."""
     return _kind(name)[2]
 
 
 def create_protocol(
     name: str, options: Mapping[str, object] | None = None, line: SerialLine | None = None
 ) -> RadioProtocol:
-    """Make the protocol `name`.
+    """Create a protocol of `PROTOCOL_NAMES`.
 
-    Parameters
-    ----------
-    name : str
-        One of `PROTOCOL_NAMES`.
-    options : mapping, optional
-        Fields of the radio's settings class.
-    line : SerialLine, optional
-        Line settings other than the radio's own, such as parity "N" on a pseudo-terminal.
-
-    Raises
-    ------
-    ProtocolError
-        Unknown radio, unknown option, or an option's value that is not allowed.
+    `options` are fields of its settings class, `line` line settings other than the radio's own. Raises
+    `ProtocolError` for an unknown radio or option, or a value that is not allowed.
     """
     settings_class, protocol_class, own_line = _kind(name)
     allowed = {item.name: type(item.default) for item in fields(settings_class)}
