@@ -42,8 +42,6 @@ class FirstOrderPlant(Plant):
     def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> None:
         self.model, self.trim = specimen(model, conditions, random_stream(seed, name, PARAMETERS))
         self._tilt_limit_rad = tilt_limit_rad(self.model) if model.kind == QUADROTOR.kind else 0.0
-        self._lag_rates = four([1 / lag if lag > 0 else math.inf for lag in self.model.lag_s])
-        self._set_step(conditions.substep_s)
         super().__init__(name, model, conditions, seed, start)
 
     @property
@@ -69,19 +67,13 @@ class FirstOrderPlant(Plant):
         pitch, roll, thrust, yaw = (u + offset for u, offset in zip(sticks, self.trim, strict=True))
         self._target = (pitch, roll, max(thrust, 0.0), yaw)
 
-    def _set_step(self, step_s: float) -> None:
-        """Compute the exact poles of the actuator lags over half a step and a whole step."""
-        self._step_s = step_s
-        p, r, t, y = self._lag_rates
-        half_s = 0.5 * step_s
-        p, r, t, y = (
-            math.exp(-half_s * p),
-            math.exp(-half_s * r),
-            math.exp(-half_s * t),
-            math.exp(-half_s * y),
-        )
-        self._half = p, r, t, y
-        self._full = p * p, r * r, t * t, y * y
+    def _lagged(self, time_s: float) -> Four:
+        """Actuators after some time at the present targets, exactly."""
+        pitch, roll, thrust, yaw = [
+            target + (position - target) * math.exp(-time_s / lag_s) if lag_s > 0.0 else target
+            for position, target, lag_s in zip(self._actuator, self._target, self.model.lag_s, strict=True)
+        ]
+        return pitch, roll, thrust, yaw
 
     def _attitude(self, actuator: Four) -> tuple[float, float]:
         """Pitch and roll; where sticks are accelerations, the tilt that these accelerations need."""
@@ -111,24 +103,10 @@ class FirstOrderPlant(Plant):
         )
 
     def _actuate(self, step_s: float) -> Four:
-        """Exact response of the actuators over a substep; returns where they were in its middle."""
-        if step_s != self._step_s:
-            self._set_step(step_s)
-        half, full = self._half, self._full
-        p, r, t, y = self._actuator
-        up, ur, ut, uy = self._target
-        self._actuator = (
-            up + (p - up) * full[0],
-            ur + (r - ur) * full[1],
-            ut + (t - ut) * full[2],
-            uy + (y - uy) * full[3],
-        )
-        return (
-            up + (p - up) * half[0],
-            ur + (r - ur) * half[1],
-            ut + (t - ut) * half[2],
-            uy + (y - uy) * half[3],
-        )
+        """Advance the actuators by a substep; returns where they were in its middle."""
+        middle = self._lagged(0.5 * step_s)
+        self._actuator = self._lagged(step_s)
+        return middle
 
     def _stand(self, step_s: float) -> float:
         self._actuate(step_s)

@@ -118,7 +118,7 @@ class Laboratory:
         self._time_s += duration_s
 
     def set_input(self, name: str, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
-        """Set the sticks of vehicle `name` after some time: pitch, roll, thrust, yaw, normalised. Motors run."""
+        """Set pitch, roll, thrust and yaw stick of vehicle `name` after some time. Motors run."""
         self.plant(name).set_input(inputs, after_s)
 
     def stop_motors(self, name: str, after_s: float = 0.0) -> None:

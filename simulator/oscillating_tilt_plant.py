@@ -51,19 +51,12 @@ class OscillatingTiltPlant(FirstOrderPlant):
         self._swing = (0.0, 0.0)
         """Rates of pitch and roll, per second of a full stick's tilt."""
 
-    def _set_step(self, step_s: float) -> None:
-        super()._set_step(step_s)
-        self._half_swing, self._full_swing = (
-            _transition(self._oscillator, 0.5 * step_s),
-            _transition(self._oscillator, step_s),
-        )
-
     def _actuate(self, step_s: float) -> Four:
-        """Exact response of oscillators and lags over a substep; returns where they were in its middle."""
+        """Advance oscillators and lags by a substep; returns where they were in its middle."""
         (pitch, roll, _, _), (pitch_rate, roll_rate) = self._actuator, self._swing
         *_, thrust, yaw = super()._actuate(step_s)
         to_pitch, to_roll = self._target[:2]
-        half, full = self._half_swing, self._full_swing
+        half, full = _transition(self._oscillator, 0.5 * step_s), _transition(self._oscillator, step_s)
         middle_pitch, _ = _moved(half, pitch, pitch_rate, to_pitch)
         middle_roll, _ = _moved(half, roll, roll_rate, to_roll)
         pitch, pitch_rate = _moved(full, pitch, pitch_rate, to_pitch)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 
 from rcopterx.simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
 from rcopterx.transmitter_gateway.protocols.base import ten_bit_pulse_us
@@ -11,7 +10,7 @@ from rcopterx.transmitter_gateway.protocols.multi import (
     CENTER_COUNT,
     DSM,
     FRAME_LENGTH,
-    KILL_CHANNEL,
+    KILL_COUNT,
     MultiFrame,
     pulse_of,
 )
@@ -31,12 +30,10 @@ BIND_START_S = 0.13
 BIND_PACKETS = 181
 BIND_PACKET_S = 0.01
 BIND_LISTEN_END_S = 6.03
-AUTOBIND_CHANNEL = 15
 
 SUB_PROTOCOL_NAMES = ("2 1F", "2 2F", "X 1F", "X 2F", "Auto", "R 1F", "2SFC")
 VERSION = bytes((1, 3, 4, 72))
 ORDER_AETR = 0xE4
-PULSES_US = tuple(pulse_of(count) for count in range(2048))
 # Order in which a build expects A, E, T, R on the line; we number T, A, E, R.
 MAPPED_TO_TAER = (2, 0, 1, 3)
 
@@ -50,12 +47,6 @@ def air_pulse_us(count: int, *, ten_bit: bool) -> float:
     """Pulse width [us] that a receiver decodes of an 11-bit value on the line, sent with 10 or 11 bits."""
     value = air_value(count)
     return ten_bit_pulse_us(float(value >> 1) if ten_bit else value / 2)
-
-
-@cache
-def _air_pulses_us(*, ten_bit: bool) -> tuple[float, ...]:
-    """`air_pulse_us` of every value on the line."""
-    return tuple(air_pulse_us(count, ten_bit=ten_bit) for count in range(2048))
 
 
 def killed_throttle(count: int) -> int | None:
@@ -158,9 +149,8 @@ class MultiModule(RadioModule):
         self._log(frame, end_s)
 
     def _log(self, frame: MultiFrame, end_s: float) -> None:
-        counts = self._ordered(frame)
-        pulses = tuple(map(PULSES_US.__getitem__, counts))
-        self.frames.append(SerialFrame(end_s, pulses, counts[KILL_CHANNEL] <= 204, frame.bind))
+        pulses = tuple(pulse_of(count) for count in self._ordered(frame))
+        self.frames.append(SerialFrame(end_s, pulses, frame.kill_count <= KILL_COUNT, frame.bind))
 
     @staticmethod
     def _ordered(frame: MultiFrame) -> tuple[int, ...]:
@@ -226,7 +216,7 @@ class MultiModule(RadioModule):
             return
         fast = frame.sub_protocol in (1, 3) and frame.option & 0x40
         self._next_rf_s = now_s + (FAST_PERIOD_S if fast else SLOW_PERIOD_S)
-        waiting_for_autobind = frame.autobind and frame.counts[AUTOBIND_CHANNEL] <= CENTER_COUNT
+        waiting_for_autobind = frame.autobind and frame.autobind_count <= CENTER_COUNT
         if self._valid() and not waiting_for_autobind:
             pulses = self._on_air(frame)
             self._packets.append(
@@ -235,10 +225,9 @@ class MultiModule(RadioModule):
 
     def _on_air(self, frame: MultiFrame) -> tuple[float, ...]:
         wanted = frame.option & 0x0F
-        counts = self._ordered(frame)
-        table = _air_pulses_us(ten_bit=frame.sub_protocol == 0)
-        pulses = list(map(table.__getitem__, counts[: wanted if 3 <= wanted <= 12 else 6]))
-        killed = killed_throttle(counts[KILL_CHANNEL])
+        counts = self._ordered(frame)[: wanted if 3 <= wanted <= 12 else 6]
+        pulses = [air_pulse_us(count, ten_bit=frame.sub_protocol == 0) for count in counts]
+        killed = killed_throttle(frame.kill_count)
         if killed is not None:
             pulses[0] = ten_bit_pulse_us(killed)
         return tuple(pulses)

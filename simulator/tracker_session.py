@@ -4,7 +4,6 @@ Received bytes and captured frames go in, bytes to send come out. No socket, no 
 """
 
 from collections.abc import Mapping
-from functools import lru_cache
 from itertools import chain
 
 from rcopterx.simulator.tracker_frame import FrameContent
@@ -25,7 +24,6 @@ from rcopterx.vicon_gateway.objects import decode_body
 from rcopterx.vicon_gateway.wire import PacketReader, encode_packet
 
 EMPTY_PACKET = encode_packet()
-_NOTHING: list[bytes] = []
 MAX_REQUEST_BYTES = 64 * 1024
 MAX_OWED_FRAMES = 1_000_000
 
@@ -121,11 +119,12 @@ class TrackerConnection:
         objects = {kind: content.objects(kind, allowed(kind)) for kind in self._kinds}
         unchanged = self._unchanged(objects)
         self._sent = objects
-        present = [_NOTHING if kind in unchanged else items for kind, items in objects.items()]
+        present = [[] if kind in unchanged else items for kind, items in objects.items()]
         parts = chain.from_iterable(present)
         if _CONTENTS not in self.selection:
             return encode_packet(*parts)
-        return encode_packet(_contents(self._kinds, tuple(map(len, present)), unchanged), *parts)
+        counts = dict(zip(objects, map(len, present), strict=True))
+        return encode_packet(Contents(counts, unchanged).encode(), *parts)
 
     def _unchanged(self, objects: Mapping[int, list[bytes]]) -> frozenset[int]:
         """Return the types to leave out; none for a client without the Contents object that names them."""
@@ -141,9 +140,3 @@ class TrackerConnection:
             # Without any static object in the packet the client would keep what is gone (section 6.6).
             same.discard(_STREAM_INFO)
         return frozenset(same)
-
-
-@lru_cache(maxsize=64)
-def _contents(kinds: tuple[int, ...], counts: tuple[int, ...], unchanged: frozenset[int]) -> bytes:
-    """Return what a packet holds, encoded: the same for nearly every packet of a steady stream."""
-    return Contents(dict(zip(kinds, counts, strict=True)), unchanged).encode()

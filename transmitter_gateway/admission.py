@@ -7,10 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import chain
 from numbers import Real
-from operator import le
-from typing import cast
 
 from msgspec import Struct
 
@@ -72,7 +69,6 @@ class Admission:
             (lower - limits.tolerance, lower, upper, upper + limits.tolerance)
             for lower, upper in zip(limits.lower, limits.upper, strict=True)
         )
-        self._lowest, self._highest = limits.lower * LONGEST_PLAN, limits.upper * LONGEST_PLAN
         self._counters = counters
         self.stream: Stream | None = None
         self.leases = Leases()
@@ -106,8 +102,7 @@ class Admission:
         if set(map(type, numbers)) != {int} or min(numbers) < 0:
             return Rejection.MALFORMED
         period = command.period_s
-        # Nearly all are floats; asking for the abstract type takes long.
-        if type(period) is not float and (isinstance(period, bool) or not isinstance(period, Real)):
+        if isinstance(period, bool) or not isinstance(period, Real):
             return Rejection.MALFORMED
         if not 0 < period <= self._limits.longest_period_s:
             return Rejection.NOT_FINITE if not math.isfinite(period) else Rejection.OUT_OF_LIMITS
@@ -124,8 +119,6 @@ class Admission:
 
     def _check_plan(self, plan: tuple[Sequence[float], ...]) -> tuple[Input, ...] | Rejection:
         """Clamp all inputs; the first bad one gives the reason."""
-        if self._is_within(plan):
-            return cast(tuple[Input, ...], plan)
         inputs: list[Input] = []
         for values in plan:
             checked = self._check_input(values)
@@ -133,16 +126,6 @@ class Admission:
                 return checked
             inputs.append(checked)
         return tuple(inputs)
-
-    def _is_within(self, plan: tuple[Sequence[float], ...]) -> bool:
-        """Whether all inputs are four floats within their limits, as in nearly all commands."""
-        if set(map(type, plan)) != {tuple} or set(map(len, plan)) != {4}:
-            return False
-        numbers = tuple(chain.from_iterable(plan))
-        if set(map(type, numbers)) != {float}:
-            return False
-        # Comparisons with a NaN do not hold.
-        return all(map(le, self._lowest, numbers)) and all(map(le, numbers, self._highest))
 
     def _check_input(self, values: Sequence[float]) -> Input | Rejection:
         """Clamp an input; what is worst about a bad one is the reason: form, then finiteness, then limits."""
@@ -155,7 +138,7 @@ class Admission:
         rejection: Rejection | None = None
         clamped: list[float] = []
         for value, (lowest, lower, upper, highest) in zip(numbers, self._bounds, strict=True):
-            if type(value) is not float and (isinstance(value, bool) or not isinstance(value, Real)):
+            if isinstance(value, bool) or not isinstance(value, Real):
                 return Rejection.MALFORMED
             if lowest <= value <= highest:
                 clamped.append(min(max(float(value), lower), upper))

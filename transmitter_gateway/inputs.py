@@ -25,9 +25,6 @@ class State(StrEnum):
     CUT = "CUT"
     KILLED = "KILLED"
 
-    # An enumeration's own hash is a Python function, and states are looked up all the time.
-    __hash__ = str.__hash__
-
 
 NAMES = {state: state.value.lower() for state in State}
 """States as messages call them."""

@@ -57,9 +57,6 @@ class WriteOutcome(StrEnum):
     SHORT = "short writes"
     FAILED = "failed writes"
 
-    # An enumeration's own hash is a Python function, and every frame is counted.
-    __hash__ = str.__hash__
-
 
 class SerialPort:
     """A port that is opened and reopened by `service` and written frame by frame.

@@ -21,7 +21,6 @@ SINK_M_S2 = 2.5
 SHORTEST_STEP_S = 1e-3
 FORGET_AFTER_S = 1.0
 MOST_OTHERS = 63
-CEILING = 2
 STANDING_M = 0.2
 """Markers of a vehicle that stands on the floor are not higher."""
 LIFTED_M = 0.03
@@ -140,11 +139,12 @@ class Surveillance:
         return "old pose frame" if pose.epoch == track.epoch else "pose of an older epoch"
 
     def _is_stuck(self, track: Track, position: Position, airborne: bool) -> bool:
+        _, _, height_m = position
         if not airborne:
-            self._stood_at_m = position[CEILING]
+            self._stood_at_m = height_m
         if self._limits.trust_repeated_poses or position != track.position_m:
             return False
-        return self._stood_at_m is None or position[CEILING] > self._stood_at_m + LIFTED_M
+        return self._stood_at_m is None or height_m > self._stood_at_m + LIFTED_M
 
     def _is_jump(self, track: Track, position: Position, now_s: float) -> bool:
         limits = self._limits

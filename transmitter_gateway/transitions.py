@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import lru_cache
 
 from rcopterx.transmitter_gateway.inputs import FLYING, State
 
@@ -40,9 +39,6 @@ class Condition(StrEnum):
     HOLD_OVER = "hold lasted too long"
     LANDING_OVER = "landing lasted too long"
     DESCENT_OVER = "descent lasted its time"
-
-    # An enumeration's own hash is a Python function, and sets of conditions are built all the time.
-    __hash__ = str.__hash__
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +121,6 @@ TRANSITIONS: tuple[Transition, ...] = (
 ARMING = TRANSITIONS[-1]
 
 
-@lru_cache(maxsize=1024)
 def find_transition(state: State, conditions: frozenset[Condition]) -> Transition | None:
     """First row of the table that fits, or None to stay."""
     return next((row for row in TRANSITIONS if state in row.states and row.fits(conditions)), None)

@@ -20,7 +20,6 @@ class CarryOver:
     def __init__(self) -> None:
         self.payloads: dict[int, list[bytes]] = {}
         self.contents: Contents | None = None
-        self._contents_payload = b""
 
     def apply(self, objects: Iterable[tuple[int, bytes]]) -> bool:
         """Apply one packet's objects; True when it makes a frame, that is, carries a dynamic object.
@@ -29,10 +28,7 @@ class CarryOver:
         """
         present: dict[int, list[bytes]] = {}
         for kind, payload in objects:
-            if kind in present:
-                present[kind].append(payload)
-            else:
-                present[kind] = [payload]
+            present.setdefault(kind, []).append(payload)
         unchanged = self._unchanged(present.pop(_CONTENTS, None))
         is_frame = not DYNAMIC_TYPES.isdisjoint(present)
         kept = self.payloads
@@ -48,8 +44,5 @@ class CarryOver:
         if payloads is None:
             self.contents = None
             return _NOTHING
-        # Contents is the same in nearly every packet of a steady stream.
-        if self.contents is None or payloads[0] != self._contents_payload:
-            self.contents = Contents.parse(payloads[0])
-            self._contents_payload = payloads[0]
+        self.contents = Contents.parse(payloads[0])
         return self.contents.unchanged

@@ -30,13 +30,13 @@ class Bench:
         self.now_s = 0.0
         self.packets: list[AirPacket] = []
         self.answers = b""
-        heard = self.link.receiver.hear
+        receive = self.link.receiver.receive
 
-        def hear(packet: AirPacket) -> bool:
+        def note(packet: AirPacket) -> bool:
             self.packets.append(packet)
-            return heard(packet)
+            return receive(packet)
 
-        self.link.receiver.hear = hear  # type: ignore[method-assign]  # listens in on the air
+        self.link.receiver.receive = note  # type: ignore[method-assign]  # listens in on the air
 
     def run(self, seconds: float, data: bytes | None) -> list[AirPacket]:
         first = len(self.packets)

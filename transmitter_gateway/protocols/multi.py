@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import repeat
-from operator import and_, lshift, rshift
 from typing import ClassVar
 
-from msgspec import Struct, structs
+from msgspec import Struct
 
 from rcopterx.transmitter_gateway.protocols.base import (
     CENTER_US,
@@ -32,10 +29,7 @@ CHANNELS_AT = 4
 CHANNEL_BYTES = 22
 DSM = 6
 CENTER_COUNT = 1024
-CENTERED = (CENTER_COUNT,) * CHANNEL_COUNT
-KILL_CHANNEL = 13
 KILL_COUNT = 204
-SHIFTS = tuple(range(0, 11 * CHANNEL_COUNT, 11))
 COUNTS_PER_US = 820 / 400
 
 LINE = SerialLine(100_000, parity="E", stop_bits=2)
@@ -44,9 +38,8 @@ MODULE_SILENT_S = 2.0
 
 
 def count_of(pulse_us: float) -> int:
-    """11-bit value of a pulse width [us] (section 2)."""
-    count = round(CENTER_COUNT + (pulse_us - CENTER_US) * COUNTS_PER_US)
-    return 0 if count < 0 else 2047 if count > 2047 else count
+    """11-bit value of a pulse width [us]."""
+    return min(max(round(CENTER_COUNT + (pulse_us - CENTER_US) * COUNTS_PER_US), 0), 2047)
 
 
 def pulse_of(count: int) -> float:
@@ -61,14 +54,14 @@ def pack_channels(counts: Sequence[int]) -> bytes:
     if min(counts) < 0 or max(counts) > 2047:
         index, count = next((n, count) for n, count in enumerate(counts) if not 0 <= count <= 2047)
         raise PulseRangeError(f"multi: channel {index + 1} value {count} is outside 0..2047")
-    stream: int = sum(map(lshift, counts, SHIFTS))
+    stream = sum(count << 11 * channel for channel, count in enumerate(counts))
     return stream.to_bytes(CHANNEL_BYTES, "little")
 
 
 def unpack_channels(packed: bytes) -> tuple[int, ...]:
     """Read 16 values of 11 bits from 22 bytes."""
     stream = int.from_bytes(packed, "little")
-    return tuple(map(and_, map(rshift, repeat(stream), SHIFTS), repeat(0x7FF)))
+    return tuple(stream >> 11 * channel & 0x7FF for channel in range(CHANNEL_COUNT))
 
 
 class MultiFrame(Struct, frozen=True):
@@ -87,6 +80,16 @@ class MultiFrame(Struct, frozen=True):
     inverted_line: bool = True
     telemetry_off: bool = False
     mapping_off: bool = True
+
+    @property
+    def kill_count(self) -> int:
+        """Value of channel 14, which stops the motors at `KILL_COUNT` and below."""
+        return self.counts[13]
+
+    @property
+    def autobind_count(self) -> int:
+        """Value of channel 16, above whose centre a module binds if `autobind` is set."""
+        return self.counts[15]
 
     def to_bytes(self) -> bytes:
         """Encode as the 27 bytes of the wire format."""
@@ -117,28 +120,23 @@ class MultiFrame(Struct, frozen=True):
             raise FrameDecodeError(f"multi: frame of {len(frame)} bytes, 26 to 36 are possible")
         if frame[0] & 0xFC != 0x54:
             raise FrameDecodeError(f"multi: header 0x{frame[0]:02X}, expected 0x54 to 0x57")
-        without_channels = _without_channels(frame[:CHANNELS_AT], frame[26] if len(frame) > 26 else 0)
-        return structs.replace(without_channels, counts=unpack_channels(frame[CHANNELS_AT:26]))
-
-
-@lru_cache(maxsize=64)
-def _without_channels(header: bytes, last: int) -> MultiFrame:
-    """Fields of a frame from its first four bytes and its last one, which hardly ever change."""
-    return MultiFrame(
-        counts=CENTERED,
-        protocol=header[1] & 0x1F | (0 if header[0] & 0x01 else 0x20) | last & 0xC0,
-        sub_protocol=header[2] >> 4 & 0x07,
-        rx_num=header[2] & 0x0F | last & 0x30,
-        option=header[3],
-        bind=bool(header[1] & 0x80),
-        autobind=bool(header[1] & 0x40),
-        range_check=bool(header[1] & 0x20),
-        low_power=bool(header[2] & 0x80),
-        failsafe=bool(header[0] & 0x02),
-        inverted_line=bool(last & 0x08),
-        telemetry_off=bool(last & 0x02),
-        mapping_off=bool(last & 0x01),
-    )
+        header, first, second, option = frame[:CHANNELS_AT]
+        last = frame[26] if len(frame) > 26 else 0
+        return MultiFrame(
+            counts=unpack_channels(frame[CHANNELS_AT:26]),
+            protocol=first & 0x1F | (0 if header & 0x01 else 0x20) | last & 0xC0,
+            sub_protocol=second >> 4 & 0x07,
+            rx_num=second & 0x0F | last & 0x30,
+            option=option,
+            bind=bool(first & 0x80),
+            autobind=bool(first & 0x40),
+            range_check=bool(first & 0x20),
+            low_power=bool(second & 0x80),
+            failsafe=bool(header & 0x02),
+            inverted_line=bool(last & 0x08),
+            telemetry_off=bool(last & 0x02),
+            mapping_off=bool(last & 0x01),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,10 +194,8 @@ class MultiProtocol(RadioProtocol):
         longest_line = max(line.duration_s(FRAME_LENGTH), LINE.duration_s(FRAME_LENGTH))
         self.minimum_interval_s = longest_line + SHORTEST_GAP_S
         # A little above the command period of 20 ms: a keep-alive just before a late command delays it by
-        # the time of a frame. The module's dead-man's stop is at 70 ms, section 8.2 allows 40 ms.
+        # the time of a frame. The module's dead-man's stop is at 70 ms.
         self.keepalive_s = 0.025
-        self._envelope_flags: FrameFlags | None = None
-        self._envelope = (b"", b"")
         self._parser = AnswerParser()
         self._opened_s: float | None = None
         self._answered_s = -math.inf
@@ -210,30 +206,20 @@ class MultiProtocol(RadioProtocol):
     ) -> bytes:
         """Build a frame; see `RadioProtocol.encode`. Kill puts channel 14 to -100 %."""
         self._refuse(flags, disarmed)
-        self.check(pulses_us)
-        counts = [*map(count_of, pulses_us), *CENTERED[len(pulses_us) :]]
+        counts = tuple(count_of(pulse_us) for pulse_us in self.check(pulses_us))
         if flags.kill:
-            counts[KILL_CHANNEL] = KILL_COUNT
-        if flags != self._envelope_flags:
-            self._envelope_flags, self._envelope = flags, self._envelope_of(flags)
-        before, after = self._envelope
-        return before + pack_channels(counts) + after
-
-    def _envelope_of(self, flags: FrameFlags) -> tuple[bytes, bytes]:
-        """Bytes of a frame before and after its channels; they hardly ever change."""
-        settings = self.settings
-        frame = MultiFrame(
-            counts=CENTERED,
-            sub_protocol=settings.sub_protocol,
-            rx_num=settings.rx_num,
-            option=settings.option,
+            counts = (*counts[:13], KILL_COUNT, *counts[14:])
+        return MultiFrame(
+            counts=counts,
+            sub_protocol=self.settings.sub_protocol,
+            rx_num=self.settings.rx_num,
+            option=self.settings.option,
             bind=flags.bind,
             range_check=flags.range_check,
             low_power=flags.low_power,
-            inverted_line=settings.inverted_line,
-            telemetry_off=not settings.answers_wired,
+            inverted_line=self.settings.inverted_line,
+            telemetry_off=not self.settings.answers_wired,
         ).to_bytes()
-        return frame[:CHANNELS_AT], frame[CHANNELS_AT + CHANNEL_BYTES :]
 
     def decode(self, frame: bytes) -> DecodedFrame:
         """Read a frame back; see `RadioProtocol.decode`."""
@@ -243,7 +229,7 @@ class MultiProtocol(RadioProtocol):
             FrameFlags(
                 bind=fields.bind,
                 range_check=fields.range_check,
-                kill=fields.counts[KILL_CHANNEL] <= KILL_COUNT,
+                kill=fields.kill_count <= KILL_COUNT,
                 low_power=fields.low_power,
             ),
         )
@@ -255,10 +241,10 @@ class MultiProtocol(RadioProtocol):
         self._answered = None
 
     def link_resumed(self, now_s: float) -> None:
-        """Take the module for ready as if it had just said so."""
+        """Count the module as ready, as if it had just reported it."""
         self.link_opened(now_s)
         if self.settings.answers_wired:
-            self._answered = ModuleStatus(True, False, "ready, as an earlier process heard")
+            self._answered = ModuleStatus(True, False, "ready, by an earlier process")
             self._answered_s = now_s
         else:
             self._opened_s = now_s - MODULE_SILENT_S
