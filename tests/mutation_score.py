@@ -1,11 +1,11 @@
-"""Mutation scores of what keeps helicopters from falling: arbiter, closed-loop landing, watchdog.
+"""Mutation scores of the safety functions: arbiter, closed-loop landing, watchdog.
 
     make mutation
 
-changes the code in many small ways, one after the other, and counts which of them the unit tests notice.
-Functions are changed by mutmut (its settings are in pyproject.toml) in a copy of the tree, because it looks
-for packages where their folders are, and here they are linked. Rows of the arbiter's transition table are no
-functions; they are changed here. The exit code is 1 if a score is below 90 %.
+changes the code in many small ways, one after the other, and counts which changes the unit tests detect.
+mutmut changes functions (settings in pyproject.toml) in a copy of the tree, because it does not follow the
+links in `rcopterx/`. This module changes the rows of the arbiter's transition table, which are no
+functions. The exit code is 1 if a score is below 90 %.
 """
 
 import importlib
@@ -31,24 +31,24 @@ GROUPS: Final = {
     "closed-loop landing": [
         f"{GATEWAY}/{name}.py" for name in ("landing", "touchdown", "shaping", "take_over")
     ],
-    "watchdog": [f"rcopterx/deploy/{name}.py" for name in ("watchdog", "processor_time")],
+    "watchdog": [f"rcopterx/deploy/watchdog/{name}.py" for name in ("watchdog", "processor_time")],
 }
 TABLE_TESTS: Final = (
     *("transitions", "arbiter_edges", "land_state", "arming", "kill_and_lease", "late_commands", "takeover"),
     *("arbiter", "descent", "landing_flights"),
 )
-"""Of behaviour; the one that compares the table with its page would notice everything."""
+"""Tests of behaviour; the comparison of the table with its page would detect every change."""
 
 
 class Score(NamedTuple):
-    """How many changes there were, and the names of those that no test noticed."""
+    """Number of changes, and the names of those that no test detects."""
 
     changes: int
     survivors: Sequence[str]
 
     @property
     def share(self) -> float:
-        """Share of changes that were noticed."""
+        """Share of detected changes."""
         return 1.0 - len(self.survivors) / self.changes
 
 

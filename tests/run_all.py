@@ -1,9 +1,9 @@
 """Run everything that must pass: fleets of real processes, and the unit tests beside them.
 
 Fleets fly in real time and leave much of two cores unused. The unit tests run in what they leave, at the
-lowest priority, so that they delay no fleet. Lines of both are printed as they come, the tests that failed
-once more at the end; the exit code is 1 if either fails. A run that hangs shows where and fails, and so
-does one that leaves processes behind.
+lowest priority, so that they delay no fleet. Lines of both are printed at once, failed tests again at the
+end; the exit code is 1 if either fails. A run that hangs prints its threads and fails; a run that leaves
+processes behind fails, too.
 """
 
 import os
@@ -19,9 +19,9 @@ TESTS = Path(__file__).parent
 SUMMARY_COLUMNS = "200"
 PYTEST = (sys.executable, "-u", "-X", "faulthandler", "-m", "pytest", "--durations=10", "--color=no")
 LIMIT_S = 1800.0
-"""A run of several times the usual length hangs, in what no limit of a single test ends."""
+"""Several times the usual length: such a run hangs outside the time limit of a test."""
 LAST_LINES_S = 10.0
-"""For what a run that has ended still has to print."""
+"""For the last output of a run."""
 # Importing all the others would take ten seconds, in which no fleet flies.
 FILES_WITH_FLEETS = sorted(
     str(path) for path in TESTS.rglob("test_*.py") if "mark.integration" in path.read_text(encoding="utf-8")
@@ -84,7 +84,7 @@ class Run:
             self._process.wait()
 
     def _left_behind(self) -> list[str]:
-        """Processes that hold what the lines of this run come from."""
+        """Processes that hold the output pipe of this run."""
         assert self._process.stdout is not None
         pipe = os.fstat(self._process.stdout.fileno()).st_ino
         return [
@@ -111,7 +111,7 @@ def _holds(process: Path, pipe: int) -> bool:
 
 def main() -> int:
     """Run both and show their durations."""
-    # A background job of a shell ignores Ctrl-C, and what it starts inherits that; some tests press it.
+    # A background job of a shell ignores Ctrl-C, and its children inherit that; some tests send it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Fleets would wait for unit tests that compile the kernels at the lowest priority.
     subprocess.run([sys.executable, "-m", "rcopterx.compiling"], check=True)

@@ -1,7 +1,7 @@
 """Promises of all pages: every command on them can be run.
 
-Those of `rcopterx` are parsed with their options, targets of make and files of Python and pytest are there.
-Commands of the operating system are listed by name, so that no line of a page goes unread.
+Commands of `rcopterx` are parsed with their options; targets of make and files of Python and pytest exist.
+Commands of the operating system are listed by name, so every line of a page is checked.
 """
 
 import re

@@ -29,7 +29,7 @@ MADE = re.compile(r"^\| `([\w.]+)` \| (.+) \|$", re.MULTILINE)
 
 
 def joined(base: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
-    """Tables of both; what both have comes from the part."""
+    """Tables of both; the part replaces entries of the base."""
     both = dict(base)
     for key, value in part.items():
         old = both.get(key)
@@ -53,12 +53,12 @@ def figures_of(page: Path) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_a_figure_says_in_words_what_it_shows(page: Path) -> None:
+def test_a_figure_has_a_text_that_describes_it(page: Path) -> None:
     for words, name in figures_of(page):
-        assert len(words.split()) >= 8, f"{name}: somebody who does not see it learns nothing from {words!r}"
+        assert len(words.split()) >= 8, f"{name}: too short for readers who cannot see it: {words!r}"
 
 
-def test_every_figure_is_on_a_page_and_it_is_written_down_how_it_is_made() -> None:
+def test_every_figure_is_on_a_page_and_its_origin_is_documented() -> None:
     shown = {name for page in PAGES for name in LINKED.findall(page.read_text(encoding="utf-8"))}
     there = {
         path.name

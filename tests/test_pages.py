@@ -1,4 +1,4 @@
-"""Promises of the pages that speak of the tree: what they name is there, and what is there they name."""
+"""Promises of the pages about the tree: names on them exist, and folders and parts are named on them."""
 
 import ast
 import io
