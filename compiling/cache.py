@@ -23,7 +23,6 @@ COMPLETE: Final = "complete"
 MODULES: Final = (
     "native.settling",
     "native.within_bounds",
-    "native.kalman",
     "native.bounds",
     "native.cascade",
     "native.chain",
@@ -32,11 +31,9 @@ MODULES: Final = (
     "native.plans",
     "control.references.sampling",
     "native.lateral",
-    "native.noise",
-    "native.motion",
+    "control.models.prediction",
     "native.interior",
     "native.lateral_problem",
-    "native.flight",
     "control.models.finite",
 )
 """Modules of kernels, the slowest to compile first."""

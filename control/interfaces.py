@@ -105,8 +105,8 @@ class Estimator(Protocol):
 
 
 @runtime_checkable
-class TellsUncertainty(Protocol):
-    """An estimator that tells how well it knows where its vehicle is; nothing is decided by it."""
+class EstimatesUncertainty(Protocol):
+    """An estimator that estimates the deviation of its position, for display only."""
 
     def position_deviation_m(self) -> Array:
         """Standard deviations of the estimated position, inertial x, y, z, shape (3,)."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from rcopterx.agents.guards.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.guards.time_limit import TimeLimit
-from rcopterx.control.interfaces import Estimate, Estimator, Measurement, TellsUncertainty
+from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Estimator, Measurement
 from rcopterx.control.models.finite import flaw_of
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
 
@@ -57,7 +57,7 @@ class EstimatorGuard:
         self._default = default
         self._begun = False
         self._known: Estimator | None = None
-        self._telling: TellsUncertainty | None = None
+        self._telling: EstimatesUncertainty | None = None
         nowhere = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
         self.estimate = nowhere
         """The last good estimate."""
@@ -69,12 +69,12 @@ class EstimatorGuard:
         return self.calls.failures + Counter(getattr(self._asked, "events", {}))
 
     def position_deviation_m(self) -> Array | None:
-        """How well the estimator knows the position (`TellsUncertainty`); None if it does not tell."""
+        """How well the estimator knows the position (`EstimatesUncertainty`); None if it does not tell."""
         asked = self._asked
         if asked is not self._known:
             # Asking for a protocol takes longer than most of what is done here, so it is done once.
             self._known = asked
-            self._telling = asked if isinstance(asked, TellsUncertainty) else None
+            self._telling = asked if isinstance(asked, EstimatesUncertainty) else None
         if self._telling is None:
             return None
         question = self._telling.position_deviation_m

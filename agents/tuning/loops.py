@@ -8,7 +8,7 @@ import numpy as np
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.controllers.cascade.controller import CascadeSettings
 from rcopterx.control.controllers.cascade.weights import default_input_weights, default_state_weights
-from rcopterx.control.estimators.lag_kalman import ExtendedKalmanSettings
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
 from rcopterx.control.margins.loop import FeedbackLoop
 from rcopterx.control.plugins.plain_settings import parse_settings

@@ -1,33 +1,30 @@
-"""What the estimators of the package have in common: unwrapped yaw, the innovation gate, its counters."""
+"""Base class of the estimators: unwrapped yaw, and the innovation gate with its counters."""
 
 import math
 from abc import ABC, abstractmethod
+from typing import Final
 
 import numpy as np
 
-from rcopterx.control.estimators.gate import InnovationGate, Sudden
+from rcopterx.control.estimators.gate import InnovationGate
 from rcopterx.control.estimators.settings import EstimatorSettings
 from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.references.turns import nearest_heading
-from rcopterx.native.kalman import FARTHEST_M, MOST_TURNED_RAD
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
+from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, YD_BODY, Array, heading_matrix
+
+FARTHEST_M: Final = 1e3
+MOST_TURNED_RAD: Final = 1e4
+"""Poses beyond are not of a laboratory."""
 
 
 class PoseEstimator(ABC):
-    """An `Estimator` from poses; subclasses say how the estimate moves and how a pose is taken in.
+    """An `Estimator` from poses; subclasses predict the estimate and update it by a pose.
 
-    Yaw is unwrapped here and nowhere else: a measured yaw is taken as the one of its turns that is nearest to
-    the prediction. The very first `predict` assumes that the actuators have settled on the input it is given,
-    and `reset` keeps the actuator states, which do not depend on poses: so call `predict` in every period,
-    on the floor too.
-
-    Parameters
-    ----------
-    model
-        The vehicle.
-    settings
-        Gate widths and limit.
+    Poses are position and unwrapped yaw, shape (4,). A measured yaw is unwrapped to the one of its turns that
+    is nearest to the prediction. The very first `predict` assumes that the actuators have settled on its
+    input, and `reset` keeps the actuator states, which do not depend on poses: so call `predict` in every
+    period, on the floor too.
     """
 
     def __init__(self, model: Model, settings: EstimatorSettings) -> None:
@@ -52,76 +49,47 @@ class PoseEstimator(ABC):
         return self._gate.restarts
 
     def reset(self, measurement: Measurement) -> None:
-        """Start at rest at a measured pose.
+        """Start at rest at a measured pose; ValueError if it is not finite.
 
-        Parameters
-        ----------
-        measurement
-            Where. The yaw of the first one is taken as it is, later ones are unwrapped.
-
-        Raises
-        ------
-        ValueError
-            If the pose is not finite.
+        The yaw of the first one is taken as it is, later ones are unwrapped.
         """
         if not _readable(measurement):
             raise ValueError(f"cannot start at {measurement}: not a finite place in a laboratory")
-        pose = np.array([*measurement.position_m, measurement.yaw_rad])
+        yaw_rad = measurement.yaw_rad
         if self._yaw_known:
-            pose[YAW] = self._unwrapped(measurement.yaw_rad)
+            yaw_rad = nearest_heading(yaw_rad, float(self.estimate.motion[YAW]))
         self._yaw_known = True
         self._gate.open()
-        self._start(pose, np.zeros(INPUT_SIZE))
+        self._start(np.append(measurement.position_m, yaw_rad), np.zeros(INPUT_SIZE))
 
     def take_over(self, estimate: Estimate) -> None:
-        """Start from another estimator's estimate.
-
-        Parameters
-        ----------
-        estimate
-            Motion and actuators of the present moment.
-        """
+        """Start from another estimator's estimate of the present moment."""
         motion = estimate.motion
         self._yaw_known = self._actuators_known = True
-        self._settle(estimate.actuator)
+        self._set_actuators(estimate.actuator)
         self._gate.open()
         self._start(motion[:INPUT_SIZE].copy(), _inertial_rates(motion))
 
     def predict(self, applied_input: Array, period_s: float) -> None:
-        """Move the estimate on by one period.
-
-        Parameters
-        ----------
-        applied_input
-            Input that acted at the vehicle during the period, shape (4,).
-        period_s
-            Length of the period: a frame or a control period.
+        """Predict by one period, during which an input acted at the vehicle, shape (4,).
 
         Raises
         ------
         ValueError
-            If the input is not finite.
+            The input is not finite.
         """
         if not all(map(math.isfinite, applied_input.tolist())):
             raise ValueError(f"applied input {applied_input} is not finite")
         if not self._actuators_known:
             self._actuators_known = True
-            self._settle(applied_input)
+            self._set_actuators(applied_input)
         self._gate.wait(period_s)
-        self._move(applied_input, period_s)
+        self._predict(applied_input, period_s)
 
     def correct(self, measurement: Measurement) -> bool:
-        """Take in a pose.
+        """Correct the estimate by a fresh, unoccluded pose of the instant up to which was predicted.
 
-        Parameters
-        ----------
-        measurement
-            A fresh, unoccluded pose of the instant up to which was predicted.
-
-        Returns
-        -------
-        bool
-            False if it was refused because the vehicle cannot have flown there.
+        Returns False if the pose was refused because the vehicle cannot have flown there.
         """
         if not _readable(measurement):
             self._gate.refuse_unreadable()
@@ -131,79 +99,55 @@ class PoseEstimator(ABC):
             return True
         predicted = self._predicted_pose()
         yaw_rad = nearest_heading(measurement.yaw_rad, float(predicted[YAW]))
-        pose = np.array((*measurement.position_m.tolist(), yaw_rad))
-        innovation = pose - predicted
-        deviation = self._deviation()
-        if self._gate.passes(innovation, deviation):
-            self._gate.open()
-            sudden = self._gate.sudden(innovation, deviation)
-            if sudden is Sudden.SHIFT:
-                self._start(pose, _inertial_rates(self.estimate.motion))
-            elif sudden is Sudden.NOT:
-                self._take_in(innovation)
-            return sudden is not Sudden.ALONE
-        restart = self._gate.refuse(pose)
-        if restart is None:
-            return False
-        self._start(pose, restart.rates)
-        return True
-
-    def _unwrapped(self, yaw_rad: float) -> float:
-        return nearest_heading(yaw_rad, float(self.estimate.motion[YAW]))
+        pose = np.append(measurement.position_m, yaw_rad)
+        verdict = self._gate.judge(pose, pose - predicted, self._deviation())
+        if verdict.restart:
+            rates = _inertial_rates(self.estimate.motion) if verdict.rates is None else verdict.rates
+            self._start(pose, rates)
+        elif verdict.accepted:
+            self._update(pose)
+        return verdict.accepted
 
     @abstractmethod
-    def _settle(self, applied_input: Array) -> None:
+    def _set_actuators(self, applied_input: Array) -> None:
         """Set the actuator states to an input that has been acting for long, shape (4,)."""
 
     @abstractmethod
     def _start(self, pose: Array, rates: Array) -> None:
-        """Begin anew at a pose with inertial velocity and yaw rate, both of shape (4,)."""
+        """Start at a pose with inertial velocity and yaw rate, both of shape (4,)."""
 
     @abstractmethod
-    def _move(self, applied_input: Array, period_s: float) -> None:
-        """Predict one period."""
+    def _predict(self, applied_input: Array, period_s: float) -> None:
+        """Predict by one period."""
 
     def _predicted_pose(self) -> Array:
-        """Position and yaw that the next pose is compared with, shape (4,)."""
+        """Return the pose that the next one is compared with."""
         return self.estimate.motion[:INPUT_SIZE]
 
     @abstractmethod
     def _deviation(self) -> Array:
-        """Standard deviation of the next innovation, shape (4,)."""
+        """Return the standard deviation of the next innovation, shape (4,)."""
 
     @abstractmethod
-    def _take_in(self, innovation: Array) -> None:
-        """Correct by an innovation that passed the gate, shape (4,)."""
+    def _update(self, pose: Array) -> None:
+        """Correct by a pose that passed the gate."""
 
 
 def body_motion(pose: Array, rates: Array) -> Array:
-    """Motion state from a pose and its inertial rates.
-
-    Parameters
-    ----------
-    pose
-        Position [m] and yaw [rad], shape (4,).
-    rates
-        Inertial velocity [m/s] and yaw rate [rad/s], shape (4,).
-
-    Returns
-    -------
-    Array
-        Motion state of `rcopterx.vehicles.state`, shape (8,).
-    """
-    yaw, vx, vy = float(pose[YAW]), float(rates[0]), float(rates[1])
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([*pose, c * vx + s * vy, c * vy - s * vx, *rates[2:]])
+    """Return the motion state of a pose with inertial velocity and yaw rate, both of shape (4,)."""
+    motion = np.concatenate((pose, rates))
+    motion[XD_BODY : YD_BODY + 1] = heading_matrix(float(pose[YAW])).T @ rates[:2]
+    return motion
 
 
 def _inertial_rates(motion: Array) -> Array:
     """Inertial velocity and yaw rate of a motion state, shape (4,)."""
-    c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
-    return np.array([c * motion[4] - s * motion[5], s * motion[4] + c * motion[5], *motion[6:8]])
+    rates = motion[XD_BODY : YAW_RATE + 1].copy()
+    rates[:2] = heading_matrix(float(motion[YAW])) @ rates[:2]
+    return rates
 
 
 def _readable(measurement: Measurement) -> bool:
-    # Written so that a comparison with nan refuses.
-    x, y, z = measurement.position_m.tolist()
-    inside = abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M and abs(z) <= FARTHEST_M
+    # Comparisons with nan are false.
+    inside = all(abs(coordinate) <= FARTHEST_M for coordinate in measurement.position_m.tolist())
     return inside and abs(measurement.yaw_rad) <= MOST_TURNED_RAD

@@ -1,21 +1,182 @@
-"""The extended Kalman filter that fits a vehicle's model: with its tilt as a state, or with lags only."""
+"""The default estimator: extended Kalman filter of motion, actuators, disturbances and tilt.
 
+`rcopterx.control.estimators.lag_filter` estimates all vehicles with first-order lags. For a vehicle with a
+tilt model `rcopterx.control.estimators.horizontal` then replaces the horizontal motion. This module decides
+when the vehicle stands on the floor, and how much noise the poses have.
+"""
+
+import math
+from collections.abc import Mapping
 from typing import Final
 
-from rcopterx.control.estimators.lag_kalman import ExtendedKalmanSettings, LagKalmanEstimator
-from rcopterx.control.estimators.tilt_kalman import TiltKalmanEstimator
+import numpy as np
+
+from rcopterx.control.estimators.base import PoseEstimator
+from rcopterx.control.estimators.horizontal import HorizontalMotion
+from rcopterx.control.estimators.lag_filter import POSE, LagFilter
+from rcopterx.control.estimators.noise_meter import NoiseMeter
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings
+from rcopterx.control.interfaces import Estimate, Measurement
+from rcopterx.control.models.prediction import actuator_response
 from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, YAW_RATE, Array
+
+_LIFTING_FRACTION: Final = 0.9
+"""Modelled thrust over weight from which a standing vehicle may lift."""
+_MOVED_M: Final = 0.01
+"""Distance from where it stood that shows that a vehicle stands no more."""
 
 
-class ExtendedKalman:
-    """Builds the filter of a vehicle."""
+class ExtendedKalmanEstimator(PoseEstimator):
+    """Motion, actuators, disturbances and tilt from poses and applied inputs.
 
-    Settings: Final = ExtendedKalmanSettings
+    On the floor the model does not hold: with the thrust off it falls, and a filter would explain its rest by
+    an upward disturbance of one gravity, which a controller would then trust at take-off. Hence *standing*:
+    after a start, and whenever the upward disturbance reaches its limit while the thrust cannot carry the
+    weight (only a floor pushes so hard), the vehicle rests where it is measured, without disturbance, until
+    the modelled thrust comes near the weight or the pose moves by a centimetre. A start in the air ends
+    standing with the first prediction, because the applied thrust carries the weight.
+    """
 
-    def __call__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> LagKalmanEstimator:
-        """The filter for this model (`rcopterx.control.estimators.registry.EstimatorClass`)."""
-        kind = LagKalmanEstimator if model.tilt is None else TiltKalmanEstimator
-        return kind(model, period_s, settings)
+    Settings = ExtendedKalmanSettings
 
+    def __init__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> None:
+        super().__init__(model, settings)
+        self._lag_filter = LagFilter(model, settings)
+        self._horizontal = None if model.tilt is None else HorizontalMotion(model, settings)
+        self._uses_tilt = settings.measured_tilt and model.tilt is not None
+        self._tilt: Array | None = None
+        """Tilt of the pose that is being processed; None if it is not measured."""
+        self._least_noise = np.array(3 * [settings.position_noise_m] + [settings.yaw_noise_rad])
+        self._noise = self._least_noise
+        self._noise_meter = NoiseMeter(INPUT_SIZE)
+        self._since_pose_s = 0.0
+        self._start(np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
+        # Compute the matrices of the nominal period before the flight.
+        self._filter_prediction(model.hover_input, period_s)
+        self._start(np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
 
-extended_kalman: Final = ExtendedKalman()
+    @property
+    def estimate(self) -> Estimate:
+        """The current estimate."""
+        estimate = self._lag_filter.estimate
+        return estimate if self._horizontal is None else self._horizontal.refine(estimate)
+
+    @property
+    def standing(self) -> bool:
+        """Whether the vehicle is taken to rest on the floor."""
+        return self._standing
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of motion, actuators and disturbances, shape (16, 16)."""
+        return self._lag_filter.P
+
+    @property
+    def horizontal(self) -> HorizontalMotion | None:
+        """The filters of the horizontal motion of a vehicle with a tilt model."""
+        return self._horizontal
+
+    @property
+    def events(self) -> Mapping[str, int]:
+        """How often a measured tilt was distrusted, and trusted again."""
+        return {} if self._horizontal is None else self._horizontal.events
+
+    def position_deviation_m(self) -> Array:
+        """See `EstimatesUncertainty`."""
+        variance = self._lag_filter.P.diagonal()[:YAW].copy()
+        if self._horizontal is not None:
+            variance[:2] = self._horizontal.selected.P.diagonal()[:2]
+        return np.asarray(np.sqrt(variance))
+
+    def reset(self, measurement: Measurement) -> None:
+        """Start at rest at a measured pose (`PoseEstimator.reset`)."""
+        self._set_tilt(measurement)
+        super().reset(measurement)
+
+    def correct(self, measurement: Measurement) -> bool:
+        """Correct the estimate by a pose (`PoseEstimator.correct`)."""
+        self._set_tilt(measurement)
+        return super().correct(measurement)
+
+    def _set_tilt(self, measurement: Measurement) -> None:
+        tilt = measurement.tilt if self._uses_tilt else None
+        self._tilt = tilt if tilt is not None and all(map(math.isfinite, tilt.tolist())) else None
+
+    def take_over(self, estimate: Estimate) -> None:
+        """Start from another estimator's estimate, tilt and disturbance included."""
+        self._tilt = None
+        super().take_over(estimate)
+        self._lag_filter.set_disturbance(estimate.disturbance)
+        if self._horizontal is not None and estimate.has_tilt:
+            self._horizontal.take_over(estimate.tilt)
+
+    def _set_actuators(self, applied_input: Array) -> None:
+        self._lag_filter.set_actuator(applied_input)
+        if self._horizontal is not None:
+            self._horizontal.set_servo(applied_input[:2])
+
+    def _start(self, pose: Array, rates: Array) -> None:
+        self._lag_filter.start(pose, rates)
+        self._standing = not rates.any()
+        self._stood_at_m = pose[:YAW]
+        if self._horizontal is not None:
+            if self._standing:
+                self._horizontal.stand(pose, self._tilt)
+            else:
+                self._horizontal.start(pose, rates, self._tilt)
+
+    def _thrust_carries(self) -> bool:
+        thrust = self._model.input_gain[U_THRUST] * float(self._lag_filter.estimate.actuator[U_THRUST])
+        return thrust > _LIFTING_FRACTION * self._model.gravity_m_s2
+
+    def _predict(self, applied_input: Array, period_s: float) -> None:
+        self._since_pose_s += period_s
+        if not self._standing:
+            self._filter_prediction(applied_input, period_s)
+            return
+        actuator = self._lag_filter.estimate.actuator
+        self._lag_filter.set_actuator(actuator_response(self._model, actuator, applied_input, 0.0, period_s))
+        self._standing = not self._thrust_carries()
+        if self._horizontal is not None:
+            self._horizontal.rest(applied_input[:2], period_s)
+
+    def _filter_prediction(self, applied_input: Array, period_s: float) -> None:
+        start = self._lag_filter.estimate.motion
+        self._lag_filter.predict(applied_input, period_s)
+        if self._horizontal is not None:
+            end = self._lag_filter.estimate.motion
+            middle_rad = float(start[YAW] + 0.5 * period_s * end[YAW_RATE])
+            self._horizontal.predict(applied_input[:2], middle_rad, period_s)
+
+    def _predicted_pose(self) -> Array:
+        pose = self._lag_filter.x[POSE].copy()
+        if self._horizontal is not None:
+            pose[:2] = self._horizontal.selected.position_m
+        return pose
+
+    def _deviation(self) -> Array:
+        return np.asarray(np.sqrt(self._lag_filter.P.diagonal()[POSE] + self._noise**2))
+
+    def _update(self, pose: Array) -> None:
+        since_pose_s, self._since_pose_s = self._since_pose_s, 0.0
+        self._measure_noise(pose, since_pose_s)
+        if self._standing:
+            self._lag_filter.set_pose(pose)
+            self._standing = bool((np.abs(pose[:YAW] - self._stood_at_m) < _MOVED_M).all())
+            if self._horizontal is not None:
+                self._horizontal.correct_standing(pose, self._tilt, float(self._noise[0]), since_pose_s)
+            return
+        self._lag_filter.correct(pose, self._noise**2)
+        if self._lag_filter.disturbance_at_limit and not self._thrust_carries():
+            self._start(self._lag_filter.x[POSE], np.zeros(INPUT_SIZE))
+        if self._horizontal is not None:
+            self._horizontal.correct(pose, self._tilt, float(self._noise[0]), since_pose_s)
+
+    def _measure_noise(self, pose: Array, since_pose_s: float) -> None:
+        """Expect at least the noise of the settings, and that of the worst axis for all positions."""
+        self._noise_meter.observe(pose, since_pose_s)
+        deviation = self._noise_meter.deviation
+        if deviation is not None:
+            measured = np.append(np.full(3, deviation[:YAW].max()), deviation[YAW])
+            self._noise = np.maximum(measured, self._least_noise)

@@ -1,4 +1,4 @@
-"""Finite difference and low-pass: the estimator that everybody writes first, kept for comparison."""
+"""Finite difference and low-pass: the simplest estimator, kept for comparison."""
 
 import math
 from typing import Final
@@ -13,9 +13,9 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 
 _UNKNOWN_ACCELERATION: Final = np.array([0.5, 0.5, 1.0, 3.0])
-"""Deviation of the accelerations that this estimator knows nothing of [m/s^2, rad/s^2]."""
+"""Deviation of accelerations, which this estimator does not know [m/s^2, rad/s^2]."""
 _VELOCITY_AGE_S: Final = 0.2
-"""Twice the time by which the smoothed velocity is late."""
+"""Twice the delay of the smoothed velocity."""
 
 
 class FiniteDifferenceSettings(EstimatorSettings, frozen=True, kw_only=True):
@@ -26,21 +26,12 @@ class FiniteDifferenceSettings(EstimatorSettings, frozen=True, kw_only=True):
 
 
 class FiniteDifferenceEstimator(PoseEstimator):
-    """Pose as measured; velocity from differences of poses, smoothed. Disturbances are not estimated.
-
-    Parameters
-    ----------
-    model
-        The vehicle; only its actuator lags are used.
-    period_s
-        Nominal period; the actual ones are told in `predict`.
-    settings
-        Low-pass and gate.
+    """Pose as measured; velocity from smoothed differences of poses. Disturbances are not estimated.
 
     Raises
     ------
     ValueError
-        If the cut-off frequency is above half the pose rate.
+        The cut-off frequency is above half the pose rate.
     """
 
     Settings = FiniteDifferenceSettings
@@ -60,7 +51,7 @@ class FiniteDifferenceEstimator(PoseEstimator):
         """The current estimate, with zero disturbance."""
         return Estimate(body_motion(self._pose, self._rates), self._actuator, np.zeros(INPUT_SIZE))
 
-    def _settle(self, applied_input: Array) -> None:
+    def _set_actuators(self, applied_input: Array) -> None:
         self._actuator = applied_input.astype(float)
 
     def _start(self, pose: Array, rates: Array) -> None:
@@ -68,7 +59,7 @@ class FiniteDifferenceEstimator(PoseEstimator):
         self._rates = rates
         self._elapsed_s = 0.0
 
-    def _move(self, applied_input: Array, period_s: float) -> None:
+    def _predict(self, applied_input: Array, period_s: float) -> None:
         self._actuator = actuator_response(
             self._model, self._actuator, applied_input, float(self._rates[YAW]), period_s
         )
@@ -78,8 +69,7 @@ class FiniteDifferenceEstimator(PoseEstimator):
     def _deviation(self) -> Array:
         return 0.5 * self._elapsed_s * (self._elapsed_s + _VELOCITY_AGE_S) * _UNKNOWN_ACCELERATION
 
-    def _take_in(self, innovation: Array) -> None:
-        pose = self._pose + innovation
+    def _update(self, pose: Array) -> None:
         if self._elapsed_s > 0.0:
             renewal = -math.expm1(-self._cutoff_rad_s * self._elapsed_s)
             difference = (pose - self._measured) / self._elapsed_s

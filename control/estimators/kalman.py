@@ -24,17 +24,8 @@ class KalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
 class KalmanEstimator(PoseEstimator):
     """Position, velocity and acceleration of each axis and of the yaw, in the inertial frame.
 
-    It knows nothing of the vehicle's inputs, therefore it lags behind when they change, and it cannot tell
-    a disturbance from an input: its disturbance estimate is zero.
-
-    Parameters
-    ----------
-    model
-        The vehicle; only its actuator lags are used.
-    period_s
-        Nominal period; the actual ones are told in `predict`.
-    settings
-        Noise densities and gate.
+    It does not use the vehicle's inputs, therefore it lags behind when they change, and it cannot separate a
+    disturbance from an input: its disturbance estimate is zero.
     """
 
     Settings = KalmanSettings
@@ -42,17 +33,16 @@ class KalmanEstimator(PoseEstimator):
     def __init__(self, model: Model, period_s: float, settings: KalmanSettings) -> None:
         super().__init__(model, settings)
         noise_m, noise_rad = settings.position_noise_m, settings.yaw_noise_rad
-        self._measurement_variance = np.square([noise_m, noise_m, noise_m, noise_rad])
+        self._R = np.square([noise_m, noise_m, noise_m, noise_rad])
         self._jerk_density = np.square(settings.jerk_noise)
         self._actuator = model.hover_input
         self._prepare(period_s)
         self._start(np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
 
     def _prepare(self, period_s: float) -> None:
-        """Transition and process noise of one axis for a period."""
-        t = period_s
-        self._prepared_s = t
-        self._transition = np.array([[1, t, t * t / 2], [0, 1, t], [0, 0, 1]])
+        """Compute transition F of one axis, shape (3, 3), and process noise Q of all, shape (4, 3, 3)."""
+        t = self._prepared_s = period_s
+        self._F = np.array([[1, t, t * t / 2], [0, 1, t], [0, 0, 1]])
         unit = np.array(
             [
                 [t**5 / 20, t**4 / 8, t**3 / 6],
@@ -60,49 +50,49 @@ class KalmanEstimator(PoseEstimator):
                 [t**3 / 6, t**2 / 2, t],
             ]
         )
-        self._process = self._jerk_density[:, None, None] * unit
+        self._Q = self._jerk_density[:, None, None] * unit
 
     @property
     def estimate(self) -> Estimate:
         """The current estimate, with zero disturbance."""
-        motion = body_motion(self._state[:, 0], self._state[:, 1])
+        motion = body_motion(self._x[:, 0], self._x[:, 1])
         return Estimate(motion, self._actuator, np.zeros(INPUT_SIZE))
 
     @property
     def acceleration(self) -> Array:
         """Estimated inertial acceleration [m/s^2] and yaw acceleration [rad/s^2], shape (4,)."""
-        return self._state[:, 2].copy()
+        return self._x[:, 2].copy()
 
     def position_deviation_m(self) -> Array:
-        """See `TellsUncertainty`."""
-        return np.asarray(np.sqrt(self._covariance[:YAW, 0, 0]))
+        """See `EstimatesUncertainty`."""
+        return np.asarray(np.sqrt(self._P[:YAW, 0, 0]))
 
-    def _settle(self, applied_input: Array) -> None:
+    def _set_actuators(self, applied_input: Array) -> None:
         self._actuator = applied_input.astype(float)
 
     def _start(self, pose: Array, rates: Array) -> None:
-        self._state = np.column_stack([pose, rates, np.zeros(INPUT_SIZE)])
-        self._covariance = np.zeros((INPUT_SIZE, 3, 3))
-        self._covariance[:, 0, 0] = self._measurement_variance
-        self._covariance[:, 1, 1] = (0.25, 0.25, 0.25, 1.0)
-        self._covariance[:, 2, 2] = (0.25, 0.25, 0.25, 4.0)
+        self._x = np.column_stack([pose, rates, np.zeros(INPUT_SIZE)])
+        self._P = np.zeros((INPUT_SIZE, 3, 3))
+        self._P[:, 0, 0] = self._R
+        self._P[:, 1, 1] = (0.25, 0.25, 0.25, 1.0)
+        self._P[:, 2, 2] = (0.25, 0.25, 0.25, 4.0)
 
-    def _move(self, applied_input: Array, period_s: float) -> None:
+    def _predict(self, applied_input: Array, period_s: float) -> None:
         if period_s != self._prepared_s:
             self._prepare(period_s)
         self._actuator = actuator_response(
-            self._model, self._actuator, applied_input, float(self._state[YAW, 1]), period_s
+            self._model, self._actuator, applied_input, float(self._x[YAW, 1]), period_s
         )
-        self._state = self._state @ self._transition.T
-        self._covariance = self._transition @ self._covariance @ self._transition.T + self._process
+        self._x = self._x @ self._F.T
+        self._P = self._F @ self._P @ self._F.T + self._Q
 
     def _deviation(self) -> Array:
-        return np.asarray(np.sqrt(self._covariance[:, 0, 0] + self._measurement_variance))
+        return np.asarray(np.sqrt(self._P[:, 0, 0] + self._R))
 
-    def _take_in(self, innovation: Array) -> None:
-        column = self._covariance[:, :, 0]
-        innovation_variance = column[:, :1] + self._measurement_variance[:, None]
-        gain = column / innovation_variance
-        self._state = self._state + gain * innovation[:, None]
+    def _update(self, pose: Array) -> None:
+        innovation = pose - self._x[:, 0]
+        S = self._P[:, 0, 0] + self._R
+        K = self._P[:, :, 0] / S[:, None]
+        self._x = self._x + K * innovation[:, None]
         # P - K S K' is symmetric by construction and stays positive because S exceeds the noise variance.
-        self._covariance = self._covariance - gain[:, :, None] * (gain * innovation_variance)[:, None, :]
+        self._P = self._P - K[:, :, None] * (K * S[:, None])[:, None, :]

@@ -1,49 +1,55 @@
-"""Noise of what a Tracker measures, told from the motion by third differences.
+"""The noise of what a Tracker measures, separated from the motion by third differences.
 
-The acceleration of a vehicle hardly changes within a few frames, noise does. So the third difference of poses
-that follow each other regularly is noise, and nothing has to be known of the vehicle.
+The acceleration of a vehicle hardly changes within a few frames, noise does. So the third difference
+(-1, 3, -3, 1) of poses at regular times is noise, without any knowledge of the vehicle.
 """
+
+import math
+from collections import deque
+from typing import Final
 
 import numpy as np
 
-from rcopterx.native.noise import DEVIATION_OF_MEAN, LAST, MEANS, SEEN, SMALLEST_WINDOW, observe_noise
 from rcopterx.vehicles.state import Array
+
+WINDOW_S: Final = 2.0
+"""Time constant of the mean size of third differences."""
+SMALLEST_WINDOW: Final = 25
+"""Third differences before which the noise is unknown."""
+OUTLIER: Final = 4.0
+"""A third difference counts at most as so many times the mean one: outliers are no noise."""
+REGULAR: Final = 0.2
+"""Largest relative difference of periods of regular poses."""
+DEVIATION_OF_MEAN: Final = math.sqrt(math.pi / 2.0) / math.sqrt(20.0)
+"""Standard deviation of normal noise over the mean size of its third differences."""
 
 
 class NoiseMeter:
-    """Measures the standard deviation of the noise of some channels.
-
-    Parameters
-    ----------
-    channels
-        How many.
-
-    Attributes
-    ----------
-    memory
-        What is known, for kernels that observe by themselves (`rcopterx.native.noise`).
-    """
+    """Measures the standard deviation of the noise of some channels."""
 
     def __init__(self, channels: int) -> None:
-        self._channels = channels
-        self.memory: Array = np.zeros(MEANS + (1 + LAST) * channels)
+        self._period_s = 0.0
+        self._last: deque[Array] = deque(maxlen=4)
+        self._differences = 0
+        self._mean_size = np.zeros(channels)
 
     @property
-    def deviation(self) -> tuple[float, ...] | None:
-        """Standard deviation of the noise of each channel; None as long as it cannot be told."""
-        if self.memory[SEEN] < SMALLEST_WINDOW:
-            return None
-        means = self.memory[MEANS : MEANS + self._channels]
-        return tuple((DEVIATION_OF_MEAN * means).tolist())
+    def deviation(self) -> Array | None:
+        """Standard deviation of the noise of each channel; None while it is unknown."""
+        return None if self._differences < SMALLEST_WINDOW else DEVIATION_OF_MEAN * self._mean_size
 
     def observe(self, values: Array, period_s: float) -> None:
-        """Take in what was measured.
-
-        Parameters
-        ----------
-        values
-            One for each channel; angles are unwrapped.
-        period_s
-            Time since the last one.
-        """
-        observe_noise(self.memory, values, period_s)
+        """Observe one measured value of each channel (angles unwrapped), `period_s` after the last ones."""
+        if abs(period_s - self._period_s) > REGULAR * self._period_s:
+            self._last.clear()
+            self._period_s = period_s
+        self._last.append(values)
+        if len(self._last) < 4 or not period_s > 0.0:
+            return
+        first, second, third, fourth = self._last
+        size = np.abs(fourth - first + 3.0 * (second - third))
+        self._differences += 1
+        if self._differences > SMALLEST_WINDOW:
+            size = np.minimum(size, OUTLIER * self._mean_size)
+        share = max(1.0 / self._differences, min(period_s / WINDOW_S, 1.0))
+        self._mean_size = self._mean_size + share * (size - self._mean_size)

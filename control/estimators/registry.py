@@ -3,7 +3,7 @@
 A package adds an estimator through the entry-point group `rcopterx.estimators`; the entry point names a class
 with an attribute `Settings` (a `msgspec.Struct` type) that is built from (model, period_s, settings), where
 `period_s` is the nominal time between calls of `predict`.
-An estimator's module is imported only when that estimator is asked for.
+An estimator's module is imported only when that estimator is built.
 """
 
 from typing import Final
@@ -15,7 +15,7 @@ ESTIMATORS: Final = Registry[Estimator](
     "estimator",
     "rcopterx.estimators",
     {
-        "extended_kalman": "rcopterx.control.estimators.extended_kalman:extended_kalman",
+        "extended_kalman": "rcopterx.control.estimators.extended_kalman:ExtendedKalmanEstimator",
         "finite_difference": "rcopterx.control.estimators.finite_difference:FiniteDifferenceEstimator",
         "kalman": "rcopterx.control.estimators.kalman:KalmanEstimator",
     },

@@ -1,28 +1,31 @@
 """Kalman filter for the horizontal motion of a vehicle with a tilt model, in the inertial frame.
 
-    position, velocity, core of the tilt model, servo, wind, trim, offset of the body frame
+    x = position, velocity, core of the tilt model, servo, wind, trim, offset of the body frame
 
-The offset says how the measured body stands on the axis of the thrust: markers are never glued on straight.
-It and the trim turn with the body; everything else but the servo is an inertial vector whose dynamics know no
-heading, so the matrices of a period are computed once and only the columns of the body-fixed states turn.
+The offset is the tilt of the measured body against the axis of the thrust: markers are never glued on
+straight. It and the trim turn with the body; everything else but the servo is an inertial vector whose
+dynamics know no heading, so only the columns of the body-fixed states turn.
 """
 
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from scipy.linalg import expm
 
+from rcopterx.control.estimators.kalman_equations import predict_covariance, update
+from rcopterx.control.estimators.model_noise import model_noise
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.interfaces import TiltEstimate
 from rcopterx.control.models.lateral import (
     POSITION,
     VELOCITY,
     WIND_CORRELATION_S,
     LateralSystem,
+    demand_matrix,
     lateral_system,
 )
-from rcopterx.control.models.linear import PERIOD_DIGITS, ByPeriod
-from rcopterx.native.kalman import correct_tilt
+from rcopterx.control.models.linear import PERIOD_DIGITS
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
 
@@ -30,14 +33,14 @@ TRIM_LIMIT: Final = 0.3
 OFFSET_LIMIT_RAD: Final = 0.2
 WIND_LIMIT_M_S2: Final = 1.5
 TILT_GATE: Final = 0.3
-"""A measured tilt further than this from the predicted one is left out, as of markers mixed up."""
+"""A measured tilt further than this from the predicted one is rejected, as of markers mixed up."""
 LEVEL_FLOOR_RAD: Final = 0.02
-"""How level floor and landing gear are taken to be: a standing vehicle shows the offset of its body frame."""
+"""Deviation of floor and landing gear from level: a standing vehicle shows the offset of its body frame."""
 
-_NO_TILT: Final = np.zeros(2)
 _ANY_PERIOD_S: Final = 0.02
-"""Where the states are does not depend on the period."""
+"""The layout of the states does not depend on the period."""
 _START_POSITION_M: Final = 0.001
+_START_VELOCITY_M_S: Final = 0.3
 _START_TILT: Final = 0.03
 _START_RATE: Final = 0.3
 _START_SERVO: Final = 0.02
@@ -48,262 +51,186 @@ _OFFSET_DENSITY: Final = 0.0005
 _SERVO_DENSITY: Final = 0.01
 
 
-class TiltPeriod(NamedTuple):
-    """What the prediction of a period needs to know, in the order in which `predict_tilt` takes it."""
-
-    transition: Array
-    demand: Array
-    process: Array
-    gain: Array
-    pole: float
-    moving: int
-
-
 class TiltFilter:
-    """The filter; all accelerations in m/s^2, tilts as horizontal components of an axis.
+    """State x and covariance P of one vehicle with a tilt model.
 
-    Others may run beside it that never take in a tilt: they say what positions alone let expect. What is
-    asked, is asked of the one that is believed.
-
-    Parameters
-    ----------
-    model
-        The vehicle; it has a tilt model.
-    position_noise_m, tilt_noise
-        Standard deviations of what is measured, at least.
-    velocity_density, tilt_density
-        Random-walk densities of velocity [m/s] and tilt rate [1/s] per root second: where the model is wrong.
-    wind_rms_m_s2
-        Standard deviation of the wind's acceleration.
-    blind
-        How many others run beside it.
-
-    Attributes
-    ----------
-    states, covariances
-        Of the filter and those beside it, shapes (k, n) and (k, n, n), which kernels change in place.
-    believed
-        Number of the one that is believed.
-    least_noise
-        Standard deviations of position and tilt, at least, shape (2,).
-    noise_variances
-        Variances that they are taken to have, shape (2,).
-    state_limit
-        States stay within plus and minus these, shape (n,).
-    tilted
-        First of the two states that are the tilt.
-    periods
-        What predictions of periods need to know.
+    Accelerations are in m/s^2, tilts are horizontal components of an axis. A tilt of None is not measured.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        position_noise_m: float,
-        tilt_noise: float,
-        velocity_density: float,
-        tilt_density: float,
-        wind_rms_m_s2: float,
-        blind: int = 0,
-    ) -> None:
+    def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
+        noise = model_noise(model)
         self._model = model
-        self.least_noise: Array = np.array((position_noise_m, tilt_noise))
-        self.noise_variances: Array = np.square(self.least_noise)
-        self._velocity_density, self._tilt_density = velocity_density, tilt_density
-        self._wind_rms_m_s2 = wind_rms_m_s2
-        system = lateral_system(model, _ANY_PERIOD_S)
-        self._core, self._servo, self._wind = system.core, system.servo, system.wind
-        self._tilt_rate, self.tilted = system.tilt_rate, system.tilt.start
+        self._least_deviation = settings.position_noise_m, settings.tilt_noise
+        self._velocity_density = (settings.velocity_noise or noise.velocity)[0]
+        self._tilt_density = settings.tilt_density or noise.tilt
+        self._wind_rms_m_s2 = settings.wind_rms_m_s2
+        self._layout = system = lateral_system(model, _ANY_PERIOD_S)
         self._trim = slice(system.size, system.size + 2)
         self._offset = slice(system.size + 2, system.size + 4)
-        self._size = system.size + 4
-        self.states: Array = np.zeros((1 + blind, self._size))
-        self.covariances: Array = np.zeros((1 + blind, self._size, self._size))
-        self.periods: ByPeriod[TiltPeriod] = ByPeriod(self._prepared)
-        # What is asked, is asked of the filter that is believed.
-        self._state: Array
-        self._covariance: Array
-        self.believe(0)
-        self.tilts_left_out = 0
+        self._body = slice(system.size, system.size + 4)
+        self._process_noise = lru_cache(maxsize=64)(self._computed_process_noise)
+        self.expect_noise(0.0, 0.0)
+        size = system.size + 4
+        self._limit = np.full(size, np.inf)
+        self._limit[self._trim], self._limit[self._offset] = TRIM_LIMIT, OFFSET_LIMIT_RAD
+        self._limit[system.wind] = WIND_LIMIT_M_S2
+        self.x: Array = np.zeros(size)
+        self.P: Array = np.zeros((size, size))
+        self.tilts_rejected = 0
         """Measured tilts too far from the predicted one."""
-        # What stays the same from step to step is prepared: the matrices are small and the steps many.
-        self.state_limit: Array = np.full(self._size, np.inf)
-        self.state_limit[self._trim], self.state_limit[self._offset] = TRIM_LIMIT, OFFSET_LIMIT_RAD
-        self.state_limit[self._wind] = WIND_LIMIT_M_S2
         self._forget_body()
-
-    def believe(self, number: int) -> None:
-        """Ask the filter itself (0) or another one from now on."""
-        self.believed = number
-        self._state, self._covariance = self.states[number], self.covariances[number]
-
-    @property
-    def state(self) -> Array:
-        """All states, beginning with the position, as they are now, shape (n,)."""
-        return self._state
 
     @property
     def position_m(self) -> Array:
         """Estimated position, inertial frame, shape (2,)."""
-        return self._state[POSITION]
+        return self.x[POSITION]
 
     @property
-    def horizontal(self) -> Array:
-        """Estimated position and velocity, inertial frame, shape (4,)."""
-        return self._state[: VELOCITY.stop]
+    def velocity_m_s(self) -> Array:
+        """Estimated velocity, inertial frame, shape (2,)."""
+        return self.x[VELOCITY]
 
     @property
-    def expected_tilt(self) -> Array:
-        """Horizontal components of the axis of the thrust that positions alone let expect, inertial frame,
-        shape (2,); the others know it."""
-        return self.states[-1, self.tilted : self.tilted + 2]
+    def tilt(self) -> Array:
+        """Estimated tilt of the axis of the thrust, inertial frame, shape (2,)."""
+        return self.x[self._layout.tilt]
 
     @property
     def body_offset_rad(self) -> Array:
-        """Estimated tilt of the measured body frame against the axis of the thrust, body frame, shape
-        (2,)."""
-        return self._state[self._offset]
-
-    @property
-    def variances(self) -> Array:
-        """Of a measured position and of a measured tilt, shape (4,)."""
-        return np.repeat(self.noise_variances, 2)
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance of all states, shape (n, n)."""
-        return self._covariance
+        """Estimated tilt of the measured body against the axis of the thrust, body frame, shape (2,)."""
+        return self.x[self._offset]
 
     @property
     def estimate(self) -> TiltEstimate:
-        """What is known of the tilt; it stays what it was when the filter moves on."""
-        return self.estimate_of(self._state.copy())
+        """The estimated tilt."""
+        system = self._layout
+        return TiltEstimate(
+            self.x[system.core], self.x[system.servo], self.x[system.wind], self.x[self._trim]
+        )
 
-    def estimate_of(self, state: Array) -> TiltEstimate:
-        """What a state says of the tilt; parts of it, shape (n,)."""
-        return TiltEstimate(state[self._core], state[self._servo], state[self._wind], state[self._trim])
+    def expect_noise(self, position_m: float, tilt: float) -> None:
+        """Set the standard deviations of measured positions and tilts; at least those of the settings."""
+        least_m, least_tilt = self._least_deviation
+        self.R: Array = np.square(2 * [max(position_m, least_m)] + 2 * [max(tilt, least_tilt)])
 
     def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:
-        """Begin anew in the air; what is known of trim and body frame is kept.
-
-        Parameters
-        ----------
-        position_m, velocity_m_s
-            Inertial frame, shape (2,).
-        tilt
-            Measured tilt, None where it is not measured.
-        yaw_rad
-            Heading.
-        """
-        states = self.states
-        states[:, POSITION], states[:, VELOCITY] = position_m, velocity_m_s
-        states[:, self._core] = states[:, self._wind] = 0.0
+        """Start in the air at a position and velocity, shape (2,); trim and offset of the body are kept."""
+        system, x, P = self._layout, self.x.copy(), self.P
+        x[POSITION], x[VELOCITY] = position_m, velocity_m_s
+        x[system.core] = x[system.wind] = 0.0
         if tilt is not None:
-            axis = tilt - heading_matrix(yaw_rad) @ states[0, self._offset]
-            for place in range(self._core.start, self._core.stop, 2):
-                if place != self._tilt_rate.start:
-                    states[0, place : place + 2] = axis
-        deviation = np.zeros(self._size)
-        deviation[POSITION], deviation[VELOCITY] = _START_POSITION_M, 0.3
-        deviation[self._core], deviation[self._tilt_rate] = _START_TILT, _START_RATE
-        deviation[self._servo], deviation[self._wind] = _START_SERVO, self._wind_rms_m_s2
-        body = slice(self._trim.start, None)
-        kept = self.covariances[:, body, body].copy()
-        self.covariances[:] = np.diag(deviation**2)
-        self.covariances[:, body, body] = kept
+            axis = tilt - heading_matrix(yaw_rad) @ x[self._offset]
+            for place in range(system.core.start, system.core.stop, 2):
+                if place != system.tilt_rate.start:
+                    x[place : place + 2] = axis
+        deviation = np.zeros(len(x))
+        deviation[POSITION], deviation[VELOCITY] = _START_POSITION_M, _START_VELOCITY_M_S
+        deviation[system.core], deviation[system.tilt_rate] = _START_TILT, _START_RATE
+        deviation[system.servo], deviation[system.wind] = _START_SERVO, self._wind_rms_m_s2
+        self.x, self.P = x, np.diag(deviation**2)
+        self.P[self._body, self._body] = P[self._body, self._body]
 
     def stand(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
-        """Begin anew at rest on the floor, which shows how the markers are glued on; arguments of `start`."""
+        """Start at rest on the floor, where a measured tilt shows the offset of the body frame."""
         self._forget_body()
         if tilt is not None:
             offset = heading_matrix(yaw_rad).T @ tilt
-            self.states[0, self._offset] = np.clip(offset, -OFFSET_LIMIT_RAD, OFFSET_LIMIT_RAD)
-            self.covariances[0, self._offset, self._offset] = LEVEL_FLOOR_RAD**2 * np.eye(2)
+            self.x[self._offset] = np.clip(offset, -OFFSET_LIMIT_RAD, OFFSET_LIMIT_RAD)
+            self.P[self._offset, self._offset] = LEVEL_FLOOR_RAD**2 * np.eye(2)
         self.start(position_m, np.zeros(2), tilt, yaw_rad)
 
     def take_over(self, known: TiltEstimate) -> None:
-        """Go on from what another filter knew; to be called after `start`."""
-        states = self.states
-        states[:, self._core], states[:, self._servo] = known.core, known.servo
-        states[:, self._wind], states[:, self._trim] = known.wind_m_s2, known.trim
+        """Continue another filter's estimate, after `start`."""
+        system, x = self._layout, self.x.copy()
+        x[system.core], x[system.servo], x[system.wind], x[self._trim] = known
+        self.x = x
 
-    def settle(self, stick: Array) -> None:
-        """The servo has settled on a stick, shape (2,)."""
-        self.states[:, self._servo] = stick + self.states[:, self._trim]
+    def set_servo(self, stick: Array) -> None:
+        """Set the servo to a stick that has been acting for long, shape (2,)."""
+        self._replace_servo(stick + self.x[self._trim])
 
     def rest(self, stick: Array, period_s: float) -> None:
-        """Let a period pass on the floor: only the servo moves."""
-        target = stick + self.states[:, self._trim]
-        pole = self.periods[round(period_s, PERIOD_DIGITS)].pole
-        self.states[:, self._servo] = target + pole * (self.states[:, self._servo] - target)
+        """Predict by one period on the floor, where only the servo moves."""
+        target = stick + self.x[self._trim]
+        pole = lateral_system(self._model, period_s).servo_pole
+        self._replace_servo(target + pole * (self.x[self._layout.servo] - target))
 
-    def _prepared(self, period_s: float) -> TiltPeriod:
+    def _replace_servo(self, servo: Array) -> None:
+        self.x = self.x.copy()
+        self.x[self._layout.servo] = servo
+
+    def predict(self, stick: Array, yaw_rad: float, period_s: float) -> None:
+        """Predict by one period at a heading: x = F x + B stick, P = F P F' + Q."""
         system = lateral_system(self._model, period_s)
-        return TiltPeriod(
-            np.ascontiguousarray(system.transition),
-            np.ascontiguousarray(system.demand),
-            self.process_noise(system),
-            self._model.b,
-            system.servo_pole,
-            self._core.stop,
-        )
+        # The servo's state is a stick, which gain and heading turn into a demand.
+        per_stick = demand_matrix(self._model, yaw_rad)
+        inertial, servo = slice(0, system.core.stop), system.servo
+        B = np.zeros((len(self.x), 2))
+        B[inertial] = system.demand[inertial] @ per_stick
+        B[servo] = (1.0 - system.servo_pole) * np.eye(2)
+        F = np.eye(len(self.x))
+        F[: system.size, : system.size] = system.transition
+        F[inertial, servo] = system.transition[inertial, servo] @ per_stick
+        F[: system.size, self._trim] = B[: system.size]
+        self.x = F @ self.x + B @ stick
+        self.P = predict_covariance(self.P, F, self._process_noise(round(period_s, PERIOD_DIGITS)))
 
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
-        """Take in what was measured; arguments of `start`, of which the first two entries count."""
-        measured = tilt is not None
-        position_variance, tilt_variance = self.noise_variances.tolist()
-        taken_in, definite = correct_tilt(
-            self.states,
-            self.covariances,
-            position_m,
-            _NO_TILT if tilt is None else tilt,
-            measured,
-            yaw_rad,
-            position_variance,
-            tilt_variance,
-            self.tilted,
-            self.state_limit,
-            TILT_GATE,
-        )
-        self.tilts_left_out += measured and not taken_in
-        if not definite:
-            raise np.linalg.LinAlgError("the covariance of the tilt filter is not positive definite")
+        """Correct by a measured position and tilt, inertial frame, shape (2,).
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            The covariance of the innovation is not positive definite.
+        """
+        H = np.zeros((4, len(self.x)))
+        H[:2, POSITION] = H[2:, self._layout.tilt] = np.eye(2)
+        H[2:, self._offset] = heading_matrix(yaw_rad)
+        count = 2
+        z = position_m
+        if tilt is not None:
+            if np.abs(tilt - H[2:] @ self.x).max() <= TILT_GATE:
+                count, z = 4, np.concatenate((position_m, tilt))
+            else:
+                self.tilts_rejected += 1
+        H, R = H[:count], self.R[:count]
+        x, self.P = update(self.x, self.P, H, R, z - H @ self.x)
+        self.x = np.clip(x, -self._limit, self._limit)
 
     def forget_offset(self) -> None:
-        """The body frame is not known any more, as what was measured of the tilt was wrong."""
-        covariance = self.covariances[0]
-        self.states[0, self._offset] = 0.0
-        covariance[self._offset, :] = covariance[:, self._offset] = 0.0
-        covariance[self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
+        """Forget the offset of the body frame, as the measured tilts were wrong."""
+        self.x = self.x.copy()
+        self._forget(self._offset, _START_OFFSET_RAD)
 
     def _forget_body(self) -> None:
-        """Trim and body frame as of a vehicle never seen before."""
-        covariances, body = self.covariances, slice(self._trim.start, None)
-        self.states[:, self._trim] = self.states[:, self._offset] = 0.0
-        covariances[:, body, :] = covariances[:, :, body] = 0.0
-        covariances[:, self._trim, self._trim] = _START_TRIM**2 * np.eye(2)
-        covariances[:, self._offset, self._offset] = _START_OFFSET_RAD**2 * np.eye(2)
+        """Forget trim and offset, as of a new vehicle."""
+        self.x = self.x.copy()
+        self._forget(self._trim, _START_TRIM)
+        self._forget(self._offset, _START_OFFSET_RAD)
 
-    def process_noise(self, system: LateralSystem) -> Array:
-        """Covariance that a period adds, shape (n, n); the same for every heading."""
-        return _process_noise(system, self._velocity_density, self._tilt_density, self._wind_rms_m_s2)
+    def _forget(self, states: slice, deviation: float) -> None:
+        self.x[states] = self.P[states, :] = self.P[:, states] = 0.0
+        self.P[states, states] = deviation**2 * np.eye(2)
 
+    def process_noise(self, period_s: float) -> Array:
+        """Return the covariance Q that a period adds, shape (n, n); the same for every heading."""
+        return self._process_noise(round(period_s, PERIOD_DIGITS))
 
-@lru_cache(maxsize=256)
-def _process_noise(
-    system: LateralSystem, velocity_density: float, tilt_density: float, wind_rms_m_s2: float
-) -> Array:
-    """Van Loan's integral, kept because preparing it takes longer than a step."""
-    size = system.size
-    density = np.zeros(size)
-    density[VELOCITY] = velocity_density**2
-    density[system.tilt_rate] = tilt_density**2
-    density[system.wind] = 2.0 * wind_rms_m_s2**2 / WIND_CORRELATION_S
-    both = np.block([[-system.continuous, np.diag(density)], [np.zeros((size, size)), system.continuous.T]])
-    step = expm(system.period_s * both)
-    noise = np.zeros((size + 4, size + 4))
-    noise[:size, :size] = step[size:, size:].T @ step[:size, size:]
-    slow = [_SERVO_DENSITY] * 2, [_TRIM_DENSITY] * 2, [_OFFSET_DENSITY] * 2
-    places = [*range(system.servo.start, system.servo.stop), *range(size, size + 4)]
-    noise[places, places] += system.period_s * np.square(np.concatenate(slow))
-    return noise
+    def _computed_process_noise(self, period_s: float) -> Array:
+        """Van Loan's integral, and random walks of the body-fixed states."""
+        system: LateralSystem = lateral_system(self._model, period_s)
+        size = system.size
+        density = np.zeros(size)
+        density[VELOCITY] = self._velocity_density**2
+        density[system.tilt_rate] = self._tilt_density**2
+        density[system.wind] = 2.0 * self._wind_rms_m_s2**2 / WIND_CORRELATION_S
+        both = np.block(
+            [[-system.continuous, np.diag(density)], [np.zeros((size, size)), system.continuous.T]]
+        )
+        step = expm(period_s * both)
+        Q = np.zeros((size + 4, size + 4))
+        Q[:size, :size] = step[size:, size:].T @ step[:size, size:]
+        slow = (system.servo, _SERVO_DENSITY), (self._trim, _TRIM_DENSITY), (self._offset, _OFFSET_DENSITY)
+        for states, walk in slow:
+            Q[states, states] += period_s * walk**2 * np.eye(2)
+        return Q

@@ -1,73 +1,94 @@
-"""Whether a measured tilt is the vehicle's: compared with what the positions say it must have been.
+"""Whether a measured tilt is the vehicle's: compared with the tilt that positions and sticks let expect.
 
 A Tracker that mixes up markers of an object, or a gateway that reports every body level, gives a tilt that
-does not go with the motion. The tilt that positions and sticks alone let expect is less exact, but the two
-swing together where both are of the same vehicle. Only how they swing counts: how the markers sit on the body
-shifts the measured one, which says nothing. Limits and arithmetic are those of `rcopterx.native.noise`.
+contradicts the motion. The expected tilt is less exact, but the two swing together where both are of the same
+vehicle. Only how they swing counts: how the markers sit on the body shifts the measured one only.
 """
 
-import math
+from typing import Final
 
 import numpy as np
 
-from rcopterx.control.estimators.noise_meter import NoiseMeter
-from rcopterx.native.noise import BEYOND_S, CONCORDANCE, NOISE, TRUST, TRUSTED, judge_tilt
-from rcopterx.vehicles.state import Array
+from rcopterx.control.estimators.noise_meter import WINDOW_S, NoiseMeter
+from rcopterx.vehicles.state import Array, heading_matrix
+
+LEAST_TILT: Final = 0.008
+"""Root mean square of the expected swing below which nothing can be compared."""
+DISTRUSTED_BELOW: Final = 0.2
+TRUSTED_ABOVE: Final = 0.4
+"""Limits of the concordance."""
+DISTRUSTED_AFTER_S: Final = 0.5
+TRUSTED_AFTER_S: Final = 2.0
+"""How long the concordance has to stay beyond its limit."""
 
 
 class TiltTrust:
-    """Judges the measured tilt of one vehicle.
-
-    Attributes
-    ----------
-    memory, noise_memory
-        What is known, and what the meter of the measured tilt's noise knows, for kernels that judge by
-        themselves (`rcopterx.native.noise`).
-    """
+    """Judges the measured tilt of one vehicle, which is trusted at first."""
 
     def __init__(self) -> None:
+        self.trusted = True
+        self.noise_deviation = 0.0
+        """Standard deviation of the noise of the measured tilt's worse component; 0 while it is unknown."""
         self._meter = NoiseMeter(2)
-        self.noise_memory = self._meter.memory
-        self.memory: Array = np.zeros(TRUST)
-        self.memory[TRUSTED] = 1.0
-        self.forget()
+        self.restart()
 
-    def forget(self) -> None:
-        """Begin the means anew, as after a start; what was found stays."""
-        self.memory[: BEYOND_S + 1] = 0.0
-        self.memory[CONCORDANCE] = math.nan
-
-    @property
-    def trusted(self) -> bool:
-        """Whether the measured tilt is to be used; it is to begin with."""
-        return bool(self.memory[TRUSTED])
-
-    @property
-    def concordance(self) -> float | None:
-        """Of measured and expected tilt; None as long as it cannot be told."""
-        found = float(self.memory[CONCORDANCE])
-        return None if math.isnan(found) else found
+    def restart(self) -> None:
+        """Forget all means, as the vehicle has jumped; `trusted` stays."""
+        self.concordance: float | None = None
+        """1 for two tilts that are the same, 0 for unrelated ones; None while it is unknown."""
+        self._observed_s = 0.0
+        self._beyond_s = 0.0
+        self._mean_measured, self._mean_expected = np.zeros(2), np.zeros(2)
+        self._measured_energy = self._expected_energy = self._common_energy = self._noise_energy = 0.0
 
     def observe(self, measured: Array, expected: Array, yaw_rad: float, period_s: float) -> bool:
-        """Take in a pose.
+        """Compare a measured tilt with the expected one; return whether `trusted` has changed.
 
-        Parameters
-        ----------
-        measured, expected
-            Tilt in the inertial frame, shape (2,).
-        yaw_rad
-            Heading.
-        period_s
-            Time since the last one.
-
-        Returns
-        -------
-        bool
-            True if `trusted` has changed.
+        Tilts are in the inertial frame, shape (2,); `period_s` is the time since the last one.
         """
-        return judge_tilt(self.memory, self.noise_memory, measured, expected, yaw_rad, period_s)
+        noise = self._observe_noise(measured, period_s)
+        to_body = heading_matrix(yaw_rad).T
+        measured, expected = to_body @ measured, to_body @ expected
+        if self._observed_s == 0.0:
+            self._mean_measured, self._mean_expected = measured, expected
+        self._observed_s += period_s
+        share = min(period_s / WINDOW_S, 1.0)
+        self._mean_measured = self._mean_measured + share * (measured - self._mean_measured)
+        self._mean_expected = self._mean_expected + share * (expected - self._mean_expected)
+        swing, expected_swing = measured - self._mean_measured, expected - self._mean_expected
+        self._measured_energy += share * (float(swing @ swing) - self._measured_energy)
+        self._expected_energy += share * (float(expected_swing @ expected_swing) - self._expected_energy)
+        self._common_energy += share * (float(swing @ expected_swing) - self._common_energy)
+        self._noise_energy += share * (float(noise @ noise) - self._noise_energy)
+        self.concordance = self._concordance()
+        return self.concordance is not None and self._judge(self.concordance, period_s)
 
-    def observe_noise(self, measured: Array, period_s: float) -> None:
-        """Take in a pose of a vehicle that stands, where nothing can be compared."""
+    def observe_standing(self, measured: Array, period_s: float) -> None:
+        """Observe the tilt of a vehicle that stands: it shows noise, but nothing can be compared."""
+        self._observe_noise(measured, period_s)
+
+    def _observe_noise(self, measured: Array, period_s: float) -> Array:
         self._meter.observe(measured, period_s)
-        self.memory[NOISE] = max(self._meter.deviation or (0.0,))
+        deviation = self._meter.deviation
+        noise = np.zeros(2) if deviation is None else deviation
+        self.noise_deviation = float(noise.max())
+        return noise
+
+    def _concordance(self) -> float | None:
+        if self._observed_s < WINDOW_S or self._expected_energy < LEAST_TILT**2:
+            return None
+        measured, expected = max(self._measured_energy - self._noise_energy, 0.0), self._expected_energy
+        common = self._common_energy
+        found = 2.0 * common / (measured + expected)
+        if common <= 0.0 or measured < LEAST_TILT**2:
+            return found
+        # If all that is measured is expected, what is expected besides are errors of the expectation.
+        return max(found, min(common / measured, measured / common))
+
+    def _judge(self, concordance: float, period_s: float) -> bool:
+        against = concordance < DISTRUSTED_BELOW if self.trusted else concordance > TRUSTED_ABOVE
+        self._beyond_s = self._beyond_s + period_s if against else 0.0
+        if self._beyond_s < (DISTRUSTED_AFTER_S if self.trusted else TRUSTED_AFTER_S):
+            return False
+        self.trusted, self._beyond_s = not self.trusted, 0.0
+        return True

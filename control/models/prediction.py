@@ -1,121 +1,173 @@
-"""Exact prediction of one vehicle: what the model says it does under inputs that are known.
-
-Estimators move on by it between poses, and the pilot bridges the transport delay with it.
-"""
+"""Exact prediction of one vehicle under known inputs."""
 
 import math
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.control.interfaces import NO_TILT, Estimate, TiltEstimate
-from rcopterx.control.models.lateral import lateral_system
-from rcopterx.control.models.linear import PERIOD_DIGITS
-from rcopterx.native.motion import LONGEST_STEP_S, follow_lags, predict_estimate
+from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, NUMBER, VECTOR, compiled, part, record
+from rcopterx.control.interfaces import Estimate, TiltEstimate
+from rcopterx.control.models.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_YAW, Array
+from rcopterx.vehicles.state import U_THRUST, U_YAW, XD_BODY, YAW, YAW_RATE, YD_BODY, Array, heading_matrix
 
-_MOTION: Final = slice(0, 8)
-_ACTUATOR: Final = slice(8, 12)
-_TILT_FROM: Final = 12
-_SERVO: Final = slice(-4, -2)
-_WIND: Final = slice(-2, None)
+LONGEST_STEP_S: Final = 0.0201
+"""Longer periods than one of 50 Hz are split, which keeps positions exact to micrometres."""
+
+
+class MotionModel(NamedTuple):
+    """Parameters of the equations of motion (1) for kernels; vectors are body x, y, z, yaw, shape (4,)."""
+
+    input_gain: Array
+    damping: Array
+    lag_s: Array
+    gravity_m_s2: float
+    thrust_coupling: float
+    """Yaw stick per thrust stick that the rotors have not followed yet."""
+    gyro: float
+    """Yaw stick per yaw rate [s/rad]."""
+
+
+MOTION_MODEL: Final[Any] = record(MotionModel, *3 * [VECTOR], *3 * [NUMBER])
+
+
+@lru_cache(maxsize=64)
+def motion_model(model: Model) -> MotionModel:
+    """Return the parameters of a vehicle for kernels."""
+    return MotionModel(
+        np.array(model.input_gain),
+        np.array(model.direct_damping),
+        np.array(model.lag_s),
+        model.gravity_m_s2,
+        model.thrust_coupling,
+        model.rate_feedback[U_YAW],
+    )
+
+
+@part
+def _follow(model: MotionModel, actuator: Array, target: Array, time_s: float) -> Array:
+    """Actuators some time after they began to follow a target: first-order lags."""
+    after = target.copy()
+    for axis in range(4):
+        lag_s = model.lag_s[axis]
+        if lag_s > 0.0:
+            after[axis] += (actuator[axis] - target[axis]) * math.exp(-time_s / lag_s)
+    return after
+
+
+@part
+def _stabilized(
+    model: MotionModel, yaw_rate: float, actuator: Array, sticks: Array, yaw_push: float, time_s: float
+) -> Array:
+    """Sticks, that of yaw as gyro and thrust change it in the middle of a time."""
+    half_s = 0.5 * time_s
+    middle_rate = yaw_rate + half_s * (model.input_gain[U_YAW] * actuator[U_YAW] + yaw_push)
+    ahead = sticks[U_THRUST] - _follow(model, actuator, sticks, half_s)[U_THRUST]
+    result = sticks.copy()
+    result[U_YAW] += model.thrust_coupling * ahead - model.gyro * middle_rate
+    return result
+
+
+@part
+def _derivative(model: MotionModel, motion: Array, actuator: Array, disturbance: Array) -> Array:
+    """Equation (1): rates of the motion state, shape (8,)."""
+    c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
+    xd, yd, zd, yaw_rate = motion[4], motion[5], motion[6], motion[7]
+    rates = np.empty(8)
+    rates[0], rates[1], rates[2], rates[3] = c * xd - s * yd, s * xd + c * yd, zd, yaw_rate
+    rates[4:] = model.input_gain * actuator + disturbance + model.damping * motion[4:]
+    rates[4] += yaw_rate * yd
+    rates[5] -= yaw_rate * xd
+    rates[6] -= model.gravity_m_s2
+    return rates
+
+
+@compiled(MOTION_MODEL, *4 * [ANY_VECTOR], NUMBER, COUNT)
+def integrate_motion(
+    model: MotionModel,
+    motion: Array,
+    actuator: Array,
+    sticks: Array,
+    disturbance: Array,
+    step_s: float,
+    steps: int,
+) -> tuple[Array, Array]:
+    """Return motion and actuators after some steps of classical Runge-Kutta, shapes (8,) and (4,)."""
+    motion, actuator, push = motion.copy(), actuator.copy(), disturbance.copy()
+    half_s = 0.5 * step_s
+    for _ in range(steps):
+        rate = motion[YAW_RATE]
+        start = _follow(model, actuator, _stabilized(model, rate, actuator, sticks, push[U_YAW], 0.0), 0.0)
+        target = _stabilized(model, rate, actuator, sticks, push[U_YAW], half_s)
+        middle = _follow(model, actuator, target, half_s)
+        target = _stabilized(model, rate, actuator, sticks, push[U_YAW], step_s)
+        end = _follow(model, actuator, target, step_s)
+        f1 = _derivative(model, motion, start, push)
+        f2 = _derivative(model, motion + half_s * f1, middle, push)
+        f3 = _derivative(model, motion + half_s * f2, middle, push)
+        f4 = _derivative(model, motion + step_s * f3, end, push)
+        motion = motion + step_s / 6 * (f1 + 2 * f2 + 2 * f3 + f4)
+        actuator = end
+    return motion, actuator
+
+
+@compiled(MOTION_MODEL, ANY_VECTOR, ANY_VECTOR, NUMBER, NUMBER)
+def _follow_sticks(
+    model: MotionModel, actuator: Array, sticks: Array, yaw_rate: float, period_s: float
+) -> Array:
+    steady = np.zeros(4)
+    steady[U_THRUST] = actuator[U_THRUST]
+    return _follow(model, actuator, _stabilized(model, yaw_rate, steady, sticks, 0.0, period_s), period_s)
+
+
+def actuator_response(
+    model: Model, actuator: Array, applied_input: Array, yaw_rate_rad_s: float, period_s: float
+) -> Array:
+    """Return the actuator states after a period at a constant yaw rate, shape (4,)."""
+    return _follow_sticks(motion_model(model), actuator, applied_input, yaw_rate_rad_s, period_s)
 
 
 def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: float) -> Estimate:
     """Predict a vehicle through a period during which one input acts.
 
     Actuators follow their exact exponential response, that of yaw to what gyro and thrust make of its stick
-    in the middle of a step. The motion (1) is integrated by classical Runge-Kutta steps of at most 20 ms, and
-    the estimated disturbance is taken to last. Where the tilt is known, the horizontal motion follows the
-    tilt model instead, and the wind fades.
+    in the middle of a step. The motion (1) is integrated by Runge-Kutta steps, and the estimated disturbance
+    lasts. Where the tilt is known, the horizontal motion follows the tilt model, and the wind fades.
 
-    Parameters
-    ----------
-    model
-        The vehicle.
-    estimate
-        What is known at the start of the period.
-    applied_input
-        Input at the actuators (the transport delay already passed), shape (4,).
-    period_s
-        Length of the period.
-
-    Returns
-    -------
-    Estimate
-        At the end of the period; the disturbance is the given one.
+    `applied_input` acts at the actuators (the transport delay has passed), shape (4,).
     """
-    tilt = NO_TILT if model.tilt is None else estimate.tilt
-    cores = len(tilt.core)
-    # Kernels write into arrays that are given: to return one takes longer than to make it here.
-    after = np.empty(_TILT_FROM + cores + 4)
-    predict_estimate(
+    steps = max(1, math.ceil(period_s / LONGEST_STEP_S))
+    motion, actuator = integrate_motion(
+        motion_model(model),
         estimate.motion,
         estimate.actuator,
-        estimate.disturbance,
-        tilt.core,
-        tilt.servo,
-        tilt.wind_m_s2,
-        tilt.trim,
         applied_input,
-        period_s,
-        *_prepared(model, round(period_s, PERIOD_DIGITS)),
-        after,
+        estimate.disturbance,
+        period_s / steps,
+        steps,
     )
-    if cores:
-        core = after[_TILT_FROM : _TILT_FROM + cores]
-        tilted = TiltEstimate(core, after[_SERVO], after[_WIND], tilt.trim)
-    else:
-        tilted = NO_TILT
-    return Estimate(after[_MOTION], after[_ACTUATOR], estimate.disturbance, tilted)
+    predicted = Estimate(motion, actuator, estimate.disturbance)
+    if model.tilt is None or not estimate.has_tilt:
+        return predicted
+    return _with_tilt(model, estimate, predicted, applied_input[:2], period_s)
 
 
-@lru_cache(maxsize=256)
-def _prepared(model: Model, period_s: float) -> tuple[Array, Array, Array, float]:
-    """What `predict_estimate` needs to know of a vehicle and a period."""
-    if model.tilt is None:
-        return parameters(model), np.empty((0, 0)), np.empty((0, 0)), 0.0
-    system = lateral_system(model, period_s)
-    transition, demand = np.ascontiguousarray(system.transition), np.ascontiguousarray(system.demand)
-    return parameters(model), transition, demand, system.servo_pole
-
-
-def actuator_response(
-    model: Model, actuator: Array, applied_input: Array, yaw_rate_rad_s: float, period_s: float
-) -> Array:
-    """Exact response of the actuator lags at a constant yaw rate.
-
-    Parameters
-    ----------
-    model
-        The vehicle.
-    actuator
-        Actuator states at the start of the period, shape (4,).
-    applied_input
-        Input that acts during the period, shape (4,).
-    yaw_rate_rad_s
-        What a gyro measures.
-    period_s
-        Length of the period.
-
-    Returns
-    -------
-    Array
-        Actuator states at its end, shape (4,).
-    """
-    return follow_lags(parameters(model), actuator, applied_input, yaw_rate_rad_s, period_s)
-
-
-def split(period_s: float) -> tuple[float, int]:
-    """Steps of the integration of a period: how long, and how many."""
-    steps = max(1, math.ceil(period_s / LONGEST_STEP_S))
-    return period_s / steps, steps
-
-
-@lru_cache(maxsize=64)
-def parameters(model: Model) -> Array:
-    """What the kernels need to know of a vehicle, shape (`PARAMETERS`,)."""
-    rest = model.gravity_m_s2, model.thrust_coupling, model.rate_feedback[U_YAW]
-    return np.array((*model.input_gain, *model.direct_damping, *model.lag_s, *rest))
+def _with_tilt(
+    model: Model, estimate: Estimate, predicted: Estimate, stick: Array, period_s: float
+) -> Estimate:
+    """Replace the predicted horizontal motion by that of the tilt model, x = F x + G e."""
+    system, tilt = lateral_system(model, period_s), estimate.tilt
+    start_rad, end_rad = float(estimate.motion[YAW]), float(predicted.motion[YAW])
+    per_stick = demand_matrix(model, 0.5 * (start_rad + end_rad))
+    velocity = heading_matrix(start_rad) @ estimate.motion[XD_BODY : YD_BODY + 1]
+    x = np.concatenate(
+        (estimate.motion[POSITION], velocity, tilt.core, per_stick @ tilt.servo, tilt.wind_m_s2)
+    )
+    trimmed = stick + tilt.trim
+    x = system.transition @ x + system.demand @ (per_stick @ trimmed)
+    motion = predicted.motion
+    motion[POSITION] = x[POSITION]
+    motion[XD_BODY : YD_BODY + 1] = heading_matrix(end_rad).T @ x[VELOCITY]
+    servo = trimmed + system.servo_pole * (tilt.servo - trimmed)
+    return predicted._replace(tilt=TiltEstimate(x[system.core], servo, x[system.wind], tilt.trim))

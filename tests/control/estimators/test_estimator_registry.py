@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from rcopterx.control.estimators.lag_kalman import LagKalmanEstimator
+from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
 from rcopterx.control.estimators.registry import ESTIMATORS
 from rcopterx.control.plugins import registry
 from rcopterx.vehicles.types import COAXIAL_LAG
@@ -14,7 +14,7 @@ from rcopterx.vehicles.types import COAXIAL_LAG
 
 def test_built_in_estimators_are_listed_and_the_default_is_among_them() -> None:
     assert {"extended_kalman", "finite_difference", "kalman"} <= set(ESTIMATORS.available())
-    assert isinstance(ESTIMATORS.build("extended_kalman", COAXIAL_LAG, 0.02, {}), LagKalmanEstimator)
+    assert isinstance(ESTIMATORS.build("extended_kalman", COAXIAL_LAG, 0.02, {}), ExtendedKalmanEstimator)
 
 
 def test_unknown_estimator_is_refused_with_the_allowed_ones() -> None:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rcopterx.control.estimators.lag_kalman import ExtendedKalmanSettings
+from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
 from rcopterx.control.estimators.noise_meter import SMALLEST_WINDOW, NoiseMeter
-from rcopterx.control.estimators.tilt_kalman import TiltKalmanEstimator
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.types import COAXIAL
 
@@ -53,13 +53,14 @@ def test_nothing_is_told_before_enough_was_seen_nor_of_irregular_poses() -> None
 @pytest.mark.parametrize("noise", [0.2, 4.0])
 def test_a_filter_expects_at_least_the_noise_of_its_settings(noise: float) -> None:
     settings = ExtendedKalmanSettings()
-    estimator = TiltKalmanEstimator(COAXIAL, PERIOD_S, settings)
+    estimator = ExtendedKalmanEstimator(COAXIAL, PERIOD_S, settings)
     random = np.random.default_rng(2)
     for _ in range(300):
         estimator.predict(COAXIAL.hover_input, PERIOD_S)
         position = np.array([0.0, 0.0, 1.0]) + noise * settings.position_noise_m * random.standard_normal(3)
         tilt = noise * settings.tilt_noise * random.standard_normal(2)
         estimator.correct(Measurement(position, 0.0, tilt))
-    expected = np.sqrt(estimator.tilt_filter.variances)[[0, 2]]
-    told = np.array([settings.position_noise_m, settings.tilt_noise])
-    assert expected == pytest.approx(max(noise, 1.0) * told, rel=0.25)
+    assert estimator.horizontal is not None
+    expected = np.sqrt(estimator.horizontal.selected.R[[0, 2]])
+    of_settings = np.array([settings.position_noise_m, settings.tilt_noise])
+    assert expected == pytest.approx(max(noise, 1.0) * of_settings, rel=0.25)

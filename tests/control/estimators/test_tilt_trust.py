@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rcopterx.control.estimators.lag_kalman import ExtendedKalmanSettings
-from rcopterx.control.estimators.tilt_kalman import DISTRUSTED, TRUSTED_AGAIN, TiltKalmanEstimator
+from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
+from rcopterx.control.estimators.horizontal import DISTRUSTED, TRUSTED_AGAIN
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.estimators.tilt_trust import TiltTrust
 from rcopterx.control.interfaces import Measurement
 from rcopterx.simulator.conditions import IDEAL
@@ -66,7 +67,7 @@ def test_nothing_is_judged_while_the_vehicle_hardly_moves() -> None:
     assert trust.trusted
 
 
-def fly(estimator: TiltKalmanEstimator, plant: Helicopter, seconds: float, level: bool) -> float:
+def fly(estimator: ExtendedKalmanEstimator, plant: Helicopter, seconds: float, level: bool) -> float:
     """Swing to and fro; returns the root mean square error of the estimated tilt in the last two seconds."""
     errors = []
     trim = plant.parameters.trim
@@ -90,7 +91,7 @@ def fly(estimator: TiltKalmanEstimator, plant: Helicopter, seconds: float, level
 def test_a_vehicle_whose_tracker_reports_it_level_is_estimated_by_its_positions_meanwhile() -> None:
     calm = replace(IDEAL, transport_delay_s=0.0)
     plant = Helicopter("h1", COAXIAL, calm, 0, Pose((0.0, 0.0, 3.0)), HelicopterParameters.nominal(0.78))
-    estimator = TiltKalmanEstimator(COAXIAL, PERIOD_S, ExtendedKalmanSettings())
+    estimator = ExtendedKalmanEstimator(COAXIAL, PERIOD_S, ExtendedKalmanSettings())
     estimator.reset(Measurement(np.array([0.0, 0.0, 3.0]), 0.0, np.zeros(2)))
     exact = fly(estimator, plant, 4.0, level=False)
     assert not estimator.events

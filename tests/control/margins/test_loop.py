@@ -9,8 +9,8 @@ from rcopterx.control.controllers.cascade.controller import CascadeController, C
 from rcopterx.control.controllers.cascade.terms import riccati_cost
 from rcopterx.control.controllers.chains.chain import ChainParameters
 from rcopterx.control.controllers.chains.lateral_chain import LateralChain
-from rcopterx.control.estimators.lag_kalman import ExtendedKalmanSettings
-from rcopterx.control.estimators.tilt_kalman import TiltKalmanEstimator
+from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
 from rcopterx.control.margins.loop import FeedbackLoop, Perturbation
@@ -101,16 +101,16 @@ def test_height_and_yaw_have_the_feedback_of_the_cascade(axis: int) -> None:
 @pytest.mark.parametrize("model", [EVEN, replace(EVEN, tilt=replace(EVEN.tilt, bar_time_constant_s=None))])
 def test_the_filter_of_the_loop_answers_as_the_one_that_flies(model: Model) -> None:
     """Gain of the filter after a minute, columns of measured position and tilt."""
-    estimator = TiltKalmanEstimator(model, PERIOD_S, ExtendedKalmanSettings())
+    estimator = ExtendedKalmanEstimator(model, PERIOD_S, ExtendedKalmanSettings())
     at = Measurement(np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(2))
     estimator.reset(at)
     for _ in range(3000):
         estimator.predict(model.hover_input, PERIOD_S)
         estimator.correct(at)
-    before = np.array(estimator.tilt_filter.estimate.core)
+    before = np.array(estimator.estimate.tilt.core)
     estimator.predict(model.hover_input, PERIOD_S)
     estimator.correct(Measurement(np.array([1e-3, 0.0, 1.0]), at.yaw_rad, np.array([0.0, 1e-3])))
-    change = (np.array(estimator.tilt_filter.estimate.core) - before) / 1e-3
+    change = (np.array(estimator.estimate.tilt.core) - before) / 1e-3
     loop = tilt_loop(model, PERIOD_S, (100.0, 1.0, 2.4))
     # position forward, tilt to the left
     expected = loop.filter_gain @ np.array([1.0, 1j])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.control.models.linear import PERIOD_DIGITS, ByPeriod, as_complex, zero_order_hold
+from rcopterx.control.models.linear import as_complex, zero_order_hold
 
 A = np.array([[0.0, 1.0, 0.0], [-4.0, -0.3, 2.0], [0.0, 0.0, -5.0]])
 B = np.array([0.0, 0.5, 5.0])
@@ -36,23 +36,3 @@ def test_maps_that_commute_with_rotations_are_complex_numbers(real: float, imagi
     of_complex = zero_order_hold(as_complex(plane), as_complex(inputs)[:, 0], 0.02)
     assert as_complex(transition) == pytest.approx(of_complex[0], abs=1e-9)
     assert as_complex(pushed)[:, 0] == pytest.approx(of_complex[1], abs=1e-9)
-
-
-def test_sums_of_times_are_prepared_for_once_and_tracker_rates_apart() -> None:
-    prepared = []
-
-    def prepare(period_s: float) -> float:
-        prepared.append(period_s)
-        return period_s
-
-    kept = ByPeriod(prepare)
-    for period_s in (0.1 + 0.2, 0.3, 1 / 120, 1 / 119, 0.3):
-        assert kept[round(period_s, PERIOD_DIGITS)] == pytest.approx(period_s, abs=1e-6)
-    assert len(prepared) == 3
-
-
-def test_what_is_prepared_for_many_periods_is_forgotten() -> None:
-    kept = ByPeriod(lambda period_s: period_s)
-    for number in range(200):
-        assert kept[float(number)] == number
-    assert len(kept) < 100

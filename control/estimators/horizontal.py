@@ -1,0 +1,107 @@
+"""Horizontal motion of a vehicle with a tilt model: two Kalman filters, with and without the measured tilt.
+
+The filter without the measured tilt is selected where no tilt is measured, or one that contradicts the motion
+(`rcopterx.control.estimators.tilt_trust`).
+"""
+
+from collections import Counter
+from typing import Final
+
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings
+from rcopterx.control.estimators.tilt_filter import TiltFilter
+from rcopterx.control.estimators.tilt_trust import TiltTrust
+from rcopterx.control.interfaces import Estimate, TiltEstimate
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import XD_BODY, YAW, YD_BODY, Array, heading_matrix
+
+DISTRUSTED: Final = "tilt_distrusted"
+TRUSTED_AGAIN: Final = "tilt_trusted_again"
+
+
+class HorizontalMotion:
+    """The two filters, and whether the measured tilt is trusted. Poses have shape (4,), tilts (2,)."""
+
+    def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
+        self._from_tilt = TiltFilter(model, settings) if settings.measured_tilt else None
+        self._from_positions = TiltFilter(model, settings)
+        self._filters = [each for each in (self._from_tilt, self._from_positions) if each is not None]
+        self.trust = TiltTrust()
+        self.events: Counter[str] = Counter()
+        """How often a measured tilt was distrusted, and trusted again."""
+
+    @property
+    def selected(self) -> TiltFilter:
+        """The filter whose estimate is used."""
+        return self._from_tilt if self._from_tilt is not None and self.trust.trusted else self._from_positions
+
+    def refine(self, estimate: Estimate) -> Estimate:
+        """Replace the horizontal motion of an estimate, and add the tilt."""
+        selected = self.selected
+        motion = estimate.motion.copy()
+        motion[:2] = selected.position_m
+        motion[XD_BODY : YD_BODY + 1] = heading_matrix(float(motion[YAW])).T @ selected.velocity_m_s
+        return estimate._replace(motion=motion, tilt=selected.estimate)
+
+    def start(self, pose: Array, rates: Array, tilt: Array | None) -> None:
+        """Start in the air at a pose with inertial rates, shape (4,)."""
+        self.trust.restart()
+        for each in self._filters:
+            each.start(pose[:2], rates[:2], self._usable(tilt, each), float(pose[YAW]))
+
+    def stand(self, pose: Array, tilt: Array | None) -> None:
+        """Start at rest on the floor."""
+        self.trust.restart()
+        self._stand(pose, tilt)
+
+    def _stand(self, pose: Array, tilt: Array | None) -> None:
+        for each in self._filters:
+            each.stand(pose[:2], self._usable(tilt, each), float(pose[YAW]))
+
+    def _usable(self, tilt: Array | None, filter_: TiltFilter) -> Array | None:
+        """The measured tilt if that filter may use it."""
+        return tilt if filter_ is self._from_tilt and self.trust.trusted else None
+
+    def take_over(self, known: TiltEstimate) -> None:
+        """Continue another estimator's tilt, after `start`."""
+        for each in self._filters:
+            each.take_over(known)
+
+    def set_servo(self, stick: Array) -> None:
+        """Set the servo to a stick that has been acting for long, shape (2,)."""
+        for each in self._filters:
+            each.set_servo(stick)
+
+    def rest(self, stick: Array, period_s: float) -> None:
+        """Predict by one period on the floor."""
+        for each in self._filters:
+            each.rest(stick, period_s)
+
+    def predict(self, stick: Array, yaw_rad: float, period_s: float) -> None:
+        """Predict by one period at a heading."""
+        for each in self._filters:
+            each.predict(stick, yaw_rad, period_s)
+
+    def correct(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
+        """Correct by a pose, `since_pose_s` after the last one, with standard deviation `noise_m`."""
+        yaw_rad = float(pose[YAW])
+        if tilt is not None and self.trust.observe(tilt, self._from_positions.tilt, yaw_rad, since_pose_s):
+            self._change_trust()
+        self._expect_noise(noise_m)
+        for each in self._filters:
+            each.correct(pose[:2], self._usable(tilt, each), yaw_rad)
+
+    def correct_standing(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
+        """Correct the estimate of a standing vehicle; arguments of `correct`."""
+        if tilt is not None:
+            self.trust.observe_standing(tilt, since_pose_s)
+        self._expect_noise(noise_m)
+        self._stand(pose, tilt)
+
+    def _expect_noise(self, noise_m: float) -> None:
+        for each in self._filters:
+            each.expect_noise(noise_m, self.trust.noise_deviation)
+
+    def _change_trust(self) -> None:
+        self.events[TRUSTED_AGAIN if self.trust.trusted else DISTRUSTED] += 1
+        if self._from_tilt is not None and not self.trust.trusted:
+            self._from_tilt.forget_offset()

@@ -1,0 +1,39 @@
+"""The equations of the Kalman filter, in the usual symbols."""
+
+import numpy as np
+
+from rcopterx.vehicles.state import Array
+
+
+def predict_covariance(P: Array, F: Array, Q: Array) -> Array:
+    """Return F P F' + Q."""
+    return _symmetric(F @ P @ F.T + Q)
+
+
+def update(x: Array, P: Array, H: Array, R: Array, innovation: Array) -> tuple[Array, Array]:
+    """Return state and covariance after a measurement z = H x + noise.
+
+    Parameters
+    ----------
+    R
+        Variances of the noise, shape (m,).
+    innovation
+        Measured minus expected, z - H x, shape (m,).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The covariance of the innovation is not positive definite.
+    """
+    S = H @ P @ H.T + np.diag(R)
+    np.linalg.cholesky(S)  # checks that it is positive definite
+    K = np.linalg.solve(S, H @ P).T
+    # Joseph's form: the covariance stays positive whatever the rounding.
+    rest = np.eye(len(x)) - K @ H
+    P = rest @ P @ rest.T + (K * R) @ K.T
+    return x + K @ innovation, _symmetric(P)
+
+
+def _symmetric(P: Array) -> Array:
+    """Remove what rounding adds to a symmetric matrix."""
+    return 0.5 * (P + P.T)
