@@ -11,6 +11,7 @@ from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.separation.traffic import MOST, PATIENCE, UPDATE_EVERY_TICKS, Traffic, way
 from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint
+from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.vehicles.tuples import Three
 
 BESIDE = LeaderLink(leader="h1", offset_m=(-0.4, 0.0, 0.0))
@@ -111,7 +112,8 @@ def test_plans_come_on_the_own_clock_with_their_shares() -> None:
     assert list(found) == ["h2"]
     assert found["h2"].scale == 1.0
     assert found["h2"].plan.ahead_s == pytest.approx(0.0)
-    assert found["h2"].plan.trajectory.position_m[0] == pytest.approx([0.4, 0.0, 1.0])
+    position_m = found["h2"].plan.trajectory.position_m[0]
+    assert position_m == pytest.approx([0.4, 0.0, 1.0], abs=TrajectoryArray.RESOLUTION[0])
 
 
 def test_a_plan_that_is_too_old_says_nothing() -> None:
