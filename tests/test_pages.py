@@ -69,6 +69,17 @@ def test_every_link_of_a_page_leads_somewhere(page: Path) -> None:
         assert (page.parent / target).exists(), target
 
 
+MODULE = re.compile(rf"\b((?:{'|'.join([*FOLDERS, 'tests', 'examples'])})/[\w/]+\.py)\b")
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES], ids=lambda path: path.name
+)
+def test_every_module_that_a_page_names_exists(page: Path) -> None:
+    named = set(MODULE.findall(page.read_text(encoding="utf-8")))
+    assert [path for path in sorted(named) if not (ROOT / path).is_file()] == []
+
+
 OUTSIDE_THE_SITE = ("README.md", "CONTRIBUTING.md", "SECURITY.md")
 """Pages whose anchors `make docs` does not check."""
 
