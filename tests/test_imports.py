@@ -1,4 +1,4 @@
-"""Promises of the layout as a whole; the allowed directions of imports are in `pyproject.toml`."""
+"""Promises of the layout as a whole; `pyproject.toml` has the allowed directions of imports."""
 
 import tomllib
 from graphlib import CycleError, TopologicalSorter
