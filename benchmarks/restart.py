@@ -48,27 +48,15 @@ class Victim:
 
 def victims_of(fleet: Fleet) -> list[Victim]:
     """The agents of a leader and of a follower, the router and the gateways."""
-    names = tuple(fleet.file.vehicles)
-    leaders = [name for name in names if not fleet.file.vehicles[name].follow]
-    followers = [name for name in names if fleet.file.vehicles[name].follow]
-    agents = [*leaders[:1], *followers[:1]]
-    return [
-        *(Victim(f"agent-{name}", (name,)) for name in agents),
-        Victim("router", names),
-        Victim("tracker", names),
-        *(
-            Victim(gateway, served)
-            for gateway in fleet.file.gateways
-            if (served := served_by(fleet, gateway))
-        ),
-    ]
-
-
-def served_by(fleet: Fleet, gateway: str) -> tuple[str, ...]:
-    """Vehicles whose radio a transmitter gateway serves."""
-    return tuple(
-        name for name, vehicle in fleet.file.vehicles.items() if vehicle.transmitter.gateway == gateway
-    )
+    vehicles = fleet.file.vehicles
+    leaders = [name for name, vehicle in vehicles.items() if not vehicle.follow]
+    followers = [name for name, vehicle in vehicles.items() if vehicle.follow]
+    victims = [Victim(f"agent-{name}", (name,)) for name in (*leaders[:1], *followers[:1])]
+    victims += [Victim("router", tuple(vehicles)), Victim("tracker", tuple(vehicles))]
+    served: dict[str, list[str]] = {}
+    for name, vehicle in vehicles.items():
+        served.setdefault(vehicle.transmitter.gateway, []).append(name)
+    return victims + [Victim(gateway, tuple(names)) for gateway, names in served.items()]
 
 
 def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
@@ -181,14 +169,13 @@ def deviation_mm(
 ) -> float | None:
     """Largest distance of the vehicles from the middle of their true places before the kill [mm]."""
     states = recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)
-    largest = None
+    distances_m = []
     for name in names:
-        early = [np.array(m.vehicles[name].position_m) for m, at_s in states if at_s <= killed_s]
-        late = [np.array(m.vehicles[name].position_m) for m, at_s in states if at_s > killed_s]
-        middle = np.mean(early, axis=0)
-        distance = max(1000 * float(np.linalg.norm(place - middle)) for place in (early if before else late))
-        largest = distance if largest is None else max(largest, distance)
-    return None if largest is None else round(largest, 1)
+        early = [m.vehicles[name].position_m for m, at_s in states if at_s <= killed_s]
+        late = [m.vehicles[name].position_m for m, at_s in states if at_s > killed_s]
+        places = np.array(early if before else late) - np.mean(early, axis=0)
+        distances_m.append(float(np.linalg.norm(places, axis=1).max()))
+    return round(1000 * max(distances_m), 1) if distances_m else None
 
 
 def _counts(fleet: Fleet, name: str) -> dict[str, int]:
@@ -210,14 +197,12 @@ def difference(
     before: dict[str, dict[str, int]], after: dict[str, dict[str, int]]
 ) -> dict[str, dict[str, int]]:
     """Differences of counters; a process that started again counts from zero."""
-    return {
-        name: {
-            kind: count - was
-            for kind, count in after[name].items()
-            if count != (was := before[name].get(kind, 0) if count >= before[name].get(kind, 0) else 0)
-        }
-        for name in after
-    }
+    changes: dict[str, dict[str, int]] = {}
+    for name, counts in after.items():
+        earlier = {kind: was for kind, was in before[name].items() if was <= counts.get(kind, 0)}
+        grown = {kind: count - earlier.get(kind, 0) for kind, count in counts.items()}
+        changes[name] = {kind: count for kind, count in grown.items() if count}
+    return changes
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 The same table is acceptance test, demonstration and tutorial: `rcopterx fly NAME` flies a row of it.
 """
 
+import math
 from types import MappingProxyType
 from typing import Final
 
@@ -12,6 +13,7 @@ from rcopterx.experiments import steps
 from rcopterx.experiments.checks import (
     agents_started_again,
     always,
+    avoided,
     controlled,
     controllers_flown,
     distance_kept,
@@ -25,7 +27,6 @@ from rcopterx.experiments.checks import (
     touched_down_gently,
     transmitters_undisturbed,
 )
-from rcopterx.experiments.crossing_manoeuvres import CROSSING_ROWS
 from rcopterx.experiments.manoeuvre import Manoeuvre
 from rcopterx.experiments.paper_sequence import (
     PAPER_PERIOD_S,
@@ -64,6 +65,19 @@ def _place(second_m: Three, third_m: Three, frame: str = "inertial") -> Step:
     return in_order(
         steps.follow("h2", "h1", second_m, frame), steps.follow("h3", "h1", third_m, frame), steps.formed()
     )
+
+
+RADIUS_M: Final = 0.8
+FIVE: Final = ("h1", "h2", "h3", "h4", "h5")
+
+
+def on_circle(turn_deg: float) -> dict[str, Three]:
+    """Places of five vehicles on a circle a metre above the floor, turned by an angle."""
+    angles = {name: math.radians(turn_deg + 360.0 * number / len(FIVE)) for number, name in enumerate(FIVE)}
+    return {
+        name: (round(RADIUS_M * math.cos(angle), 3), round(RADIUS_M * math.sin(angle), 3), 1.0)
+        for name, angle in angles.items()
+    }
 
 
 ROWS: Final = (
@@ -289,7 +303,22 @@ ROWS: Final = (
         in_order(steps.identify("h1", 40.0), steps.formed(), pause(1.0)),
         (*in_the_air(), transmitters_undisturbed(), ends_at("h1", (0.0, 0.0, 1.0))),
     ),
-    *CROSSING_ROWS,
+    Manoeuvre(
+        "place-swapping",
+        "Five vehicles on a circle are sent across it at the same moment, and back again",
+        14.0,
+        in_order(
+            *(steps.lead(name) for name in FIVE[1:]),
+            steps.go_together(on_circle(72.0)), pause(1.0),
+            steps.go_together(on_circle(252.0)), pause(1.0),
+            steps.go_together(on_circle(72.0)), pause(1.0),
+        ),
+        (
+            *controlled(), distance_kept(), avoided(), transmitters_undisturbed(),
+            *(ends_at(name, place) for name, place in on_circle(72.0).items()),
+        ),
+        fleet="quintet",
+    ),
     Manoeuvre(
         "refusals",
         "Invalid requests are refused with the reason and have no effect",

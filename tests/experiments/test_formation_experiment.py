@@ -15,6 +15,7 @@ from rcopterx.experiments.formation import (
     SLOTS,
     Flown,
     document,
+    draw_formation,
     events,
     flown_schemes,
     fly_formation,
@@ -23,7 +24,6 @@ from rcopterx.experiments.formation import (
     run,
     sequence,
 )
-from rcopterx.experiments.formation_figure import draw_formation
 from rcopterx.experiments.rig import Rig
 from rcopterx.experiments.runner import Options, Result
 from rcopterx.experiments.schemes import CASCADE, HELICOPTER_SCHEMES, PAPER, SCHEMES
