@@ -1,4 +1,4 @@
-"""What estimators and controllers promise each other and the pilot.
+"""Interfaces of estimators and controllers.
 
 Write a class with the methods of `Controller` (or `Estimator`), register it under the entry-point group
 `rcopterx.controllers` (or `rcopterx.estimators`), and it flies in the same fleet.
@@ -17,26 +17,19 @@ from rcopterx.vehicles.state import Array
 
 
 class Measurement(Struct, frozen=True):
-    """One pose of the motion capture.
-
-    Attributes
-    ----------
-    position_m
-        Inertial frame, shape (3,).
-    yaw_rad
-        Wrapped or unwrapped.
-    tilt
-        Horizontal components of the body's upward axis in the inertial frame, shape (2,): a vehicle tilted
-        forward accelerates forward. None where the tracker gives positions and headings only.
-    """
+    """One pose of the motion capture."""
 
     position_m: Array
+    """Inertial frame, shape (3,)."""
     yaw_rad: float
+    """Wrapped or unwrapped."""
     tilt: Array | None = None
+    """Horizontal components of the body's upward axis in the inertial frame, shape (2,): a vehicle tilted
+    forward accelerates forward. None where the tracker gives positions and headings only."""
 
     @classmethod
     def of_pose(cls, position_m: Sequence[float], quaternion_xyzw: Sequence[float]) -> "Measurement":
-        """Measurement of a rigid body from its position and the unit quaternion of its attitude."""
+        """Return the measurement of a rigid body from position and unit quaternion."""
         x, y, z, w = quaternion_xyzw
         yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         return cls(np.array(position_m), yaw_rad, np.array((2 * (x * z + w * y), 2 * (y * z - w * x))))
@@ -59,8 +52,10 @@ NO_TILT: Final = TiltEstimate(*4 * [np.empty(0)])
 
 
 class Estimate(NamedTuple):
-    """Estimated state of a vehicle at one instant; arrays of 64-bit floats (type for kernels:
-    `rcopterx.control.models.kernel_types.ESTIMATE`)."""
+    """Estimated state of a vehicle at one instant, in arrays of 64-bit floats.
+
+    Kernels take it as one argument of the type `rcopterx.control.models.kernel_types.ESTIMATE`.
+    """
 
     motion: Array
     """Motion state of `rcopterx.vehicles.state`, shape (8,), yaw unwrapped."""
@@ -80,7 +75,7 @@ class Estimate(NamedTuple):
 
 
 class Estimator(Protocol):
-    """Turns poses and applied inputs into an estimate."""
+    """Estimates the state of a vehicle from poses and applied inputs."""
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest at a measured pose."""
@@ -91,11 +86,11 @@ class Estimator(Protocol):
         ...
 
     def predict(self, applied_input: Array, period_s: float) -> None:
-        """Move the estimate on by one period during which `applied_input`, shape (4,), acted."""
+        """Predict by one period during which `applied_input`, shape (4,), acted."""
         ...
 
     def correct(self, measurement: Measurement) -> bool:
-        """Take in a pose; False if it was refused because the vehicle cannot have flown there."""
+        """Correct by a pose; False if it was refused because the vehicle cannot have flown there."""
         ...
 
     @property
@@ -114,32 +109,24 @@ class EstimatesUncertainty(Protocol):
 
 
 class ControlStep(Struct, frozen=True):
-    """Result of one control step.
-
-    Attributes
-    ----------
-    inputs
-        Planned inputs, shape (N - 1, 4); the first row is applied now. Always finite and within limits.
-    plan
-        Predicted trajectory from the compensated present on, N stages.
-    fallback
-        Why the optimum is not what is returned (`early_stop`, `shifted_plan`, `hover`), else None.
-    iterations
-        Solver iterations, summed over sub-problems.
-    """
+    """Result of one control step."""
 
     inputs: Array
+    """Planned inputs, shape (N - 1, 4); the first row is applied now. Always finite and within limits."""
     plan: Trajectory
+    """Predicted trajectory from the compensated present on, N stages."""
     fallback: str | None
+    """Why the optimum is not what is returned (`early_stop`, `shifted_plan`, `hover`), else None."""
     iterations: int
+    """Solver iterations, summed over sub-problems."""
 
 
 class NoSolutionError(Exception):
-    """A controller's solver offers nothing better than the previous plan, which is then flown on."""
+    """A controller found nothing better than its previous plan, which the vehicle then continues."""
 
 
 class Controller(Protocol):
-    """Computes inputs and a plan, finite and within the limits; whoever asks it checks that."""
+    """Computes inputs and a plan, finite and within the limits; the caller checks that."""
 
     @property
     def horizon(self) -> int:
@@ -158,19 +145,9 @@ class Controller(Protocol):
     def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
         """Compute one control step.
 
-        Parameters
-        ----------
-        estimate
-            State at the instant the new input begins to act (delay already compensated).
-        reference
-            N stages from that instant on.
-        last_input
-            Input commanded one period before, shape (4,).
-
-        Returns
-        -------
-        ControlStep
-            Inputs and plan.
+        `estimate` is the state at the instant at which the new input begins to act (the delay is
+        compensated), `reference` has N stages from that instant on, and `last_input`, shape (4,), is the
+        input of the period before.
 
         Raises
         ------
@@ -182,18 +159,12 @@ class Controller(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LimitScale:
-    """Scale of a vehicle's limits to plan with, each fraction above 0 and at most 1.
-
-    Attributes
-    ----------
-    inputs
-        Of the ranges of pitch, roll, thrust and yaw around hovering.
-    rates
-        Of the bounds of xd_B, yd_B, zd_B and psid.
-    """
+    """Fractions of a vehicle's limits to plan with, each above 0 and at most 1."""
 
     inputs: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    """Of the ranges of pitch, roll, thrust and yaw around hovering."""
     rates: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    """Of the bounds of xd_B, yd_B, zd_B and psid."""
 
     def __post_init__(self) -> None:
         for name in ("inputs", "rates"):
@@ -203,7 +174,6 @@ class LimitScale:
 
 
 FULL_LIMITS = LimitScale()
-"""All that the vehicle can do."""
 
 
 @runtime_checkable
@@ -217,27 +187,21 @@ class ScalesLimits(Protocol):
 
 @runtime_checkable
 class StopsEarly(Protocol):
-    """A controller that keeps the time of its steps and offers its best iterate when it runs out."""
+    """A controller that returns its best iterate when the time of its step runs out."""
 
     def set_deadline(self, expired: Callable[[], bool]) -> None:
-        """Stop iterating in the next step as soon as `expired` is true; to be told anew before every step."""
+        """Stop iterating in the next step as soon as `expired` is true; set before every step."""
         ...
 
 
 class Obstacle(Struct, frozen=True):
-    """Another vehicle on its way, with the ellipsoid around it that is to stay free.
-
-    Attributes
-    ----------
-    positions_m
-        Its centre at the stages of the own horizon, inertial frame, shape (N, 3).
-    horizontal_m, vertical_m
-        Half axes.
-    """
+    """Another vehicle on its way, with the ellipsoid around it that is to stay free."""
 
     positions_m: Array
+    """Its centre at the stages of the controller's horizon, inertial frame, shape (N, 3)."""
     horizontal_m: float
     vertical_m: float
+    """Half axes."""
 
 
 @runtime_checkable
@@ -245,6 +209,8 @@ class AvoidsObstacles(Protocol):
     """A controller that plans around other vehicles."""
 
     def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
-        """Keep clear of these from the next step on; told anew before every step while there are any, and
-        that there are none once."""
+        """Keep clear of these from the next step on.
+
+        Set before every step while there are obstacles, and to an empty sequence once there are none.
+        """
         ...

@@ -1,7 +1,7 @@
-"""What stands between an estimator and its pilot: whatever an estimator does, there is an estimate.
+"""Guard between a pilot and its estimator: the pilot has an estimate, whatever the estimator does.
 
-An estimator may be somebody else's. Once it raises, tells an estimate that is none or does not return in
-time, its state cannot be trusted any more: the default estimator goes on from the last good estimate.
+An estimator may be a plug-in. Once it raises, returns an unusable estimate or misses its time limit, its
+state is not trusted any more: the default estimator continues from the last good estimate.
 """
 
 from collections import Counter
@@ -20,7 +20,7 @@ RAISED: Final = "estimator_raised"
 UNUSABLE: Final = "estimator_unusable"
 LATE: Final = "estimator_late"
 STEP_LIMIT_S: Final = 0.006
-"""Time that one call may take."""
+"""Longest duration of one call."""
 FIRST_CALLS: Final = 10
 FIRST_CALLS_FACTOR: Final = 8.0
 """The first calls load code and fill caches; they may take so many times as long."""
@@ -29,21 +29,18 @@ T = TypeVar("T")
 
 
 class EstimatorGuard:
-    """An `Estimator` that goes on with the default one when the one that it asks fails.
+    """An `Estimator` that continues with the default one when the selected one fails.
 
-    Parameters
-    ----------
-    estimator
-        The one to ask.
-    default
-        Takes its place; None for none, which leaves the last good estimate where the estimator fails.
-    limit
-        Time that a call may take.
+    Without a default estimator, the last good estimate stays.
 
     Attributes
     ----------
     calls
-        Counts and tells failures.
+        Counts and describes failures.
+    estimate
+        The last good estimate.
+    replaced
+        Whether the default estimator has replaced the selected one.
     """
 
     def __init__(
@@ -52,115 +49,105 @@ class EstimatorGuard:
         kinds = FailureKinds(RAISED, UNUSABLE, LATE)
         self.calls = GuardedCall(kinds, FIRST_CALLS, FIRST_CALLS_FACTOR, limit)
         self.replaced = False
-        """Whether the default estimator has taken the place of the one that was chosen."""
-        self._asked = estimator
+        self.estimate = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
+        self._estimator = estimator
         self._default = default
-        self._begun = False
-        self._known: Estimator | None = None
-        self._telling: EstimatesUncertainty | None = None
-        nowhere = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
-        self.estimate = nowhere
-        """The last good estimate."""
-        self._ask(lambda _: None, None)
+        self._started = False
+        self._read_estimate()
 
     @property
     def events(self) -> Mapping[str, int]:
-        """Failures by kind, and what the estimator counts."""
-        return self.calls.failures + Counter(getattr(self._asked, "events", {}))
+        """Failures by kind, and the events that the estimator counts."""
+        return self.calls.failures + Counter(getattr(self._estimator, "events", {}))
 
     def position_deviation_m(self) -> Array | None:
-        """How well the estimator knows the position (`EstimatesUncertainty`); None if it does not tell."""
-        asked = self._asked
-        if asked is not self._known:
-            # Asking for a protocol takes longer than most of what is done here, so it is done once.
-            self._known = asked
-            self._telling = asked if isinstance(asked, EstimatesUncertainty) else None
-        if self._telling is None:
+        """Return the standard deviations of the position; None if the estimator does not estimate them."""
+        estimator = self._estimator
+        if not isinstance(estimator, EstimatesUncertainty):
             return None
-        question = self._telling.position_deviation_m
-        return self.calls.attempt(type(asked).__name__, STEP_LIMIT_S, question, _deviation_problem)
+        name = type(estimator).__name__
+        return self.calls.attempt(name, STEP_LIMIT_S, estimator.position_deviation_m, _deviation_problem)
 
     def use(self, estimator: Estimator, started: bool) -> None:
-        """Ask another estimator from now on; it goes on from the present estimate once that has started."""
-        self._asked, self.replaced, self.calls.failure = estimator, False, ""
+        """Select another estimator; it continues from the present estimate if the vehicle has `started`."""
+        self._estimator, self.replaced, self.calls.failure = estimator, False, ""
         self.calls.begin()
         if started:
             self.take_over(self.estimate)
         else:
-            self._ask(lambda _: None, None)
+            self._read_estimate()
 
     def use_default(self) -> bool:
-        """Ask the default estimator from now on; False if it is asked already, or there is none."""
-        if self._default is None or self._asked is self._default:
+        """Replace the estimator by the default one; False if that is in use, or there is none."""
+        if self._default is None or self._estimator is self._default:
             return False
-        self._asked, self.replaced = self._default, True
+        self._estimator, self.replaced = self._default, True
         self.calls.begin()
-        self._go_on()
+        self._restart()
         return True
 
     def reset(self, measurement: Measurement) -> None:
         """See `Estimator.reset`."""
-        self._ask(lambda asked: asked.reset(measurement), None)
-        self._begun = True
+        self._call(lambda estimator: estimator.reset(measurement), None)
+        self._started = True
 
     def take_over(self, estimate: Estimate) -> None:
         """See `Estimator.take_over`."""
-        self._ask(lambda asked: asked.take_over(estimate), None)
-        self._begun = True
+        self._call(lambda estimator: estimator.take_over(estimate), None)
+        self._started = True
 
     def predict(self, applied_input: Array, period_s: float) -> None:
         """See `Estimator.predict`."""
-        self._ask(lambda asked: asked.predict(applied_input, period_s), None)
+        self._call(lambda estimator: estimator.predict(applied_input, period_s), None)
 
     def correct(self, measurement: Measurement, after: Sequence[tuple[Array, float]] = ()) -> bool:
-        """Take in a pose (`Estimator.correct`), in one call with the predictions up to it.
+        """Predict up to a pose and correct by it (`Estimator.correct`), in one guarded call.
 
-        Parameters
-        ----------
-        measurement
-            The pose.
-        after
-            Inputs that acted since the last call, and for how long each [s].
+        `after` are the inputs that acted since the last call, and for how long each [s].
         """
 
-        def follow(asked: Estimator) -> bool:
+        def follow(estimator: Estimator) -> bool:
             for applied_input, duration_s in after:
-                asked.predict(applied_input, duration_s)
-            return asked.correct(measurement)
+                estimator.predict(applied_input, duration_s)
+            return estimator.correct(measurement)
 
-        return bool(self._ask(follow, False))
+        return bool(self._call(follow, False))
 
-    def _ask(self, question: Callable[[Estimator], T], otherwise: T) -> T:
-        """Ask the estimator, and the default one if that fails; `otherwise` if nobody knows."""
-        answer = self._attempt(question)
-        if answer is None and self.use_default():
-            answer = self._attempt(question)
-        if answer is None:
-            self._go_on()
+    def _read_estimate(self) -> None:
+        self._call(lambda _: None, None)
+
+    def _call(self, method: Callable[[Estimator], T], otherwise: T) -> T:
+        """Call the estimator, and the default one if that fails; return `otherwise` if both fail."""
+        result = self._attempt(method)
+        if result is None and self.use_default():
+            result = self._attempt(method)
+        if result is None:
+            self._restart()
             return otherwise
-        return answer[0]
+        return result[0]
 
-    def _go_on(self) -> None:
-        """Start from the last good estimate, as what the estimator knows cannot be trusted any more."""
-        if not self._begun:
-            return
-        good = self.estimate
-        self._attempt(lambda asked: asked.take_over(good))
+    def _restart(self) -> None:
+        """Restart the estimator from the last good estimate, as its own state cannot be trusted any more."""
+        if self._started:
+            good = self.estimate
+            self._attempt(lambda estimator: estimator.take_over(good))
 
-    def _attempt(self, question: Callable[[Estimator], T]) -> tuple[T, Estimate] | None:
-        """Answer of an estimator and its estimate after it; None after a failure, which is counted."""
-        asked = self._asked
-
-        def told() -> tuple[T, Estimate]:
-            return question(asked), asked.estimate
-
-        answer = self.calls.attempt(type(asked).__name__, STEP_LIMIT_S, told, lambda pair: flaw_of(pair[1]))
-        if answer is not None:
-            self.estimate = answer[1]
-        return answer
+    def _attempt(self, method: Callable[[Estimator], T]) -> tuple[T, Estimate] | None:
+        """Return the result of a call and the estimate after it; None after a failure, which is counted."""
+        estimator = self._estimator
+        name = type(estimator).__name__
+        result = self.calls.attempt(
+            name,
+            STEP_LIMIT_S,
+            lambda: (method(estimator), estimator.estimate),
+            lambda result: flaw_of(result[1]),
+        )
+        if result is not None:
+            self.estimate = result[1]
+        return result
 
 
 def _deviation_problem(deviation: Array) -> str | None:
-    """What makes standard deviations of a position unusable; None if they can be used."""
+    """Return what makes standard deviations of a position unusable; None if they are usable."""
     usable = deviation.shape == (3,) and bool(np.isfinite(deviation).all()) and bool((deviation >= 0.0).all())
     return None if usable else "the uncertainty of the position is not three numbers from 0 on"

@@ -1,4 +1,4 @@
-"""Whatever an estimator does, there is an estimate, and what happened is told."""
+"""Whatever an estimator does, the pilot has an estimate, and failures are counted and described."""
 
 from typing import Any, ClassVar
 
@@ -22,15 +22,7 @@ METHODS = ("reset", "take_over", "predict", "correct", "estimate")
 
 
 class FailingEstimator(ExactEstimator):
-    """Fails in one method from a call on.
-
-    Parameters
-    ----------
-    method
-        Which one.
-    sound_calls
-        Calls of it that go well.
-    """
+    """Fails in one method after `sound_calls` calls of it."""
 
     def __init__(self, method: str, sound_calls: int = 0) -> None:
         super().__init__()
@@ -102,8 +94,6 @@ def test_without_another_estimator_the_last_good_estimate_stays(method: str) -> 
 
 
 class Diverging(ExactEstimator):
-    """Tells what is no estimate."""
-
     def __init__(self, change: dict[str, Any]) -> None:
         super().__init__()
         self._change = change
@@ -125,7 +115,7 @@ class Diverging(ExactEstimator):
         {"tilt": TiltEstimate(np.zeros(4), np.zeros(3), np.zeros(2), np.zeros(2))},
     ],
 )
-def test_what_is_no_estimate_is_not_used(change: dict[str, Any]) -> None:
+def test_an_unusable_estimate_is_not_used(change: dict[str, Any]) -> None:
     guard = EstimatorGuard(Diverging(change), ExactEstimator())
     fly(guard)
     assert guard.replaced
@@ -133,7 +123,7 @@ def test_what_is_no_estimate_is_not_used(change: dict[str, Any]) -> None:
     assert guard.estimate.motion[:2] == pytest.approx(PLACE.position_m[:2], abs=1e-2)
 
 
-def test_the_default_estimator_stays_until_somebody_chooses_again() -> None:
+def test_the_default_estimator_stays_until_another_one_is_selected() -> None:
     guard = EstimatorGuard(FailingEstimator("predict"), ExactEstimator())
     fly(guard)
     assert guard.replaced
@@ -159,7 +149,7 @@ def test_a_call_that_takes_too_long_is_a_failure_but_for_the_first_ones() -> Non
     assert guard.calls.failures[LATE] == 1
 
 
-def test_what_an_estimator_counts_is_told() -> None:
+def test_events_of_an_estimator_are_among_those_of_its_guard() -> None:
     class Counting(ExactEstimator):
         events: ClassVar = {"restarts": 2}
 
@@ -169,30 +159,28 @@ def test_what_an_estimator_counts_is_told() -> None:
 @pytest.mark.parametrize(
     ("answer", "kind"), [(np.full(3, np.nan), UNUSABLE), (np.zeros(2), UNUSABLE), (None, RAISED)]
 )
-def test_uncertainty_that_cannot_be_told_is_unknown_and_the_estimator_stays(
-    answer: Array | None, kind: str
-) -> None:
-    class Telling(ExactEstimator):
+def test_an_unusable_uncertainty_is_unknown_and_the_estimator_stays(answer: Array | None, kind: str) -> None:
+    class WithUncertainty(ExactEstimator):
         def position_deviation_m(self) -> Array:
             return answer
 
-    guard = EstimatorGuard(Telling(), default=ExactEstimator())
+    guard = EstimatorGuard(WithUncertainty(), default=ExactEstimator())
     assert guard.position_deviation_m() is None
     assert guard.calls.failures == {kind: 1}
     assert not guard.replaced
 
 
-def test_uncertainty_is_told_if_the_estimator_does() -> None:
-    class Telling(ExactEstimator):
+def test_the_uncertainty_of_an_estimator_is_returned() -> None:
+    class WithUncertainty(ExactEstimator):
         def position_deviation_m(self) -> Array:
             return np.array([0.1, 0.2, 0.3])
 
-    told_m = EstimatorGuard(Telling()).position_deviation_m()
-    assert told_m is not None
-    assert told_m.tolist() == [0.1, 0.2, 0.3]
+    deviation_m = EstimatorGuard(WithUncertainty()).position_deviation_m()
+    assert deviation_m is not None
+    assert deviation_m.tolist() == [0.1, 0.2, 0.3]
     assert EstimatorGuard(ExactEstimator()).position_deviation_m() is None
 
 
-def test_before_anything_is_known_the_estimate_is_at_rest() -> None:
+def test_the_first_estimate_is_at_rest() -> None:
     guard = EstimatorGuard(FailingEstimator("estimate"))
     assert np.array_equal(guard.estimate.motion, still().motion)
