@@ -19,7 +19,7 @@ Subject = Annotated[str, Meta(min_length=1, max_length=400)]
 
 
 class FaultError(ValueError):
-    """A fault that cannot be carried out; the text says what is allowed."""
+    """A fault that cannot be carried out; the text names the allowed values."""
 
 
 class FaultRequest(Struct, frozen=True, tag_field="kind", forbid_unknown_fields=True):
@@ -34,7 +34,7 @@ class LastingFault(FaultRequest, frozen=True, kw_only=True):
 
     @property
     def slot(self) -> tuple[object, ...]:
-        """What a second request of this sort replaces."""
+        """Key of a fault: a second one with the same key replaces the first."""
         return (type(self), getattr(self, "subject", None))
 
 
@@ -51,7 +51,7 @@ class WrongMagic(FaultRequest, frozen=True, tag="wrong_magic"):
 
 
 class ResetFrameId(FaultRequest, frozen=True, tag="reset_frame_id"):
-    """Let the frame number go on from `frame`, as after a restart of the capture."""
+    """Continue the frame number from `frame`, as after a restart of the capture."""
 
     frame: int = 0
 
@@ -103,7 +103,7 @@ class UnknownObject(LastingFault, frozen=True, tag="unknown_object"):
 
 
 class YUp(LastingFault, frozen=True, tag="y_up"):
-    """Send Y-up data, and say so in ApplicationInfo."""
+    """Send Y-up data, and report it in ApplicationInfo."""
 
 
 class Occlude(LastingFault, frozen=True, tag="occlude"):
@@ -173,22 +173,26 @@ class SwapSubjects(LastingFault, frozen=True, tag="swap_subjects"):
     other: Subject
 
 
-class BreakRadio(LastingFault, frozen=True, tag="break_radio"):
-    """Break a vehicle's radio module: cable pulled, no power, or a firmware without DSM2."""
+class VehicleFault(LastingFault, frozen=True):
+    """Base of the faults of one vehicle."""
 
     vehicle: Annotated[str, Meta(max_length=400)]
-    condition: RadioCondition = "unplugged"
 
     @property
     def slot(self) -> tuple[object, ...]:
-        """What a second request of this sort replaces."""
+        """Key of a fault: a second one with the same key replaces the first."""
         return (type(self), self.vehicle)
 
 
-class BreakVehicle(LastingFault, frozen=True, tag="break_vehicle"):
+class BreakRadio(VehicleFault, frozen=True, tag="break_radio"):
+    """Break a vehicle's radio module: cable pulled, no power, or a firmware without DSM2."""
+
+    condition: RadioCondition = "unplugged"
+
+
+class BreakVehicle(VehicleFault, frozen=True, tag="break_vehicle"):
     """Break a vehicle itself: a weak rotor, an axis without effect, reversed or stuck, or off its trim."""
 
-    vehicle: Annotated[str, Meta(max_length=400)]
     thrust_factor: Annotated[float, Meta(ge=0, le=1)] = 1.0
     """Share of the thrust that is left; 0 for no lift."""
     dead: StickName | None = None
@@ -198,12 +202,7 @@ class BreakVehicle(LastingFault, frozen=True, tag="break_vehicle"):
     stuck: StickName | None = None
     """Stick that stays where it is."""
     trim: tuple[Trim, Trim, Trim, Trim] = (0.0, 0.0, 0.0, 0.0)
-    """What is added to the sticks: pitch, roll, thrust, yaw."""
-
-    @property
-    def slot(self) -> tuple[object, ...]:
-        """What a second request of this sort replaces."""
-        return (type(self), self.vehicle)
+    """Offsets of the sticks: pitch, roll, thrust, yaw."""
 
 
 TrackerFault = (
@@ -232,10 +231,10 @@ TrackerFault = (
     | RenameRootSegment
     | SwapSubjects
 )
-"""What the emulated Tracker can do wrong."""
+"""Faults of the emulated Tracker."""
 
 Fault = TrackerFault | BreakRadio | BreakVehicle
-"""What the simulated laboratory can do wrong."""
+"""Faults of the simulated laboratory."""
 
 FAULTS: Final[dict[str, type[FaultRequest]]] = {
     str(kind.__struct_config__.tag): kind for kind in get_args(Fault)

@@ -56,10 +56,10 @@ class Rotor(NamedTuple):
     torque: float
     lag: float
     phase_per_speed: float
-    """The disc leans in a direction that is turned against that of what it follows by these angles."""
+    """Phase lag: angle between the lean of the disc and the lean that it follows."""
     phase_at_rest: float
     link: float
-    """Lean of the disc over the lean of what it follows."""
+    """Lean of the disc over the lean that it follows."""
     arm: float
     """Height above the centre of gravity."""
     spring: float
@@ -114,7 +114,7 @@ class Surroundings(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """What `fly` has flown."""
+    """Result of `fly`."""
 
     steps: int
     state: State

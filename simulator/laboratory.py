@@ -24,7 +24,7 @@ from rcopterx.vehicles.tuples import Three
 from rcopterx.vehicles.types import COAXIAL
 
 Particulars = HelicopterParameters | TiltOscillator
-"""What distinguishes a vehicle from those that the conditions would give it."""
+"""Parameters of a vehicle in place of those that the conditions give."""
 
 
 def plant_of(
@@ -111,7 +111,7 @@ class Laboratory:
             raise ValueError(f"laboratory: no vehicle {name!r}; there are: {allowed}") from None
 
     def advance(self, duration_s: float) -> None:
-        """Let all vehicles fly on for a duration that is not negative, under the downwash of its start."""
+        """Advance all vehicles by a duration, not negative, under the downwash at its start."""
         set_downwash(self._plants.values(), self._conditions.downwash_m_s2)
         for plant in self._plants.values():
             plant.advance(duration_s)

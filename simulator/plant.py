@@ -1,4 +1,4 @@
-"""One simulated vehicle between its sticks and its pose: what all kinds of vehicles share."""
+"""One simulated vehicle between its sticks and its pose, for all kinds of vehicles."""
 
 import math
 from abc import ABC, abstractmethod
@@ -156,7 +156,7 @@ class Plant(ABC):
 
     @property
     def marker_pose(self) -> Pose:
-        """Pose of the markers, which is what a Tracker without noise measures, yaw unwrapped."""
+        """Pose of the markers, as a Tracker without noise measures it, yaw unwrapped."""
         return self.pose
 
     @property
@@ -213,7 +213,7 @@ class Plant(ABC):
                 for axis, stick in enumerate(inputs)
             ]
             inputs = self._sticks = pitch, roll, max(thrust, 0.0), yaw
-        # What is taken from the battery, of what hovering takes.
+        # Consumption from the battery as a fraction of that of hovering.
         self._load = self._sticks[U_THRUST] / self._hover_input[U_THRUST] if self.motors_running else 0.0
         self._command(inputs)
 

@@ -26,7 +26,7 @@ LONGEST_STEP_S = 0.02
 
 
 class Simulator:
-    """The fake laboratory on its wires."""
+    """The simulated laboratory on its wires."""
 
     def __init__(self, settings: SimulatorSettings, session: Session) -> None:
         self._session = session
@@ -44,8 +44,6 @@ class Simulator:
         laboratory = self._room.laboratory
         self._vehicle_faults = VehicleFaults({name: laboratory.plant(name) for name in laboratory.names})
         session.serve(channels.SIMULATOR_UNIT, ["inject"])
-        self._tracker_due_s = start_s
-        self._open_ports()
         session.announce(channels.SIMULATOR_UNIT, "simulator")
 
     def run_once(self) -> None:
@@ -54,20 +52,17 @@ class Simulator:
         Bytes are received as they arrive, because their time of arrival counts: modules, vehicles and
         requests are handled at the next frame.
         """
-        due_s = min(self._step_at_s, self._tracker_due_s)
-        timeout_s = max(0.0, due_s - self._clock())
-        readable, _, _ = select.select(self._waited_for, [], [], timeout_s)
+        tracker_due_s = self._tracker.next_due_s()
+        due_s = self._step_at_s if tracker_due_s is None else min(self._step_at_s, tracker_due_s)
+        ports = {radio.fileno(): radio for radio in self._room.radios.values() if radio.is_open}
+        waited_for = [self._tracker.fileno(), *ports]
+        readable, _, _ = select.select(waited_for, [], [], max(0.0, due_s - self._clock()))
         now_s = self._clock()
-        asked = False
         for descriptor in readable:
-            port = self._ports.get(descriptor)
-            if port is None:
-                asked = True
-            else:
-                port.receive(now_s)
-        if asked or now_s >= self._tracker_due_s:
+            if descriptor in ports:
+                ports[descriptor].receive(now_s)
+        if self._tracker.fileno() in readable or (tracker_due_s is not None and now_s >= tracker_due_s):
             self._tracker.poll()
-            self._look_at_tracker()
         if now_s >= self._step_at_s:
             self._step(now_s)
 
@@ -83,16 +78,6 @@ class Simulator:
             self._frame += 1
             self._frame_at_s += self._period_s
         self._step_at_s = min(self._frame_at_s, now_s + LONGEST_STEP_S)
-        self._look_at_tracker()
-        self._open_ports()
-
-    def _look_at_tracker(self) -> None:
-        due_s = self._tracker.next_due_s()
-        self._tracker_due_s = math.inf if due_s is None else due_s
-
-    def _open_ports(self) -> None:
-        self._ports = {radio.fileno(): radio for radio in self._room.radios.values() if radio.is_open}
-        self._waited_for = [self._tracker.fileno(), *self._ports]
 
     def _obey(self, incoming: Incoming, now_s: float) -> Reply:
         request = incoming.request

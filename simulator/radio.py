@@ -31,7 +31,7 @@ class RadioLink:
         self.module.feed(data, now_s)
 
     def advance(self, now_s: float) -> bytes:
-        """Let the time pass; return what the module answers."""
+        """Advance the time; return the answers of the module."""
         answers = self.module.advance(now_s)
         for packet in self.module.take_packets():
             if self.receiver.receive(packet):
@@ -42,7 +42,7 @@ class RadioLink:
         return answers
 
     def note_output(self, time_s: float) -> None:
-        """Remember what the receiver gives the vehicle if that changes; it does so without a module, too."""
+        """Note the output of the receiver if it has changed; it has one without a module, too."""
         pulses_us = self.receiver.pulses_us(time_s)
         if pulses_us != self._last:
             self._last = pulses_us
@@ -55,7 +55,7 @@ class RadioLink:
         return outputs
 
     def output(self, now_s: float) -> ReceiverOutput:
-        """What the receiver gives the vehicle at `now_s`; call `advance` first."""
+        """Output of the receiver to the vehicle at `now_s`; call `advance` first."""
         return self.receiver.output(now_s)
 
     def take_frames(self) -> list[SerialFrame]:
@@ -107,18 +107,18 @@ class RadioPty:
         return self._master
 
     def service(self, now_s: float) -> None:
-        """Take the bytes written, let the time pass, and write the answers."""
+        """Read the written bytes, advance the time, and write the answers."""
         self.receive(now_s)
         self.live(now_s)
 
     def receive(self, now_s: float) -> None:
-        """Take the bytes written; `live` shows them to the module."""
+        """Read the written bytes; `live` passes them to the module."""
         if self.is_open:
             self._read(now_s)
             self._received_s = now_s
 
     def live(self, now_s: float) -> None:
-        """Let the time pass, and write the answers; what was written until now has been received."""
+        """Advance the time and write the answers; bytes written until now must have been received."""
         self._received_s = now_s
         if self.is_open and not self._exclusive_cleared and now_s > self._fed_s + SILENT_S:
             self._clear_exclusive()
@@ -173,7 +173,7 @@ class RadioPty:
         self._exclusive_cleared = True
 
     def output(self, now_s: float) -> ReceiverOutput:
-        """What the receiver gives the vehicle at `now_s`."""
+        """Output of the receiver to the vehicle at `now_s`."""
         return self.link.output(now_s)
 
     def unplug(self) -> None:

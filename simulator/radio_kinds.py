@@ -1,4 +1,4 @@
-"""Emulated radio modules by the name of their protocol, and what can be wrong with them."""
+"""Emulated radio modules by the name of their protocol, and their faults."""
 
 from collections.abc import Callable
 from typing import Final

@@ -1,4 +1,4 @@
-"""What all emulated radio modules share: serial line with wire time, frame ends, air packets, frame log."""
+"""Common part of emulated radio modules: serial line with wire time, frame ends, air packets, frame log."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from operator import itemgetter
-from typing import Final
 
 from msgspec import Struct
 
@@ -19,7 +17,6 @@ AIR_PERIOD_S = 0.022
 PAUSE_BYTES = 4
 
 Timer = tuple[float, Callable[[float], None]]
-_TIME: Final[Callable[[Timer], float]] = itemgetter(0)
 
 
 class SerialFrame(Struct, frozen=True):
@@ -70,7 +67,7 @@ class SerialInput:
     _bursts: deque[tuple[float, bytes]] = field(default_factory=deque)
 
     def feed(self, data: bytes, now_s: float) -> None:
-        """Take bytes whose transmission starts at `now_s`, or when the line is free."""
+        """Receive bytes whose transmission starts at `now_s`, or when the line is free."""
         start_s = max(self.end_s, now_s)
         if self._data and start_s + self.byte_s > self.end_s + self.end_of_frame_s:
             self._close()
@@ -95,7 +92,7 @@ class SerialInput:
 
 
 class RadioModule(ABC):
-    """State machine over timestamped bytes without a clock; `advance` lets the time pass.
+    """State machine over timestamped bytes without a clock; `advance` advances the time.
 
     Attributes
     ----------
@@ -130,7 +127,7 @@ class RadioModule(ABC):
 
     @abstractmethod
     def _timers(self) -> list[Timer]:
-        """When the module does something by itself, and what."""
+        """Next times at which the module acts by itself, and its actions."""
 
     def receiver_answered(self, now_s: float) -> None:  # noqa: B027 - most modules do not listen
         """Receive the bind answer of a receiver."""
@@ -142,7 +139,7 @@ class RadioModule(ABC):
     def advance(self, now_s: float) -> bytes:
         """Do everything due until `now_s`; return the bytes the module answers."""
         while True:
-            time_s, handler = min(self._timers(), key=_TIME)
+            time_s, handler = min(self._timers(), key=lambda timer: timer[0])
             burst_s = self._input.next_end_s()
             if burst_s <= time_s:
                 time_s, handler = burst_s, self._take_burst
@@ -187,7 +184,7 @@ class FreeRunningModule(RadioModule):
 
     @abstractmethod
     def _packet(self, now_s: float) -> AirPacket:
-        """What goes out at `now_s`."""
+        """Channels that are sent at `now_s`."""
 
     def _start_radio(self, now_s: float) -> None:
         if math.isinf(self._next_rf_s):

@@ -17,7 +17,7 @@ STORE_AFTER_BIND_S = 5.0
 
 
 class ReceiverState(StrEnum):
-    """What the receiver's outputs come from."""
+    """Source of the receiver's outputs."""
 
     SEARCHING = "searching"
     LINKED = "linked"
@@ -131,7 +131,7 @@ class Receiver:
         return (self._failsafe_throttle_us, *self._pulses[1:])
 
     def output(self, now_s: float) -> ReceiverOutput:
-        """What the vehicle is given at `now_s`, and where it comes from."""
+        """Outputs to the vehicle at `now_s`, and their source."""
         if self._bind_mode:
             state = ReceiverState.BIND
         elif self._linked_to is None:

@@ -1,4 +1,4 @@
-"""The fake laboratory in real time: plants between their radios and the Tracker that sees them."""
+"""The simulated laboratory in real time: plants between their radios and the Tracker."""
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
@@ -57,7 +57,7 @@ class Room:
             self.laboratory.set_input(vehicle.name, vehicle.calibration.inputs(pulses_us), after_s)
 
     def capture(self, frame: int) -> TrackerFrame:
-        """What the Tracker sees now."""
+        """Frame that the Tracker captures now."""
         return TrackerFrame(frame, tuple(self._body(vehicle) for vehicle in self.vehicles))
 
     def _body(self, vehicle: SimulatedVehicle) -> TrackedBody:

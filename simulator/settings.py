@@ -43,7 +43,7 @@ class SimulatedVehicle:
 
 @dataclass(frozen=True)
 class SimulatorSettings:
-    """The fake laboratory."""
+    """The simulated laboratory."""
 
     bus: BusAddress
     tracker_host: str

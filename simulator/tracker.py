@@ -38,7 +38,7 @@ WRONG_MAGIC_PACKET = HEADER.pack(0x0BADF00D, 0)
 
 
 class Published(NamedTuple):
-    """What became of a captured frame.
+    """Result of publishing a captured frame.
 
     Attributes
     ----------

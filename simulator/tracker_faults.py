@@ -121,7 +121,7 @@ class TrackerFaults:
             heapq.heappush(self._table, (start_s + at_s, next(self._order), fault))
 
     def advance(self, now_s: float) -> None:
-        """Start what the time table says and end what is over."""
+        """Start and end faults that are due."""
         self._now_s = now_s
         while self._table and self._table[0][0] <= now_s:
             at_s, _, fault = heapq.heappop(self._table)
@@ -151,7 +151,7 @@ class TrackerFaults:
         return entry.fault if entry is not None and isinstance(entry.fault, kind) else None
 
     def take_pending(self) -> list[TrackerFault]:
-        """Return what is to be done once to connections or packets, and forget it."""
+        """Return and forget faults that act once on connections or packets."""
         pending, self._pending = self._pending, []
         return pending
 
@@ -180,7 +180,7 @@ class TrackerFaults:
         return self._skipped != 0
 
     def _changed(self, bodies: tuple[TrackedBody, ...], entry: _Active) -> tuple[TrackedBody, ...]:
-        """Return the bodies as one fault lets them appear."""
+        """Return the bodies as they appear under one fault."""
         match entry.fault:
             case DisplacePose(subject=name, offset_m=offset_m, velocity_m_s=velocity_m_s):
                 age_s = self._now_s - entry.started_s
@@ -233,7 +233,7 @@ def _subjects_of(fault: TrackerFault) -> tuple[str, ...]:
 
 
 def _changed(bodies: tuple[TrackedBody, ...], fault: LastingFault) -> tuple[TrackedBody, ...]:
-    """Return the bodies as one fault lets them appear."""
+    """Return the bodies as they appear under one fault."""
     match fault:
         case Occlude(subject=name):
             return _replaced(bodies, name, lambda body: body._replace(occluded=True))
@@ -267,7 +267,7 @@ def _moved(body: TrackedBody, by_m: Sequence[float]) -> TrackedBody:
 
 
 def _swapped(bodies: tuple[TrackedBody, ...], first: str, second: str) -> tuple[TrackedBody, ...]:
-    """Exchange what is seen of two subjects; names and segments stay where they are."""
+    """Exchange the poses of two subjects; names and segments stay where they are."""
     seen = {body.name: body for body in bodies}
     if first not in seen or second not in seen:
         return bodies

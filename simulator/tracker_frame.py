@@ -1,4 +1,4 @@
-"""What the Tracker emulator captures, and its objects on the wire (Vicon DataStream SDK)."""
+"""Captured frames of the Tracker emulator, and their objects on the wire (Vicon DataStream SDK)."""
 
 import math
 from collections.abc import Mapping, Sequence

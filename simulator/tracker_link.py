@@ -37,14 +37,14 @@ class TrackerLink:
         return self._waiting[0][0] if self._waiting else NEVER
 
     def queue(self, data: bytes | None, due_s: float) -> None:
-        """Send bytes at `due_s`, or end the connection with None; never before what was queued earlier."""
+        """Send bytes at `due_s`, or end the connection with None; never before earlier bytes."""
         if self._waiting:
             due_s = max(due_s, self._waiting[-1][0])
         self._waiting.append((due_s, data))
         self._waiting_bytes += len(data or b"")
 
     def send(self, now_s: float, dribble: Dribble | None) -> None:
-        """Send what is due, as far as the socket takes it."""
+        """Send the bytes that are due, as far as the socket accepts them."""
         while self._waiting and self._waiting[0][0] <= now_s:
             data = self._waiting.popleft()[1]
             self._waiting_bytes -= len(data or b"")

@@ -33,7 +33,7 @@ _SEND_ORDER = (1, 2, 37, 28, 28001, 29, 40, 5, 23, 26, 36, 39, 8, 9, 901, 6, 7)
 
 
 class TrackerConnection:
-    """Requests of one client, and what it has been sent.
+    """Requests of one client, and the objects sent to it.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class TrackerConnection:
         self._latest_sent = False
 
     def greeting(self) -> bytes:
-        """Return what the server says first: its offer."""
+        """Return the first packet of the server: its offer."""
         return offer_packet(self.offer)
 
     def receive(self, data: bytes) -> list[bytes]:
@@ -81,7 +81,7 @@ class TrackerConnection:
         if self.selection is None:
             return None
         if not self.selection:
-            return EMPTY_PACKET  # keeps the SDK's reader going, counts as nothing (section 4 rule 3)
+            return EMPTY_PACKET  # keeps the SDK's reader going, counts as nothing
         if self.streaming or self.owed_next or self.owed_latest:
             return self._frame_packet(content)
         return None
@@ -137,6 +137,6 @@ class TrackerConnection:
             return frozenset(same)
         emptied = any(self._sent.get(kind) and not items for kind, items in static.items())
         if emptied and all(kind in same or not items for kind, items in static.items()):
-            # Without any static object in the packet the client would keep what is gone (section 6.6).
+            # Without any static object in the packet the client would keep objects that are gone.
             same.discard(_STREAM_INFO)
         return frozenset(same)

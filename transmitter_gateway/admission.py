@@ -1,4 +1,4 @@
-"""Which commands are accepted: form, limits, control lease, epoch, order (section 8.3)."""
+"""Which commands are accepted: form, limits, control lease, epoch, order."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ class Admission:
         return tuple(inputs)
 
     def _check_input(self, values: Sequence[float]) -> Input | Rejection:
-        """Clamp an input; what is worst about a bad one is the reason: form, then finiteness, then limits."""
+        """Clamp an input, or return the worst reason against it: form, then finiteness, then limits."""
         try:
             numbers = tuple(values)
         except TypeError:

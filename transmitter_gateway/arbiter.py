@@ -11,7 +11,7 @@ import math
 from collections import Counter
 
 from rcopterx.transmitter_gateway.admission import Admission, Stream
-from rcopterx.transmitter_gateway.bridging import CommandAges, bridging_step, played_input
+from rcopterx.transmitter_gateway.bridging import bridging_step, next_change_s, played_input
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
     THRUST,
@@ -63,7 +63,6 @@ class Arbiter:
         self._admission = Admission(limits, self.counters)
         self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
-        self._ages = CommandAges(limits)
         self._link = LinkState.LOST
         self._arming = False
         self._shutdown = False
@@ -197,7 +196,7 @@ class Arbiter:
     # Conditions ---------------------------------------------------------------------------------------
 
     def _stream(self) -> Stream | None:
-        """What is commanded, while it counts or decides about arming."""
+        """Newest commands, while they count or decide about arming."""
         return self._admission.stream if self.commanded or self._arming else None
 
     def _grounded(self, now_s: float) -> bool:
@@ -298,7 +297,7 @@ class Arbiter:
     # Time ---------------------------------------------------------------------------------------------
 
     def step(self, now_s: float) -> ArbiterOutput:
-        """Let the time pass to `now_s`, change the state if the table says so, and give the output."""
+        """Advance to `now_s`, change the state by the table, and return the output."""
         return self._step(now_s)
 
     def _step(self, now_s: float, requested: Condition | None = None) -> ArbiterOutput:
@@ -317,7 +316,7 @@ class Arbiter:
         )
 
     def _pass(self, now_s: float, requested: Condition | None = None) -> Stream | None:
-        """Let the time pass and change the state; whose commands act then."""
+        """Advance the time and change the state; returns the commands that act then."""
         now_s = max(now_s, self._now_s)
         elapsed_s = 0.0 if math.isinf(self._now_s) else now_s - self._now_s
         self._now_s = now_s
@@ -385,7 +384,7 @@ class Arbiter:
         times = self.surveillance.next_event_s()
         stream = self._stream()
         if stream is not None:
-            times.append(self._ages.next_s(stream, self._now_s))
+            times.append(next_change_s(stream, self._now_s, limits))
         if self._low_since_s is not None:
             times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
         times += [self._entered_s + limits.hold_limit_s, self._entered_s + self._descent_s]

@@ -30,30 +30,19 @@ def played_input(command: AcceptedCommand, step: int) -> Input:
     return command.next_u[step - 1] if step else command.u
 
 
-class CommandAges:
-    """Ages of the newest command at which the output of a vehicle may change."""
-
-    def __init__(self, limits: ArbiterLimits) -> None:
-        self._limits = limits
-        self._period_s = math.nan
-        self._ages_s: list[float] = []
-
-    def next_s(self, stream: Stream, now_s: float) -> float:
-        """When the newest command reaches the next such age after `now_s` [s]; infinite if there is none."""
-        if stream.command.period_s != self._period_s:
-            self._period_s = stream.command.period_s
-            self._ages_s = sorted(self._all_s(self._period_s))
-        arrival_s = stream.arrival_s
-        for age_s in self._ages_s:
-            if arrival_s + age_s > now_s:
-                return arrival_s + age_s
-        return math.inf
-
-    def _all_s(self, period_s: float) -> list[float]:
-        limits = self._limits
-        steps = range(2, _steps_within(limits.bridge_s, period_s) + 2)
-        another_input = [_first_after_s(period_s, limits), *(number * period_s for number in steps)]
-        return [*another_input, limits.hold_after_s, limits.descend_after_s, limits.cut_after_s]
+def next_change_s(stream: Stream, now_s: float, limits: ArbiterLimits) -> float:
+    """When the age of the newest command next changes the output, after `now_s`; infinite if never."""
+    period_s = stream.command.period_s
+    ages_s = [number * period_s for number in range(2, _steps_within(limits.bridge_s, period_s) + 2)]
+    ages_s += [
+        _first_after_s(period_s, limits),
+        limits.hold_after_s,
+        limits.descend_after_s,
+        limits.cut_after_s,
+    ]
+    return min(
+        [stream.arrival_s + age_s for age_s in ages_s if stream.arrival_s + age_s > now_s], default=math.inf
+    )
 
 
 def _steps_within(time_s: float, period_s: float) -> int:

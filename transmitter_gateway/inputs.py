@@ -40,7 +40,7 @@ class LinkState(Enum):
 
 
 class Action(StrEnum):
-    """What a request asks for."""
+    """Kind of a request."""
 
     ARM = "arm"
     DISARM = "disarm"

@@ -22,7 +22,7 @@ class KillKeys(AbstractContextManager["KillKeys"]):
 
     @property
     def descriptors(self) -> tuple[int, ...]:
-        """What to wait for; empty without a terminal."""
+        """Descriptors to wait for; empty without a terminal."""
         return () if self._before is None else (self._descriptor,)
 
     def __enter__(self) -> "KillKeys":

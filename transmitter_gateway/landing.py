@@ -78,10 +78,9 @@ class LandingLaw:
         self._faster_s = self._astray_s = 0.0
         self._faster = False
         self._effects = (StickEffect(), StickEffect())
-        self._new = True
 
     def release(self) -> None:
-        """Forget the place, but not what the sticks do; the next step begins where the vehicle is then."""
+        """Forget the place, but not the effect of the sticks; the next step begins where the vehicle is."""
         self._place = None
         self._slowest_m_s = math.inf
         self._faster_s = self._astray_s = 0.0
@@ -92,9 +91,6 @@ class LandingLaw:
 
     def renew(self) -> None:
         """Reset: the vehicle was flown by commands, or has not flown."""
-        if self._new:
-            return
-        self._new = True
         self.release()
         self._faster = False
         self._effects = (StickEffect(), StickEffect())
@@ -111,7 +107,6 @@ class LandingLaw:
 
     def step(self, motion: Motion, climb_m_s: float, hover_thrust: float, elapsed_s: float) -> Input:
         """Pitch, roll, thrust and yaw that hold the place at a climb rate, negative to descend."""
-        self._new = False
         if self._place is None:
             self._place, self._yaw_rad = motion.position_m, motion.yaw_rad
         self._watch(motion, elapsed_s)
@@ -201,7 +196,7 @@ class StickEffect:
             self.sense = 0.0
 
     def pause(self) -> None:
-        """The motion of the next step does not follow from this stick; what is known of it stays."""
+        """Ignore the motion until the next step, which does not follow from this stick."""
         self.commanded_m_s2 = self._due_m_s2 = 0.0
         self._speed_m_s = None
 

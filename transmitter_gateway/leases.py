@@ -64,7 +64,7 @@ class Leases:
         return lease < self.commanding
 
     def was_issued(self, lease: int) -> bool:
-        """Whether anybody can have this lease."""
+        """Whether this lease can have been issued."""
         return 1 <= lease <= self.issued
 
     def command(self, lease: int) -> bool:

@@ -213,23 +213,10 @@ class ArbiterLimits:
     landing: LandingLimits = LandingLimits()
 
     def __post_init__(self) -> None:
-        for name in (
-            "hold_after_s",
-            "descend_after_s",
-            "cut_after_s",
-            "bridge_s",
-            "command_age_s",
-            "hold_limit_s",
-            "arm_low_s",
-            "low_thrust",
-            "disarm_after_s",
-            "descend_below_hover",
-            "descend_rate_per_s",
-            "longest_period_s",
-            "take_over_s",
-            "airborne_m",
-        ):
-            _positive(name, getattr(self, name))
+        others = ("lower", "upper", "tolerance", "hover_correction", "floor_m", "operators")
+        for item in fields(self):
+            if item.name not in (*others, "surveillance", "landing"):
+                _positive(item.name, getattr(self, item.name))
         if not self.hold_after_s < self.descend_after_s < self.cut_after_s:
             raise LimitsError(
                 f"descend_after_s: {self.descend_after_s} must lie between hold_after_s = {self.hold_after_s}"

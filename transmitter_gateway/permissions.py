@@ -1,4 +1,4 @@
-"""Who may ask the arbiter for what."""
+"""Which requests to the arbiter need an operator."""
 
 from collections.abc import Collection
 

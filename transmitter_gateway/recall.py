@@ -1,4 +1,4 @@
-"""What an earlier process of this gateway wrote last, asked of the launcher until it answers."""
+"""Last output of an earlier process of this gateway, requested from the launcher until it answers."""
 
 import threading
 from collections import deque
@@ -44,7 +44,7 @@ class Recall:
             self._session.wake()
 
     def answers(self) -> list[tuple[str, LastApplied | None]]:
-        """Vehicles that are decided since the last call, and what was written to them last, if anything."""
+        """Vehicles answered since the last call, and the last output to them, if there was one."""
         answers = []
         while not self._answers.empty():
             answers.append(self._answers.get_nowait())

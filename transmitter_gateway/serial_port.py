@@ -36,7 +36,7 @@ REASONS = {
     errno.ENOENT: "there is no such device; is the adapter plugged in?",
     errno.EACCES: "no permission; sudo usermod -aG dialout $USER, then log in again",
 }
-"""Why a device cannot be opened, where there is more to say than the operating system does."""
+"""Reasons why a device cannot be opened that are clearer than those of the operating system."""
 
 
 def reason_of(error: Exception) -> str:
@@ -48,7 +48,7 @@ def reason_of(error: Exception) -> str:
 
 
 class WriteOutcome(StrEnum):
-    """What became of a frame."""
+    """Outcome of a write."""
 
     WRITTEN = "frames written"
     CLOSED = "frames not sent: port closed"

@@ -41,7 +41,7 @@ class Shaping:
 
     @property
     def obeyed(self) -> bool:
-        """Whether the vehicle does what its sticks ask for while it is held and landed."""
+        """Whether the vehicle obeys its sticks while it is held and landed."""
         return self._law.obeyed
 
     def stop(self) -> None:
@@ -59,14 +59,13 @@ class Shaping:
         limited: list[float] = []
         axes = zip(target, self.u, self._slew_per_s, self._moved_s, strict=True)
         for axis, (wanted, last, rate, moved_s) in enumerate(axes):
-            if wanted == last:
-                continue
-            most = rate * min(now_s - moved_s, LONGEST_SLEW_STEP_S)
-            self._moved_s[axis] = now_s
-            if not last - most <= wanted <= last + most:
-                limited = limited or list(target)
-                limited[axis] = last - most if wanted < last else last + most
-        self.u = (limited[0], limited[1], limited[2], limited[3]) if limited else target
+            value = wanted
+            if wanted != last:
+                most = rate * min(now_s - moved_s, LONGEST_SLEW_STEP_S)
+                self._moved_s[axis] = now_s
+                value = min(max(wanted, last - most), last + most)
+            limited.append(value)
+        self.u = (limited[0], limited[1], limited[2], limited[3])
         self._counters["steps slew limited"] += self.u != target
 
     def learn_hover(self, elapsed_s: float, track: Track | None, floor_m: float, now_s: float) -> None:

@@ -1,4 +1,4 @@
-"""One transmitter on the bus: takes commands and requests, and publishes what was written."""
+"""One transmitter on the bus: takes commands and requests, and publishes written frames."""
 
 from collections.abc import Callable
 

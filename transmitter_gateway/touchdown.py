@@ -20,7 +20,7 @@ class Touchdown:
         self._light_since_s: float | None = None
 
     def release(self) -> None:
-        """Forget what was seen; the vehicle is not on its way down."""
+        """Reset: the vehicle is not on its way down."""
         self._at_floor_since_s = self._light_since_s = None
 
     def happened(self, motion: Motion, floor_m: float, missing_thrust: float, now_s: float) -> bool:

@@ -12,7 +12,7 @@ from rcopterx.transmitter_gateway.inputs import FLYING, State
 
 
 class Condition(StrEnum):
-    """What a transition may depend on; the value is used in messages."""
+    """Conditions of transitions; the value is used in messages."""
 
     KILL = "kill requested"
     RESET = "reset requested"

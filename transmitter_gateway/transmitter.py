@@ -100,7 +100,7 @@ class Transmitter:
         self._last: LastApplied | None = None
         self._decide_by_s = -math.inf
 
-    # What arrives -------------------------------------------------------------------------------------
+    # Inputs --------------------------------------------------------------------------------------------
 
     def on_command(self, command: CommandInput, now_s: float) -> Answer:
         """Take a command; an accepted one is written by the next `tick`, if it flies the vehicle."""
@@ -141,11 +141,11 @@ class Transmitter:
 
     @property
     def awaiting_recall(self) -> bool:
-        """Whether it is still open what an earlier process did."""
+        """Whether the actions of an earlier process are still unknown."""
         return self._awaiting_recall
 
     def recall(self, last: LastApplied | None, now_s: float) -> None:
-        """Use what an earlier process wrote last, None if there was none.
+        """Use the last output of an earlier process, None if there was none.
 
         A kill stays a kill. A flight continues if it can: nothing is written until the own pose has been
         seen, for at most `FIRST_POSE_S`. A flight that is recalled too late is over.
@@ -250,12 +250,12 @@ class Transmitter:
     # Time ---------------------------------------------------------------------------------------------
 
     def _decide_at_once(self, *, urgent: bool = False) -> None:
-        """Let the next `tick` be due now; an urgent frame does not wait for the keep-alive."""
+        """Make the next `tick` due now; an urgent frame does not wait for the keep-alive."""
         self._due_now = True
         self._pending = self._pending or urgent
 
     def tick(self, now_s: float) -> Write | None:
-        """Do what is due and return what was written; harmless when nothing is due."""
+        """Do everything that is due and return the written frame, if any."""
         self._due_now = False
         if self._undecided(now_s):
             return None

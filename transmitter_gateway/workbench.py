@@ -25,7 +25,7 @@ LONGEST_BINDING_S = POWER_UP_LIMIT_S + LONGEST_BIND_S + AFTER_BIND_S
 
 
 class WorkbenchError(RuntimeError):
-    """What was asked for cannot be done; nothing was changed."""
+    """A request cannot be carried out; nothing was changed."""
 
 
 class Workbench(AbstractContextManager["Workbench"]):

@@ -1,1 +1,1 @@
-"""What a vehicle is: state, input, dynamics, limits and parameters."""
+"""Vehicle models: state, input, dynamics, limits and parameters."""

@@ -131,7 +131,7 @@ class Model:
     """How far the true vehicle may be from these numbers."""
 
     def __hash__(self) -> int:
-        # What is prepared for a model is looked up several times in each control period.
+        # Models are keys of prepared data, several times in each control period.
         return self._hash
 
     @cached_property

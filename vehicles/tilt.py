@@ -64,7 +64,7 @@ class TiltModel:
     lower_phase_rad: float = 0.0
     """zeta_l: the lower rotor's thrust is turned back by it against the swash plate."""
     upper_share: float = 0.0
-    """T_u l_u / (m g): what part of the thrust follows the bar instead of the body."""
+    """T_u l_u / (m g): the part of the thrust that follows the bar instead of the body."""
     direct_m: float = 0.0
     """Acceleration by the tilted lower rotor itself over the angular acceleration it causes
     [m/s^2 per rad/s^2]: T_l I / (m (T_l d_l + 2 k_sl))."""

@@ -75,7 +75,7 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
 
 
 class _ChildError(Exception):
-    """The child is of no use any more; the text says why."""
+    """The child has failed; the text is the reason."""
 
 
 class _Child:
@@ -204,7 +204,7 @@ class BrandClient:
 
     @property
     def state(self) -> ClientState:
-        """What the client is doing now; `connects` counts the starts of the child."""
+        """State of the client now; `connects` counts the starts of the child."""
         return ClientState(
             name=self._name,
             doing=self._sentence(),
@@ -334,7 +334,7 @@ def check_brand(brand: str, settings: Mapping[str, str], rate_hz: float, latency
 
 
 class LibraryMissingError(ValueError):
-    """The library `motioncapture` is not installed; says how to install it."""
+    """The library `motioncapture` is not installed."""
 
 
 def check_library() -> None:
@@ -344,7 +344,7 @@ def check_library() -> None:
 
 
 def run_child(brand: str, settings: dict[str, str], parent: int) -> int:
-    """Write what the library sees to standard output until killed; returns the exit code when it fails."""
+    """Write frames of the library to standard output until killed; returns the exit code of a failure."""
     pipe = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # the library's own messages do not belong into the data
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

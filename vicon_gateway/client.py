@@ -87,7 +87,7 @@ class ClientLimits(NamedTuple):
 
 
 class _LinkError(Exception):
-    """The connection is of no use any more; the text says why."""
+    """The connection has failed; the text is the reason."""
 
 
 class DataStreamClient:
@@ -126,7 +126,7 @@ class DataStreamClient:
 
     @property
     def state(self) -> ClientState:
-        """What the client is doing now."""
+        """State of the client now."""
         return ClientState(
             name=self._name,
             doing=self._sentence(),
@@ -256,7 +256,7 @@ class DataStreamClient:
                 break
             if not data:
                 if drained:
-                    break  # what came before the end is delivered first; the next call meets the end again
+                    break  # data before the end is delivered first; the next call meets the end again
                 raise _LinkError("the server closed the connection")
             if drained:
                 now_s = self._clock()

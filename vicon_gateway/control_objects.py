@@ -5,7 +5,7 @@ decode; `parse` raises `WireError` and nothing else. Data objects are in `object
 """
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import ClassVar, Self
@@ -13,8 +13,6 @@ from typing import ClassVar, Self
 from rcopterx.vicon_gateway.wire import PayloadReader, encode_object, encode_packet, encode_u32_set
 
 _U32 = struct.Struct("<I")
-_U64 = struct.Struct("<Q")
-_MULTICAST = struct.Struct("<IIH")
 
 
 class ObjectType(IntEnum):
@@ -60,7 +58,7 @@ STATIC_TYPES = frozenset(
         ObjectType.OBJECT_QUALITY,
     )
 )
-"""Class S of section 3.2: kept until a packet carries any object of this class (section 5)."""
+"""Static types: kept until a packet carries any object of this class."""
 
 DYNAMIC_TYPES = frozenset(
     int(kind)
@@ -77,7 +75,7 @@ DYNAMIC_TYPES = frozenset(
         ObjectType.FRAME_RATE_INFO,
     )
 )
-"""Class D of section 3.2: built afresh per packet (section 5)."""
+"""Dynamic types: rebuilt by every packet."""
 
 
 class WireObject:
@@ -99,6 +97,24 @@ class WireObject:
     def encode(self) -> bytes:
         """Return the object with its header."""
         return encode_object(self.KIND, self.payload())
+
+
+class FixedObject(WireObject):
+    """An object whose fields have a fixed layout, in their order."""
+
+    __slots__ = ()
+    __match_args__: ClassVar[tuple[str, ...]]
+    LAYOUT: ClassVar[struct.Struct]
+
+    def payload(self) -> bytes:
+        """Return the encoded payload."""
+        return self.LAYOUT.pack(*[getattr(self, name) for name in self.__match_args__])
+
+    @classmethod
+    def parse(cls, payload: bytes) -> Self:
+        """Decode a payload; raises `WireError`."""
+        new: Callable[..., Self] = cls
+        return new(*PayloadReader(payload).take(cls.LAYOUT))
 
 
 def packet(*objects: WireObject) -> bytes:
@@ -124,37 +140,21 @@ class ObjectEnums(WireObject):
 
 
 @dataclass(frozen=True, slots=True)
-class RequestFrame(WireObject):
+class RequestFrame(FixedObject):
     """Streaming: push every frame from now on. Otherwise: stop pushing and send one frame."""
 
     KIND: ClassVar[ObjectType] = ObjectType.REQUEST_FRAME
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<?")
     streaming: bool
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return bytes((self.streaming,))
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        return cls(PayloadReader(payload).u8() != 0)
 
 
 @dataclass(frozen=True, slots=True)
-class RequestNextFrame(WireObject):
+class RequestNextFrame(FixedObject):
     """Ask for the next `number` frames, each as soon as it is captured (SDK 1.9 and later)."""
 
     KIND: ClassVar[ObjectType] = ObjectType.REQUEST_NEXT_FRAME
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
     number: int = 1
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return _U32.pack(self.number)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        return cls(PayloadReader(payload).u32())
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +166,7 @@ class KeepAlive(WireObject):
 
 @dataclass(frozen=True, slots=True)
 class Contents(WireObject):
-    """What a frame packet holds: objects per selected type, and the types left out because unchanged."""
+    """Contents of a frame packet: objects per selected type, and types left out because unchanged."""
 
     KIND: ClassVar[ObjectType] = ObjectType.CONTENTS
     counts: Mapping[int, int] = field(default_factory=dict)
@@ -186,21 +186,12 @@ class Contents(WireObject):
 
 
 @dataclass(frozen=True, slots=True)
-class Ping(WireObject):
+class Ping(FixedObject):
     """Echoed by the server at once, in a packet of its own."""
 
     KIND: ClassVar[ObjectType] = ObjectType.PING
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Q")
     number: int
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return _U64.pack(self.number)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        (number,) = PayloadReader(payload).take(_U64)
-        return cls(int(number))
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,23 +214,14 @@ class Filter(WireObject):
 
 
 @dataclass(frozen=True, slots=True)
-class StartMulticast(WireObject):
+class StartMulticast(FixedObject):
     """Ask for multicast; the emulator ignores it, the client never sends it."""
 
     KIND: ClassVar[ObjectType] = ObjectType.START_MULTICAST
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IIH")
     group: int
     source: int
     port: int
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return _MULTICAST.pack(self.group, self.source, self.port)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        group, source, port = (int(value) for value in PayloadReader(payload).take(_MULTICAST))
-        return cls(group, source, port)
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,5 +245,5 @@ CONTROL_OBJECTS: tuple[type[WireObject], ...] = (
 
 
 def offer_packet(types: Iterable[int]) -> bytes:
-    """Return the packet with which a server introduces itself (section 4)."""
+    """Return the packet with which a server introduces itself."""
     return packet(ObjectEnums(frozenset(types)))

@@ -59,7 +59,7 @@ class EpochCounter:
         """
         last = self._last
         if last is not None and frame.frame == last.frame and frame.subjects == last.subjects:
-            return None  # a Tracker that hangs says the same again, to a new connection too
+            return None  # a Tracker that hangs repeats its frame, to a new connection too
         self._last = frame
         overtaken = self._foreign_epoch > self._epoch
         if last is None or overtaken or not _continues(last, frame):

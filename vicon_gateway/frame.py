@@ -1,4 +1,4 @@
-"""What a motion-capture source delivers: frames of subject poses in SI units, Z up."""
+"""Frames of a motion-capture source: subject poses in SI units, Z up."""
 
 from typing import NamedTuple
 

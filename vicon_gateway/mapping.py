@@ -8,7 +8,7 @@ from typing import NamedTuple
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 
 VEHICLE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
-"""What is safe as one part of a bus key."""
+"""Names that are safe as one part of a bus key."""
 
 
 class SubjectStatus(NamedTuple):
@@ -51,9 +51,7 @@ class SubjectMap:
             if number > 1:
                 raise ValueError(f"vehicle {vehicle!r} has {number} subjects, allowed is one")
         self._vehicles = dict(vehicle_of_subject)
-        self._names: tuple[str, ...] = ()
-        self._listed: dict[str, int] = {}
-        self._seats: tuple[str | None, ...] = ()
+        self._listed: Counter[str] = Counter()
         self._occluded_since_s: dict[str, float] = {}
 
     @property
@@ -73,23 +71,17 @@ class SubjectMap:
 
     def update(self, frame: CapturedFrame) -> list[tuple[str, SubjectPose]]:
         """Return (vehicle, pose) of every vehicle that a frame lists, occluded or not."""
-        names = tuple([pose.name for pose in frame.subjects])
-        if names != self._names:
-            self._list(names)
+        self._listed = Counter([pose.name for pose in frame.subjects])
         known: list[tuple[str, SubjectPose]] = []
         occluded: dict[str, float] = {}
-        for vehicle, pose in zip(self._seats, frame.subjects, strict=True):
-            if vehicle is not None:
+        for pose in frame.subjects:
+            vehicle = self._vehicles.get(pose.name)
+            if vehicle is not None and self._listed[pose.name] == 1:
                 known.append((vehicle, pose))
             if pose.occluded:
                 occluded[pose.name] = self._occluded_since_s.get(pose.name, frame.received_s)
         self._occluded_since_s = occluded
         return known
-
-    def _list(self, names: tuple[str, ...]) -> None:
-        """Take note of other subjects than those of the frame before, and of whose vehicle each is."""
-        self._names, self._listed = names, dict(Counter(names))
-        self._seats = tuple(self._vehicles.get(name) if self._listed[name] == 1 else None for name in names)
 
     def statuses(self, now_s: float) -> tuple[SubjectStatus, ...]:
         """Return every configured and every listed subject; `now_s` is the clock of the frames."""

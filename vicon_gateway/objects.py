@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
-from rcopterx.vicon_gateway.control_objects import CONTROL_OBJECTS, ObjectType, WireObject
+from rcopterx.vicon_gateway.control_objects import CONTROL_OBJECTS, FixedObject, ObjectType, WireObject
 from rcopterx.vicon_gateway.segment_objects import SEGMENT_OBJECTS
 from rcopterx.vicon_gateway.wire import PayloadReader, encode_string, split_objects
 
@@ -17,33 +17,22 @@ SDK_TICKS_PER_SECOND = 135_000_000
 """Unit of the frame period in StreamInfo."""
 
 _U32 = struct.Struct("<I")
-_I64 = struct.Struct("<q")
 _F64 = struct.Struct("<d")
-_ID_AND_VALUE = struct.Struct("<Id")
 _BOUNDS = struct.Struct("<6f")
-_TIMECODE = struct.Struct("<4B2H2IB")
 
 
 @dataclass(frozen=True, slots=True)
-class StreamInfo(WireObject):
+class StreamInfo(FixedObject):
     """Frame period in ticks of 135 MHz."""
 
     KIND: ClassVar[ObjectType] = ObjectType.STREAM_INFO
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<q")
     period_ticks: int
 
     @property
     def period_s(self) -> float:
         """Frame period in seconds."""
         return self.period_ticks / SDK_TICKS_PER_SECOND
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return _I64.pack(self.period_ticks)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        return cls(int(PayloadReader(payload).take(_I64)[0]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,27 +90,20 @@ class SubjectInfo(WireObject):
 
 
 @dataclass(frozen=True, slots=True)
-class FrameInfo(WireObject):
+class FrameInfo(FixedObject):
     """Frame id counted from 0; SDK 1.11 and later report id + 1 as the frame number."""
 
     KIND: ClassVar[ObjectType] = ObjectType.FRAME_INFO
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
     frame: int
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return _U32.pack(self.frame)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        return cls(PayloadReader(payload).u32())
 
 
 @dataclass(frozen=True, slots=True)
-class Timecode(WireObject):
+class Timecode(FixedObject):
     """Video time code; `standard` 0xFFFFFFFF means none."""
 
     KIND: ClassVar[ObjectType] = ObjectType.TIMECODE
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<4B2H2IB")
     hours: int = 0
     minutes: int = 0
     seconds: int = 0
@@ -131,16 +113,6 @@ class Timecode(WireObject):
     standard: int = 0xFFFFFFFF
     user_bits: int = 0
     field_flag: int = 0
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        clock = (self.hours, self.minutes, self.seconds, self.frames, self.subframe, self.subframes_per_frame)
-        return _TIMECODE.pack(*clock, self.standard, self.user_bits, self.field_flag)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        return cls(*(int(value) for value in PayloadReader(payload).take(_TIMECODE)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,40 +136,23 @@ class LatencyInfo(WireObject):
 
 
 @dataclass(frozen=True, slots=True)
-class SubjectHealth(WireObject):
+class SubjectHealth(FixedObject):
     """Marker error in millimetres and health from 0 to 1."""
 
     KIND: ClassVar[ObjectType] = ObjectType.SUBJECT_HEALTH
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Idd")
     subject: int
     marker_error_mm: float
     health: float
 
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return _U32.pack(self.subject) + _F64.pack(self.marker_error_mm) + _F64.pack(self.health)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        reader = PayloadReader(payload)
-        return cls(reader.u32(), reader.take(_F64)[0], reader.take(_F64)[0])
-
 
 @dataclass(frozen=True, slots=True)
-class HardwareFrameInfo(WireObject):
+class HardwareFrameInfo(FixedObject):
     """Camera frame counter."""
 
     KIND: ClassVar[ObjectType] = ObjectType.HARDWARE_FRAME_INFO
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
     counter: int
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return _U32.pack(self.counter)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        return cls(PayloadReader(payload).u32())
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,22 +192,13 @@ class FrameRateInfo(WireObject):
 
 
 @dataclass(frozen=True, slots=True)
-class ObjectQuality(WireObject):
+class ObjectQuality(FixedObject):
     """Quality of one subject from 0 (bad) to 1 (good)."""
 
     KIND: ClassVar[ObjectType] = ObjectType.OBJECT_QUALITY
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Id")
     subject: int
     quality: float
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return _ID_AND_VALUE.pack(self.subject, self.quality)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        subject, quality = PayloadReader(payload).take(_ID_AND_VALUE)
-        return cls(int(subject), quality)
 
 
 DATA_OBJECTS: tuple[type[WireObject], ...] = (

@@ -28,14 +28,22 @@ _LOG = logging.getLogger(__name__)
 STATUS_PERIOD_S = 0.2
 POSES_KEPT = 8
 STANDBY_S = 1.0
-"""A gateway that stands by goes on when the other one has been silent for so long."""
+"""A gateway that stands by continues when the other one has been silent for this long."""
 FLOWN_LIMIT_S = 3.0
 """How long a starting gateway waits for the epoch in which vehicles fly; agents publish it five times a
 second."""
 
 
 class TrackerGateway:
-    """Publishes what a client reads; `recording` is the file the client records into."""
+    """Publishes the frames of a client; `recording` is the file the client records into.
+
+    Attributes
+    ----------
+    epochs
+        The fleet's clock.
+    standbys
+        How often it stood by because another gateway published.
+    """
 
     def __init__(
         self,
@@ -52,12 +60,12 @@ class TrackerGateway:
         self._session = session
         self._realtime = realtime
         self._subjects = SubjectMap(settings.subjects)
-        self._epochs = EpochCounter()
+        self.epochs = EpochCounter()
         self._stamp = Stamp(0, 0)
         self._frame: CapturedFrame | None = None
         self._report_at_s = 0.0
         self._standby_until_s = -math.inf
-        self._standbys = 0
+        self.standbys = 0
         # One vehicle's poses are enough to detect another gateway.
         vehicle = next(iter(settings.subjects.values()))
         self._published = session.subscribe(channels.POSE, vehicle, depth=POSES_KEPT, waking=False, own=False)
@@ -89,7 +97,7 @@ class TrackerGateway:
         return min(LONGEST_WAIT_S, max(0.0, due_s - now_s))
 
     def _publish(self, frame: CapturedFrame) -> None:
-        stamp = self._epochs.stamp(frame, time.time())
+        stamp = self.epochs.stamp(frame, time.time())
         if stamp is not None:
             self._frame, self._stamp = frame, stamp
             publish, latency_s = self._session.publish, rounded(max(0.0, frame.latency_s), TIME_BITS)
@@ -102,14 +110,14 @@ class TrackerGateway:
         Transmitters publish it as long as they obey commands; agents publish theirs also when vehicles are
         held because poses were missing for too long.
         """
-        for heard in self._flown:
-            for inbox in list(heard.inboxes.values()):
+        for subscriptions in self._flown:
+            for inbox in list(subscriptions.inboxes.values()):
                 received = inbox.latest()
                 if received is not None:
-                    self._epochs.leave_behind(received.message.epoch)
+                    self.epochs.leave_behind(received.message.epoch)
         if now_s >= self._flown_until_s:
-            for heard in self._flown:
-                heard.close()
+            for subscriptions in self._flown:
+                subscriptions.close()
             self._flown = ()
 
     def _notice_other_gateway(self, now_s: float) -> None:
@@ -120,14 +128,14 @@ class TrackerGateway:
         """
         for received in self._published.drain():
             epoch = received.message.epoch
-            if epoch <= self._epochs.epoch:
+            if epoch <= self.epochs.epoch:
                 continue
-            if self._epochs.epoch:
+            if self.epochs.epoch:
                 if now_s >= self._standby_until_s:
-                    self._standbys += 1
+                    self.standbys += 1
                     _LOG.warning("another gateway publishes poses; this one stands by")
                 self._standby_until_s = now_s + STANDBY_S
-            self._epochs.leave_behind(epoch)
+            self.epochs.leave_behind(epoch)
 
     def _status(self, now_s: float) -> TrackerStatus:
         state = self._client.state
@@ -139,8 +147,8 @@ class TrackerGateway:
             "repeated": state.repeated,
             "restarts": state.restarts,
             "rejected": state.rejected,
-            "epochs": self._epochs.epochs,
-            "standbys": self._standbys,
+            "epochs": self.epochs.epochs,
+            "standbys": self.standbys,
             "recording failures": int(state.recording_error is not None),
         }
         trying = state.doing if state.last_error is None else f"{state.doing} (before: {state.last_error})"
@@ -209,7 +217,7 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
         file = None
         if settings.record_raw is not None:
             file = stack.enter_context(RecordingFile.create(settings.record_raw))
-        # What is wrong with the settings has been said; from here on this process is the gateway.
+        # Errors of the settings have been raised; from here on this process is the gateway.
         stopping: list[int] = []
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda caught, _: stopping.append(caught))

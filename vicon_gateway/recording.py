@@ -42,7 +42,7 @@ class RawRecord(NamedTuple):
 
 
 class Sink(Protocol):
-    """Where a recording goes: a file opened for writing bytes, or what behaves like one."""
+    """Destination of a recording: a file opened for writing bytes, or an object like one."""
 
     def write(self, data: bytes, /) -> object:
         """Take bytes; raises OSError when it cannot."""

@@ -72,7 +72,7 @@ class RecordingFile:
         """Nothing to do: whatever was written goes to the file as soon as nothing more is waiting."""
 
     def close(self) -> None:
-        """Write what is waiting, for a limited time, and close the file."""
+        """Write the queued bytes, for a limited time, and close the file."""
         self._queue.put(None)
         self._thread.join(CLOSE_LIMIT_S)
 

@@ -58,12 +58,12 @@ def matrix_from_quaternion(quaternion: Quaternion) -> Matrix3:
 
 
 def z_up_from_y_up(vector: Position) -> Position:
-    """Convert a vector, or a quaternion's vector part, from a Y-up world to Z up (section 6.3)."""
+    """Convert a vector, or a quaternion's vector part, from a Y-up world to Z up."""
     x, y, z = vector
     return x, -z, y
 
 
 def y_up_from_z_up(vector: Position) -> Position:
-    """Convert a vector, or a quaternion's vector part, from a Z-up world to Y up (section 6.3)."""
+    """Convert a vector, or a quaternion's vector part, from a Z-up world to Y up."""
     x, y, z = vector
     return x, z, -y

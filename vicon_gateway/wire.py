@@ -101,7 +101,7 @@ class PacketReader:
 
 
 class PayloadReader:
-    """Reads the fields of one object payload; surplus bytes at the end are allowed (section 2)."""
+    """Reads the fields of one object payload; surplus bytes at the end are allowed."""
 
     def __init__(self, payload: bytes) -> None:
         self._payload = payload
@@ -120,7 +120,7 @@ class PayloadReader:
         return start
 
     def take(self, layout: struct.Struct) -> tuple[float, ...]:
-        """Read the fields of `layout`; integer codes give ints."""
+        """Read the fields of `layout`; integer codes become ints."""
         return layout.unpack_from(self._payload, self._advance(layout.size))
 
     def u8(self) -> int:

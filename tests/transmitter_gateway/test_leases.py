@@ -53,18 +53,18 @@ def test_a_restarted_gateway_counts_on_beyond_what_it_may_have_issued() -> None:
     assert leases.bid(7, RESERVED_S, fresh=False, take_over=False) == 5 + UNDER_WAY + 1
 
 
-def test_agents_that_only_ask_fill_no_memory() -> None:
+def test_only_the_agents_that_bid_last_are_remembered() -> None:
     leases = Leases()
-    for agent in range(1000):
-        leases.bid(agent, 0.0, fresh=False, take_over=True)
-    assert len(leases._of_agents) == MOST_AGENTS
+    numbers = [leases.bid(agent, 0.0, fresh=False, take_over=True) for agent in range(MOST_AGENTS + 1)]
+    assert leases.bid(MOST_AGENTS, 0.0, fresh=False, take_over=True) == numbers[MOST_AGENTS]
+    assert leases.bid(0, 0.0, fresh=False, take_over=True) != numbers[0]
 
 
 AGENTS = st.integers(0, 4)
 
 
 class LeaseMachine(RuleBasedStateMachine):
-    """Agents that believe what they were told, and a gateway that is restarted."""
+    """Agents that use the leases they got, and a gateway that is restarted."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -125,22 +125,22 @@ def test_of_two_gateways_the_one_that_began_later_goes_on_and_the_other_stands_b
     with running_tracker("heli1", "heli2") as server:
         first, second = (Running(join, server.address, None, tmp_path) for _ in range(2))
         first.step_until(lambda status: status.frame > 0)
-        epoch = first.gateway._epochs.epoch
+        epoch = first.gateway.epochs.epoch
 
         def standing_by() -> bool:
             second.gateway.step()
             first.gateway.step()
-            return first.gateway._standbys == 1
+            return first.gateway.standbys == 1
 
         wait_for(standing_by, "both publish")
-        newer = second.gateway._epochs.epoch
+        newer = second.gateway.epochs.epoch
         assert newer > epoch
         first.poses.drain()
         for _ in range(20):
             second.gateway.step()
             first.gateway.step()
         assert {received.message.epoch for received in first.poses.drain()} == {newer}
-        assert second.gateway._standbys == 0
+        assert second.gateway.standbys == 0
         second.client.close()
 
         def gone_on() -> bool:

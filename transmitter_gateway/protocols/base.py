@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ class ProtocolError(ValueError):
 
 
 class PulseRangeError(ProtocolError):
-    """A pulse width outside what the protocol can carry."""
+    """A pulse width that the protocol cannot carry."""
 
 
 class ForbiddenInFlightError(ProtocolError):
@@ -56,7 +55,7 @@ class SerialLine:
 
 
 class FrameFlags(Struct, frozen=True):
-    """What a frame asks of the radio besides the channel values."""
+    """Requests of a frame to the radio besides the channel values."""
 
     bind: bool = False
     range_check: bool = False
@@ -77,7 +76,7 @@ class DecodedFrame:
 
 @dataclass(frozen=True, slots=True)
 class ModuleStatus:
-    """What is known of the radio module: readiness, binding, and one line for people."""
+    """State of the radio module: readiness, binding, and one line for people."""
 
     ready: bool
     binding: bool
@@ -154,7 +153,7 @@ class RadioProtocol(ABC):
 
     @abstractmethod
     def status(self, now_s: float) -> ModuleStatus:
-        """Judge the module at `now_s` from what it answered."""
+        """State of the module at `now_s` from its answers."""
 
     def check(self, pulses_us: Sequence[float]) -> list[float]:
         """Check pulse widths [us] and complete them to `channel_count`; raises `PulseRangeError`."""
@@ -163,14 +162,12 @@ class RadioProtocol(ABC):
                 f"{self.name}: {len(pulses_us)} channels given, {self.channel_count} are possible"
             )
         low, high = self.pulse_range_us
-        # Minimum and maximum do not show a NaN; the sum does.
-        inside = low <= min(pulses_us, default=low) and max(pulses_us, default=high) <= high
-        if not inside or math.isnan(sum(pulses_us)):
-            index = next(index for index, pulse in enumerate(pulses_us) if not low <= pulse <= high)
-            name = CHANNEL_NAMES[index] if index < len(CHANNEL_NAMES) else f"channel {index + 1}"
-            raise PulseRangeError(
-                f"{self.name}: {name} pulse {pulses_us[index]} us is outside {low:g}..{high:g} us"
-            )
+        for index, pulse_us in enumerate(pulses_us):
+            if not low <= pulse_us <= high:
+                name = CHANNEL_NAMES[index] if index < len(CHANNEL_NAMES) else f"channel {index + 1}"
+                raise PulseRangeError(
+                    f"{self.name}: {name} pulse {pulse_us} us is outside {low:g}..{high:g} us"
+                )
         return [*pulses_us, *([CENTER_US] * (self.channel_count - len(pulses_us)))]
 
     def _refuse(self, flags: FrameFlags, disarmed: bool) -> None:

@@ -65,7 +65,7 @@ def unpack_channels(packed: bytes) -> tuple[int, ...]:
 
 
 class MultiFrame(Struct, frozen=True):
-    """Every field of a frame on the wire (table of section 3), `counts` being the 16 channel values."""
+    """Every field of a frame on the wire ; `counts` being the 16 channel values."""
 
     counts: tuple[int, ...]
     protocol: int = DSM

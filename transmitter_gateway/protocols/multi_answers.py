@@ -26,7 +26,7 @@ class MultiStatus:
 
     @property
     def ready(self) -> bool:
-        """True when the module transmits the DSM protocol with what we send."""
+        """True when the module transmits our frames with the DSM protocol."""
         return self.flags & 0x0F == INPUT_PRESENT | SERIAL_MODE | PROTOCOL_VALID and self.protocol == "DSM"
 
     @property
@@ -35,7 +35,7 @@ class MultiStatus:
         return bool(self.flags & BINDING)
 
     def describe(self) -> str:
-        """Say the state in words."""
+        """State in words."""
         version = ".".join(str(part) for part in self.version)
         if not self.flags & SERIAL_MODE:
             return f"module {version} is not in serial mode: set its dial to 0"

@@ -48,7 +48,7 @@ class PpmSettings:
 
 
 class TrainerProtocol(OneWayRadio):
-    """What both encoders have in common; the radio itself binds, checks range and sets the power."""
+    """Common part of both encoders; the radio itself binds, checks range and sets the power."""
 
     offers: ClassVar[frozenset[str]] = frozenset()
 
