@@ -20,13 +20,13 @@ CHROMIUM = "/usr/bin/chromium"
 SOFTWARE_RENDERING = ("--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader")
 SIZE = {"width": 1100, "height": 620}
 TAKEN_OFF_S = 12.0
-"""From the opening of the page until vehicles fly."""
+"""Time from the opening of the page to the flight."""
 REDRAWN_S = 2.0
-"""From a change of the resolution until the scene is drawn with it; it is blank for a moment."""
+"""Time from a change of the resolution to a complete scene."""
 SECONDS = 24.0
 FRAME_S = 0.25
 FASTER = 2.0
-"""Than it was recorded: the flight is replayed at half its speed."""
+"""Speed relative to the replay, which has half the speed of the flight."""
 SHOWN = (880, 496)
 FINE = "window.__viserTestpoints.devSettings.set({ fixedDpr: 1 })"
 

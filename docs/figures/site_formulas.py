@@ -16,7 +16,7 @@ _formulas: list[str] = []
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Replace what stands between dollar signs by marks; code keeps its dollar signs."""
+    """Replace formulas between dollar signs by marks, except in code."""
     _formulas.clear()
 
     def marked(found: re.Match[str]) -> str:

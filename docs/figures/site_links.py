@@ -1,4 +1,4 @@
-"""Hook of the documentation site: files outside of `docs` are named instead of linked, they are not on it."""
+"""Hook of the documentation site: links to files outside of `docs` become their paths."""
 
 import re
 from typing import Any
