@@ -1,4 +1,4 @@
-"""Extended Kalman filter on model (1) with first-order lags of the actuators (control.md section 7).
+"""Extended Kalman filter on model (1) with first-order lags of the actuators (docs/formulas.md).
 
 Sixteen states: eight of the motion, four actuators, four disturbance accelerations as random walks. The
 estimated disturbance is what makes the predictive controllers free of offset.
