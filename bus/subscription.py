@@ -1,4 +1,4 @@
-"""Inboxes that hold the newest message, its age, and whether the sender keeps its rate.
+"""Inboxes that hold the newest message and its age.
 
 A callback on Zenoh's thread stores the payload and wakes the loop; decoding is left to the loop.
 """
@@ -17,9 +17,6 @@ from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
 
 M = TypeVar("M", bound=Message)
-
-RATE_WINDOW = 10
-RATE_TOLERANCE = 0.7
 
 
 class Received(Struct, Generic[M], frozen=True):
@@ -72,7 +69,6 @@ class Inbox(Generic[M]):
         self.unread: deque[tuple[bytes, float]] = deque(maxlen=depth)
         self._rejections = Rejections()
         self._overruns_at = depth if depth > 1 else None
-        self._arrivals: deque[float] = deque(maxlen=RATE_WINDOW)
         self._newest: Received[M] | None = None
 
     def store(self, payload: bytes, arrived_s: float) -> None:
@@ -81,7 +77,6 @@ class Inbox(Generic[M]):
         if len(unread) == self._overruns_at:
             self._rejections.count("overrun")
         unread.append((payload, arrived_s))
-        self._arrivals.append(arrived_s)
 
     def drain(self, limit: int | None = None) -> list[Received[M]]:
         """Return the valid messages since the last call, oldest first, from at most `limit` payloads."""
@@ -136,18 +131,6 @@ class Inbox(Generic[M]):
         """Return whether the newest valid message is younger than the channel's `stale_after_s`."""
         age_s = self.age_s(now_s)
         return age_s is not None and age_s <= self.channel.stale_after_s
-
-    def rate_hz(self) -> float:
-        """Return the rate of arrival over the last few messages; 0 before there are two."""
-        arrivals = tuple(self._arrivals)
-        if len(arrivals) < 2 or arrivals[-1] <= arrivals[0]:
-            return 0.0
-        return (len(arrivals) - 1) / (arrivals[-1] - arrivals[0])
-
-    def rate_ok(self, now_s: float, nominal_hz: float | None = None) -> bool:
-        """Return whether the sender is alive and keeps at least 70 % of the nominal rate."""
-        nominal_hz = self.channel.rate_hz if nominal_hz is None else nominal_hz
-        return self.alive(now_s) and self.rate_hz() >= RATE_TOLERANCE * nominal_hz
 
 
 Deliver = Callable[[Inbox[Any], bytes, float], None]

@@ -1,8 +1,8 @@
-"""Multisines on the sticks of a flying vehicle, added to what its controller commands.
+"""Multisines on the sticks of a flying vehicle, added to the commands of its controller.
 
-Every axis has frequencies of its own, so that all of them are excited at once and their responses, the
-coupling of pitch and roll among them, can still be told apart. The controller goes on flying: it keeps the
-vehicle in its place, and a prediction-error fit does not mind the closed loop.
+Every axis has its own frequencies, so that all axes are excited at once and their responses, including the
+coupling of pitch and roll, can be separated. The controller continues to hold the vehicle in place; a
+prediction-error fit is consistent in closed loop.
 """
 
 import math
@@ -23,26 +23,24 @@ _THRUST_BAND_HZ: Final = (0.3, 3.0)
 _YAW_BAND_HZ: Final = (0.4, 2.5)
 _TONES: Final = (10, 10, 6, 6)
 HORIZONTAL_M_S2: Final = 0.3
-"""Acceleration that the pitch and roll sticks are to ask for, root mean square, at full amplitude."""
+"""Root mean square acceleration that pitch and roll sticks demand at full amplitude."""
 VERTICAL_M_S2: Final = 0.35
 YAW_RATE_RAD_S: Final = 0.4
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """A multisine on every stick.
+    """A multisine on every stick; it fades in and out within `FADE_S`.
 
     Parameters
     ----------
     amplitude
         Root mean square of pitch, roll, thrust and yaw.
-    duration_s
-        Length; it fades in and out within `FADE_S`.
 
     Raises
     ------
     ValueError
-        An amplitude below 0, or a duration too short to tell the tones of two axes apart.
+        An amplitude outside 0 to 1, or a duration too short to separate the tones of two axes.
     """
 
     amplitude: tuple[float, ...]
@@ -55,7 +53,7 @@ class Excitation:
             raise ValueError(f"duration_s: must be from {1 / BASE_HZ:g} to 600 s, got {self.duration_s}")
 
     def at(self, time_s: float) -> Array:
-        """What is added to the sticks, shape (4,), some time after the start; zeros outside."""
+        """Return the addition to the sticks, shape (4,), some time after the start; zeros outside."""
         if not 0.0 <= time_s < self.duration_s:
             return np.zeros(INPUT_SIZE)
         fade = min(1.0, time_s / FADE_S, (self.duration_s - time_s) / FADE_S)
@@ -100,21 +98,10 @@ TONES_HZ: Final = _all_tones()
 
 
 def excitation_for(model: Model, duration_s: float, strength: float = 1.0) -> Excitation:
-    """Excitation that moves a vehicle of this model by centimetres.
+    """Return the excitation that moves a vehicle of this model by centimetres.
 
-    Parameters
-    ----------
-    model
-        The vehicle as far as it is known.
-    duration_s
-        Length.
-    strength
-        Fraction of the usual accelerations `HORIZONTAL_M_S2`, `VERTICAL_M_S2` and yaw rate.
-
-    Returns
-    -------
-    Excitation
-        At most a quarter of every stick's range, root mean square.
+    `strength` is the fraction of the usual accelerations and yaw rate; the root mean square is at most a
+    quarter of each stick's range.
     """
     pitch, roll, thrust, yaw = model.input_gain
     yaw_rate_gain = yaw / max(-model.damping[3], 1.0)

@@ -1,4 +1,4 @@
-"""Excites a flying vehicle, and stops when something is not as it should be."""
+"""Excites a flying vehicle within limits."""
 
 from typing import Final
 
@@ -8,61 +8,47 @@ from rcopterx.control.identification.excitation import Excitation
 from rcopterx.vehicles.state import Array
 
 LONGEST_BLIND_S: Final = 0.1
-"""Without poses for longer the vehicle is left in peace."""
+"""The excitation ends without poses for longer than this."""
 UNDER_WAY: Final = "under way"
 DONE: Final = "done"
 
 
 class Exciter:
-    """Adds an excitation to what the controller commands."""
+    """Adds an excitation to the commands of a controller."""
 
     def __init__(self) -> None:
         self.outcome = ""
-        """Why the last excitation ended; `under way` while it goes on, `done` after its time, empty before
-        the first."""
+        """Why the last excitation ended; `under way` or `done`; empty before the first."""
         self.under_way = False
-        """Whether the sticks are being excited."""
         self._excitation: Excitation | None = None
         self._start_s = 0.0
         self._place_m: Array = np.zeros(3)
         self._reach_m = 0.0
 
     def begin(self, excitation: Excitation, place_m: Array, reach_m: float, time_s: float) -> None:
-        """Excite from now on, within a box around a place.
-
-        Parameters
-        ----------
-        excitation
-            What to add.
-        place_m, reach_m
-            Middle of the box, inertial frame, shape (3,), and how far it reaches to each side.
-        time_s
-            Now.
-        """
+        """Start an excitation in a box of half-width `reach_m` around a place, inertial, shape (3,)."""
         self._excitation, self._start_s, self.under_way = excitation, time_s, True
         self._place_m, self._reach_m = place_m.copy(), reach_m
         self.outcome = UNDER_WAY
 
     def end(self, outcome: str) -> None:
-        """Stop for a reason; nothing happens where nothing is under way."""
+        """End the present excitation, if there is one, for a reason."""
         if self._excitation is not None:
             self._excitation, self.outcome, self.under_way = None, outcome, False
 
     def left_s(self, time_s: float) -> float:
-        """Time until the excitation is done; 0 without one."""
+        """Return the remaining time of the excitation; 0 without one."""
         if self._excitation is None:
             return 0.0
         return max(0.0, self._start_s + self._excitation.duration_s - time_s)
 
     def watch(self, time_s: float, position_m: Array, blind_s: float, flying: bool) -> None:
-        """End an excitation that is over, or that must not go on.
+        """End an excitation that is over, or whose limits are exceeded.
 
         Parameters
         ----------
-        time_s
-            Now.
         position_m
-            Where the vehicle is, shape (3,).
+            Position of the vehicle, shape (3,).
         blind_s
             Time since its last pose.
         flying
@@ -81,7 +67,7 @@ class Exciter:
             self.end(DONE)
 
     def added(self, inputs: Array, time_s: float, period_s: float) -> Array:
-        """Inputs of the coming periods with the excitation in them, shape (k, 4)."""
+        """Return inputs of the coming periods, shape (k, 4), with the excitation added."""
         excitation = self._excitation
         if excitation is None:
             return inputs

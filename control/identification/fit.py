@@ -1,9 +1,9 @@
 """Prediction-error fit of a vehicle's model to a flight.
 
 Horizontal motion and height are fitted to the innovations of the stationary Kalman predictor of the model,
-the heading to errors further ahead, because its model is a coarser one. What is known of the type beforehand
-counts as much as a measurement (`rcopterx.control.identification.parameters`), so that what a flight does not
-show stays what it was. The last part of the flight is not fitted: it judges the result.
+the heading to errors further ahead, because its model is coarser. Prior knowledge of the type counts as
+much as a measurement (`rcopterx.control.identification.parameters`), so that parameters that a flight does
+not show keep their values. The last part of the flight is not fitted; it validates the result.
 """
 
 import math
@@ -32,11 +32,11 @@ from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty
 from rcopterx.vehicles.state import U_THRUST, Array
 
 FITTED_SHARE: Final = 0.8
-"""Fraction of the flight that is fitted; the rest judges."""
+"""Share of the flight that is fitted; the rest validates."""
 SHORTEST_S: Final = 20.0
 AHEAD_S: Final = 1.0
 _SETTLE_S: Final = 2.0
-"""Predictors start without knowing the wind; errors count from here on."""
+"""Errors count from here on: predictors start without knowledge of the wind."""
 _HEADING_AHEAD_S: Final = (0.2, 1.0)
 _HEADING_EVERY_S: Final = 0.3
 _OUTLIER: Final = 3.0
@@ -44,16 +44,15 @@ _OUTLIER: Final = 3.0
 _NORMAL: Final = 1.4826
 """Standard deviation of a normal distribution over the median of its magnitude."""
 _FARTHEST: Final = 4.0
-"""Parameters stay within so many spreads of what they were."""
+"""Parameters stay within so many spreads of their prior values."""
 _AT_BOUND: Final = 0.98 * _FARTHEST
 _EVALUATIONS: Final = 25
 _START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)
-"""Spreads from the known frequency of the tilt at which the search may begin."""
+"""Start values of the tilt frequency, in spreads from the known one."""
 LEAST_CERTAIN: Final = 0.15
-"""Gains and frequency known worse than this fraction (one deviation) were excited too little."""
+"""Largest relative deviation of gains and frequency; beyond, the excitation was too weak."""
 _WORSE: Final = 1.25
-"""Refused above this ratio of errors; by chance, because a flight has so many gusts only, they differ by
-less."""
+"""Largest accepted ratio of errors; by chance, because a flight has few gusts, they differ by less."""
 _THREE_DEVIATIONS: Final = 3.0
 
 _ESSENTIAL: Final = frozenset(parameter.name for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY))
@@ -74,10 +73,7 @@ class FittedParameter:
 
 @dataclass(frozen=True)
 class PredictionErrors:
-    """Root mean square of what is predicted one second ahead less what is measured then.
-
-    The horizontal one is per axis.
-    """
+    """Root mean square errors of predictions one second ahead; the horizontal one is per axis."""
 
     horizontal_m: float
     height_m: float
@@ -91,15 +87,13 @@ class Identification:
     Attributes
     ----------
     model
-        The vehicle, its uncertainty included.
+        The fitted model with its uncertainty.
     offsets
         Trim and tilt of the markers in this flight.
-    parameters
-        Everything that was fitted.
     before, after
         Errors of the old and the new model in the part of the flight that was not fitted.
     problems
-        Why the result is not to be used; empty if it is.
+        Why the result must not be used; empty if it may be.
     """
 
     model: Model
@@ -111,19 +105,7 @@ class Identification:
 
 
 def identify(recording: FlightRecording, model: Model) -> Identification:
-    """Fit a model to a flight.
-
-    Parameters
-    ----------
-    recording
-        At least `SHORTEST_S` with all sticks excited.
-    model
-        What is known of the vehicle before.
-
-    Returns
-    -------
-    Identification
-        The fitted model, also where problems speak against its use.
+    """Fit a model to a flight of at least `SHORTEST_S` with all sticks excited.
 
     Raises
     ------
@@ -154,7 +136,7 @@ def identify(recording: FlightRecording, model: Model) -> Identification:
 
 
 def prediction_errors(candidate: Candidate, recording: FlightRecording) -> PredictionErrors:
-    """Errors of predictions one second ahead."""
+    """Return the errors of predictions one second ahead."""
     periods = round(AHEAD_S / recording.period_s)
     settled = round(_SETTLE_S / recording.period_s)
 
@@ -169,12 +151,9 @@ def prediction_errors(candidate: Candidate, recording: FlightRecording) -> Predi
 
 
 def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
-    """Poses predicted one second ahead.
+    """Return poses predicted one second ahead.
 
-    Returns
-    -------
-    Array
-        x, y, z [m], yaw [rad] for the time of every row, shape (K, 4); not a number in the first second.
+    Shape (K, 4): x, y, z [m], yaw [rad] for the time of every row; NaN in the first second.
     """
     periods = round(AHEAD_S / recording.period_s)
     measured = np.column_stack((recording.position_m, recording.yaw_rad))[periods:]
@@ -269,7 +248,7 @@ class _Fit:
         return self.residuals(self.motion(candidate, recording))
 
     def _scales(self, candidate: Candidate, recording: FlightRecording) -> list[float]:
-        """Deviation of each kind of errors, from their median so that wild poses do not count."""
+        """Deviation of each kind of errors, from their median so that outliers do not count."""
         return [_NORMAL * float(np.median(np.abs(part))) for part in self._errors(candidate, recording)]
 
     def _all(
@@ -295,7 +274,7 @@ def _axis_innovations(motion: Motion) -> list[Array]:
 
 
 def _far_errors(motion: Motion) -> list[Array]:
-    """Errors further ahead; as many of one distance as of the other, thinned out."""
+    """Errors further ahead, thinned out; equally many of each distance."""
     period_s = motion.predictor.period_s
     settled, stride = round(_SETTLE_S / period_s), round(_HEADING_EVERY_S / period_s)
     return [
@@ -331,7 +310,7 @@ def _heading_fit(model: Model) -> _Fit:
 def _finished(
     model: Model, before: Model, numbers: Sequence[FittedParameter], recording: FlightRecording
 ) -> Model:
-    """The fitted model with what follows from it: uncertainty, hover thrust, equivalent lags."""
+    """Fitted model with derived values: uncertainty, hover thrust, equivalent lags."""
     certain = {number.name: number.deviation / abs(number.value) for number in numbers}
     gain = max(certain[PITCH_GAIN.name], certain[ROLL_GAIN.name])
     uncertainty = Uncertainty(

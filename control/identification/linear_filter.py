@@ -1,7 +1,7 @@
-"""Stationary Kalman predictor of a linear system, over a whole flight at once.
+"""Stationary Kalman predictor of a linear system over a whole flight at once.
 
-The horizontal motion of a vehicle prefers no direction (`rcopterx.vehicles.tilt`), so that the two components
-of every vector become one complex number, x + i y. Height and heading are real systems.
+The horizontal motion of a vehicle is isotropic (`rcopterx.vehicles.tilt`), so that the two components of
+every vector become one complex number, x + i y. Height and heading are real systems.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,8 @@ from rcopterx.vehicles.state import Array
 class LinearSystem:
     """Continuous system with one input, dx/dt = A x + B u, measured as y = C x.
 
-    Attributes
-    ----------
-    a, b, c
-        Shapes (n, n), (n,), (m, n).
-    process_variance
-        Squared densities of the process noise on the states, shape (n,).
-    measurement_variance
-        Shape (m,).
+    A, B and C have shapes (n, n), (n,) and (m, n); `process_variance`, shape (n,), is the squared density
+    of the process noise, `measurement_variance` has shape (m,).
     """
 
     a: Complex
@@ -36,16 +30,9 @@ class LinearSystem:
 
 
 class StationaryPredictor:
-    """Kalman predictor with the gain of the steady state.
+    """Kalman predictor with the stationary gain.
 
-    Parameters
-    ----------
-    system
-        The system.
-    period_s
-        Period of the samples.
-    delay_s
-        How much later the input of a sample acts; need not be a whole number of periods.
+    The input of a sample acts `delay_s` later, which need not be a whole number of periods.
     """
 
     def __init__(self, system: LinearSystem, period_s: float, delay_s: float) -> None:
@@ -63,20 +50,7 @@ class StationaryPredictor:
         self._gain = seen @ np.linalg.inv(system.c @ seen + noise)
 
     def states(self, inputs: Complex, measured: Complex) -> Complex:
-        """States predicted one period ahead.
-
-        Parameters
-        ----------
-        inputs
-            Sent with each sample, shape (K,).
-        measured
-            Shape (K, m).
-
-        Returns
-        -------
-        Complex
-            Before each measurement is taken in, shape (K, n).
-        """
+        """Return states predicted one period ahead, (K, n), for inputs (K,) and measurements (K, m)."""
         start = np.linalg.lstsq(self._c, measured[0], rcond=None)[0]
         correction = self._a @ self._gain
         driven = self._push(inputs) + measured @ correction.T
@@ -89,24 +63,11 @@ class StationaryPredictor:
         return np.asarray(modes.T @ vectors.T)
 
     def innovations(self, inputs: Complex, measured: Complex) -> Complex:
-        """Measured less predicted, shape (K, m); arguments of `states`."""
+        """Return measured minus predicted outputs, shape (K, m)."""
         return measured - self.states(inputs, measured) @ self._c.T
 
     def ahead(self, inputs: Complex, measured: Complex, periods: int) -> Complex:
-        """Outputs predicted some periods ahead with the inputs that came.
-
-        Parameters
-        ----------
-        inputs, measured
-            See `states`.
-        periods
-            How far.
-
-        Returns
-        -------
-        Complex
-            Of the samples from `periods` on, shape (K - periods, m).
-        """
+        """Return outputs predicted `periods` ahead with the recorded inputs, shape (K - periods, m)."""
         states = self.states(inputs, measured)
         states = states + (measured - states @ self._c.T) @ self._gain.T
         push, count = self._push(inputs), len(inputs) - periods
@@ -116,7 +77,7 @@ class StationaryPredictor:
         return np.asarray(states @ self._c.T)
 
     def _push(self, inputs: Complex) -> Complex:
-        """What the inputs add to the state in every period, shape (K, n)."""
+        """Contribution of the inputs to the state in every period, shape (K, n)."""
         before = np.full(self._whole_periods + 1, inputs[0])
         delayed = np.concatenate((before, inputs))
         count = len(inputs)

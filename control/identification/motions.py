@@ -18,8 +18,8 @@ YAW_NOISE_RAD: Final = 0.003
 TILT_NOISE: Final = 0.003
 _VELOCITY_DENSITY: Final = 0.01
 _RATE_DENSITY: Final = 0.1
-"""Where the model of the tilt is wrong, as a random walk of the tilt rate. More of it would make the fit
-trust single noisy tilts, which biases frequency and servo lag upwards."""
+"""Errors of the tilt model as a random walk of the tilt rate. A larger value biases frequency and servo lag
+upwards, because the fit then trusts single noisy tilts."""
 _SERVO_DENSITY: Final = 0.01
 _ACTUATOR_DENSITY: Final = 0.001
 WIND_M_S2: Final = 0.15
@@ -31,14 +31,10 @@ _YAW_DRIFT: Final = 0.05
 
 @dataclass(frozen=True)
 class Offsets:
-    """What differs from vehicle to vehicle and flight to flight without being dynamics.
+    """Offsets of a vehicle and a flight that are not dynamics.
 
-    Attributes
-    ----------
-    trim
-        Offsets of the pitch and roll stick.
-    body_rad
-        Tilt of the measured body frame against the axis of the thrust, body frame.
+    `trim` is of the pitch and roll stick, `body_rad` the tilt of the measured body frame against the axis
+    of the thrust, body frame.
     """
 
     trim: tuple[float, float] = (0.0, 0.0)
@@ -54,17 +50,17 @@ class Motion:
     measured: Complex
 
     def innovations(self) -> Complex:
-        """One-period prediction errors, shape (K, m)."""
+        """Return the one-period prediction errors, shape (K, m)."""
         return self.predictor.innovations(self.inputs, self.measured)
 
     def errors_ahead(self, periods: int) -> Complex:
-        """Errors of the first measurement predicted so many periods ahead, shape (K - periods,)."""
+        """Return the errors of the first measurement predicted some periods ahead, shape (K - periods,)."""
         predicted = self.predictor.ahead(self.inputs, self.measured, periods)
         return self.measured[periods:, 0] - predicted[:, 0]
 
 
 def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Motion:
-    """Horizontal motion; measured are the position and, where there is one, the tilt."""
+    """Return the horizontal motion; measured are the position and, where available, the tilt."""
     # A stick acts on the heading that the vehicle has by then, half a period later on average.
     time_s = recording.period_s * np.arange(len(recording.yaw_rad))
     acts_s = time_s + model.delay_s + 0.5 * recording.period_s
@@ -84,7 +80,7 @@ def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Mo
 
 
 def vertical(model: Model, recording: FlightRecording) -> Motion:
-    """Height."""
+    """Return the motion in height."""
     system = _single_axis(model, U_THRUST, POSITION_NOISE_M, VERTICAL_WIND_M_S2, _VERTICAL_DRIFT)
     return _of_single_axis(
         model, recording, system, recording.inputs[:, U_THRUST], recording.position_m[:, Z]
@@ -92,7 +88,7 @@ def vertical(model: Model, recording: FlightRecording) -> Motion:
 
 
 def heading(model: Model, recording: FlightRecording) -> Motion:
-    """Heading; the thrust that the rotors have not followed yet counts as yaw stick, too."""
+    """Return the motion of the heading; thrust not yet followed by the rotors counts as yaw stick, too."""
     system = _single_axis(model, U_YAW, YAW_NOISE_RAD, YAW_WIND_RAD_S2, _YAW_DRIFT)
     stick = recording.inputs[:, U_YAW]
     if model.thrust_coupling:
@@ -101,7 +97,7 @@ def heading(model: Model, recording: FlightRecording) -> Motion:
 
 
 def _not_followed(model: Model, recording: FlightRecording) -> Array:
-    """Thrust stick less what the rotors have followed, mean of each period; they start settled."""
+    """Thrust stick minus what the rotors have followed, mean of each period; they start settled."""
     thrust, periods = recording.inputs[:, U_THRUST], recording.period_s / max(model.lag_s[U_THRUST], 1e-3)
     pole = np.exp(-periods)
     changes = np.diff(thrust, prepend=thrust[0])

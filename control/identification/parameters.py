@@ -1,4 +1,4 @@
-"""What a fit may change of a model, how far, and what is known of it beforehand."""
+"""Parameters of a fit with their prior spreads."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -12,7 +12,7 @@ from rcopterx.vehicles.tilt import TiltModel
 
 @dataclass(frozen=True)
 class Candidate:
-    """A vehicle as a fit supposes it."""
+    """Model and offsets that a fit supposes."""
 
     model: Model
     offsets: Offsets = field(default_factory=Offsets)
@@ -24,14 +24,10 @@ class Parameter:
 
     Attributes
     ----------
-    name, unit
-        As shown.
     spread
         Standard deviation among vehicles of a type: of the logarithm if `positive`, else of the number.
-    positive
-        Only positive numbers make sense.
     read, write
-        Take it from a candidate; the candidate with another value.
+        Return the number; return the candidate with another number.
     """
 
     name: str
@@ -158,12 +154,12 @@ _COUPLING: Final = Parameter(
 
 
 def heading_parameters(model: Model) -> tuple[Parameter, ...]:
-    """What can be fitted of the heading of a model."""
+    """Return the parameters of the heading of a model."""
     return (*_HEADING, _COUPLING) if model.yaw_gyro else _HEADING
 
 
 def horizontal_parameters(model: Model, with_tilt: bool) -> tuple[Parameter, ...]:
-    """What can be fitted of the horizontal motion of a model, with or without measured tilt."""
+    """Return the parameters of the horizontal motion of a model, with or without measured tilt."""
     if model.tilt is None:
         return (*_HORIZONTAL, *_LAG, *_TRIM)
     bar = model.tilt.bar_time_constant_s is not None

@@ -1,4 +1,4 @@
-"""What identification works on: the poses and sticks of a flight, one row per control period."""
+"""Poses and sticks of a flight for identification, one row per control period."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 FORMAT: Final = 1
 LONGEST_GAP_S: Final = 0.1
-"""Missing poses up to this long are bridged by straight lines."""
+"""Missing poses up to this long are interpolated."""
 
 
 class RecordingError(ValueError):
@@ -28,22 +28,19 @@ class FlightRecording:
     ----------
     kind
         Type of the vehicle (`rcopterx.vehicles.model.Model.kind`).
-    period_s
-        Control period.
     position_m
         Inertial frame, shape (K, 3).
     yaw_rad
         Unwrapped, shape (K,).
     tilt
-        Horizontal components of the body's upward axis, inertial frame, shape (K, 2); None where the tracker
-        gives positions and headings only.
+        Horizontal components of the body's upward axis, inertial frame, shape (K, 2); None if not measured.
     inputs
         Sticks sent to the vehicle on these poses, shape (K, 4); they act a transport delay later.
 
     Raises
     ------
     RecordingError
-        Shapes that do not fit each other, or numbers that are not finite.
+        Shapes do not match, or numbers are not finite.
     """
 
     kind: str
@@ -69,11 +66,11 @@ class FlightRecording:
 
     @property
     def duration_s(self) -> float:
-        """Length."""
+        """Duration of the flight."""
         return len(self.yaw_rad) * self.period_s
 
     def part(self, begin: float, end: float) -> "FlightRecording":
-        """Rows between two fractions of the flight."""
+        """Return the rows between two fractions of the flight."""
         rows = slice(round(begin * len(self.yaw_rad)), round(end * len(self.yaw_rad)))
         tilt = None if self.tilt is None else self.tilt[rows]
         return FlightRecording(
@@ -81,11 +78,11 @@ class FlightRecording:
         )
 
     def without_tilt(self) -> "FlightRecording":
-        """The same flight as a tracker sees it that gives positions and headings only."""
+        """Return the same flight without measured tilt."""
         return FlightRecording(self.kind, self.period_s, self.position_m, self.yaw_rad, None, self.inputs)
 
     def save(self, path: Path) -> None:
-        """Write a compressed numpy archive (`.npz`), readable without this package."""
+        """Write a compressed numpy archive (`.npz`)."""
         tilt: dict[str, Any] = {} if self.tilt is None else {"tilt": self.tilt}
         with path.open("wb") as file:
             np.savez_compressed(
@@ -101,7 +98,7 @@ class FlightRecording:
 
 
 def load_recording(path: Path) -> FlightRecording:
-    """Read what `FlightRecording.save` wrote.
+    """Read a file of `FlightRecording.save`.
 
     Raises
     ------
@@ -132,7 +129,7 @@ def load_recording(path: Path) -> FlightRecording:
 
 
 class FlightLog:
-    """Collects a recording row by row, with rows missing here and there."""
+    """Collects a recording row by row; rows may be missing."""
 
     def __init__(self, kind: str, period_s: float) -> None:
         self._kind, self._period_s = kind, period_s
@@ -140,20 +137,20 @@ class FlightLog:
         self._inputs: dict[int, Array] = {}
 
     def add_pose(self, row: int, measurement: Measurement) -> None:
-        """A pose, by the number of its control period."""
+        """Add a pose by the number of its control period."""
         self._poses[row] = measurement
 
     def add_input(self, row: int, value: Array) -> None:
-        """Sticks sent in a control period; of several the last."""
+        """Add the sticks sent in a control period; of several the last counts."""
         self._inputs[row] = value
 
     def recording(self) -> FlightRecording:
-        """Everything between the first and the last period of which both are known.
+        """Return the rows between the first and the last period of which both are known.
 
         Raises
         ------
         RecordingError
-            Poses or sticks are missing for longer than `LONGEST_GAP_S`, or everything is.
+            Poses or sticks are missing for longer than `LONGEST_GAP_S`, or altogether.
         """
         common = self._poses.keys() & self._inputs.keys()
         if len(common) < 2:
@@ -190,5 +187,5 @@ class FlightLog:
 
 
 def _filled(rows: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Array:
-    """Values at all rows, straight lines between the known ones, shape (K, m)."""
+    """Values at all rows, interpolated linearly between the known ones, shape (K, m)."""
     return np.column_stack([np.interp(rows, known, column) for column in values.T])

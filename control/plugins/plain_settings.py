@@ -15,19 +15,7 @@ Settings = TypeVar("Settings", bound=msgspec.Struct)
 
 
 def parse_settings(kind: type[Settings], values: Mapping[str, object]) -> Settings:
-    """Read settings from plain data.
-
-    Parameters
-    ----------
-    kind
-        Settings type of a controller or an estimator.
-    values
-        Names and values; what is left out keeps its default.
-
-    Returns
-    -------
-    msgspec.Struct
-        Settings of that type.
+    """Convert names and values into settings of a type; missing ones keep their defaults.
 
     Raises
     ------

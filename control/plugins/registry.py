@@ -1,4 +1,4 @@
-"""Named classes that build a part of an agent: the built-in ones and those that installed packages add."""
+"""Controllers and estimators by name: the built-in ones and those of installed packages."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,14 +29,14 @@ class PartClass(Protocol[Built]):
 
 @dataclass(frozen=True)
 class Registry(Generic[Part]):
-    """Classes of one kind by name; a class is imported only when it is asked for.
+    """Classes of one kind by name; a class is imported on its first use.
 
     Attributes
     ----------
     kind
-        What the classes build, as error messages name it: `controller`, `estimator`.
+        `controller` or `estimator`, for error messages.
     entry_point_group
-        Group of entry points through which packages add classes.
+        Group of entry points by which packages add classes.
     built_in
         Modules and classes that work without installed metadata: `package.module:Class`.
     """
@@ -46,11 +46,11 @@ class Registry(Generic[Part]):
     built_in: Mapping[str, str]
 
     def available(self) -> list[str]:
-        """Names that `load` and `build` accept, sorted; nothing is imported for it."""
+        """Return the names that `load` and `build` accept, sorted; imports nothing."""
         return sorted({*self.built_in, *(point.name for point in self._installed())})
 
     def built_in_module(self, name: str) -> str | None:
-        """Module that `load` imports for a built-in name, None for any other name."""
+        """Return the module of a built-in name, None for any other name."""
         path = self.built_in.get(name)
         return None if path is None else path.partition(":")[0]
 
@@ -60,7 +60,7 @@ class Registry(Generic[Part]):
         Raises
         ------
         SettingsError
-            Nothing has that name (the message lists what is allowed), or its package cannot be imported.
+            Unknown name (the message lists what is allowed), or its package cannot be imported.
         """
         path = self.built_in.get(name)
         if path is not None:
@@ -79,18 +79,7 @@ class Registry(Generic[Part]):
         raise SettingsError(f"no {self.kind} is called {name!r}; allowed are {', '.join(self.available())}")
 
     def build(self, name: str, model: Model, period_s: float, settings: Mapping[str, object]) -> Part:
-        """Build the part of one vehicle from plain data.
-
-        Parameters
-        ----------
-        name
-            One of `available`.
-        model
-            The vehicle.
-        period_s
-            Time between calls.
-        settings
-            Names and values of its settings; what is left out keeps its default.
+        """Build the part of one vehicle; `settings` that are left out keep their defaults.
 
         Raises
         ------

@@ -1,7 +1,7 @@
 """Paths of a shape: circle, figure-eight, spiral, and smooth curves through timed waypoints.
 
-All of them start and end at rest. Whoever asks for a trajectory builds it; agents only see its knots, and
-their start does not wait for the spline library.
+All of them start and end at rest. The client builds them; agents receive only their knots and need no
+splines.
 """
 
 import math
@@ -22,7 +22,7 @@ _KNOT_SPACING_S: Final = 0.05
 def circle(
     center_m: Three, radius_m: float, period_s: float, turns: float = 1.0, heading: str = "fixed"
 ) -> FlightPath:
-    """Circle around a center, counter-clockwise; negative turns fly it clockwise."""
+    """Return a counter-clockwise circle around a center; negative turns are clockwise."""
     return spiral(center_m, (radius_m, radius_m), 0.0, period_s, turns, heading)
 
 
@@ -34,16 +34,14 @@ def spiral(
     turns: float = 2.0,
     heading: str = "fixed",
 ) -> FlightPath:
-    """Spiral: radius and height change evenly with the angle.
+    """Return a spiral: radius and height change linearly with the angle.
 
     Parameters
     ----------
-    center_m
-        Center at the start.
     radii_m
         Radius at the start and at the end.
     climb_m
-        Height gained on the way.
+        Height gained.
     period_s
         Time of a turn at full speed.
     turns
@@ -76,7 +74,7 @@ def spiral(
 def figure_eight(
     center_m: Three, size_m: tuple[float, float], period_s: float, turns: float = 1.0, heading: str = "fixed"
 ) -> FlightPath:
-    """Figure-eight (Gerono's lemniscate): `size_m` is its half-width along x and y.
+    """Return a figure-eight (Gerono's lemniscate); `size_m` is its half-width along x and y.
 
     Raises
     ------
@@ -98,13 +96,12 @@ def figure_eight(
 
 
 def through(waypoints: Sequence[Sequence[float]]) -> FlightPath:
-    """Smooth curve through timed waypoints, at rest at both ends.
+    """Return a quintic spline through timed waypoints, at rest at both ends.
 
     Parameters
     ----------
     waypoints
-        Rows of time [s], x, y, z [m] and yaw [rad]; times increase. A quintic spline passes through all of
-        them, so that even the jerk is continuous.
+        Rows of time [s], x, y, z [m] and yaw [rad]; times increase.
 
     Raises
     ------
@@ -130,7 +127,7 @@ def through(waypoints: Sequence[Sequence[float]]) -> FlightPath:
 def _along(
     curve: Callable[[Array], Array], whole_rad: float, period_s: float, heading: str, center_m: Three
 ) -> FlightPath:
-    """Fly a curve of an angle with even speed, gently started and stopped."""
+    """Fly a curve of an angle at constant speed, with smooth ramps at both ends."""
     if heading not in HEADINGS:
         raise PathError(f"heading: {heading!r} is not one of {', '.join(HEADINGS)}")
     if not 0.1 <= abs(whole_rad) / math.tau <= 100:
@@ -169,7 +166,7 @@ def _spline_at_rest(times: Array, values: Array) -> BSpline:
 
 
 def _eased(times: Array, ramp_s: float, duration_s: float) -> Array:
-    """Time that passes on the curve: at rest outside, even speed in the middle, smooth ramps between."""
+    """Time that passes on the curve: at rest outside, constant speed in the middle, smooth ramps between."""
 
     def risen(t: Array) -> Array:
         s = np.clip(t / ramp_s, 0.0, 1.0)

@@ -1,8 +1,8 @@
-"""Trajectories in time, what is needed to begin them, and whether a vehicle can fly them.
+"""Trajectories in time, smooth ways to their beginning, and the check whether a vehicle can fly them.
 
-A path is a table of knots: the time, position and heading, their rates and their accelerations. Between knots
-it is the quintic polynomial that agrees with both. The model is differentially flat in x, y, z and yaw, so a
-path says everything about the inputs that fly it, too.
+A path is a table of knots: time, position and heading, their rates and accelerations. Between knots it is the
+quintic polynomial that agrees with both. The model is differentially flat in x, y, z and yaw, so that a path
+determines the inputs as well.
 """
 
 import math
@@ -33,11 +33,8 @@ class PathError(ValueError):
 class FlightPath:
     """A trajectory in time.
 
-    Attributes
-    ----------
-    knots
-        Shape (n, 13), n from 2 to 600: time [s] from 0 on, x, y, z [m], yaw [rad], their first and their
-        second derivatives; inertial frame.
+    `knots` has shape (n, 13), n from 2 to 600: time [s] from 0 on, x, y, z [m], yaw [rad], their first and
+    second derivatives; inertial frame.
     """
 
     knots: Array
@@ -48,7 +45,7 @@ class FlightPath:
         return float(self.knots[-1, 0])
 
     def sample(self, at_s: Array) -> Array:
-        """Rows of a trajectory at some times, shape (k, 12); before and after, the ends are held at rest."""
+        """Return the trajectory at some times, shape (k, 12); outside, the ends are held at rest."""
         knots = self.knots
         time = np.clip(at_s, 0.0, self.duration_s)
         right = np.clip(np.searchsorted(knots[:, 0], time, side="right"), 1, len(knots) - 1)
@@ -61,17 +58,7 @@ class FlightPath:
 
 
 def begun_from(path: FlightPath, present: Array, run_in_s: float) -> FlightPath:
-    """FlightPath with a smooth way to its beginning.
-
-    Parameters
-    ----------
-    path
-        The path.
-    present
-        Row of the present reference, shape (12,).
-    run_in_s
-        Time for the way.
-    """
+    """Return the path after a smooth way of `run_in_s` from the present reference, a row of shape (12,)."""
     knots = path.knots.copy()
     knots[:, 1 + YAW] += math.tau * whole_turns(float(present[YAW] - knots[0, 1 + YAW]))
     knots[:, 0] += run_in_s
@@ -79,7 +66,7 @@ def begun_from(path: FlightPath, present: Array, run_in_s: float) -> FlightPath:
 
 
 def run_in_time_s(path: FlightPath, present: Array) -> float:
-    """Time for a smooth way from the present reference, shape (12,), to the beginning of a path."""
+    """Return the time of a smooth way from the present reference, shape (12,), to the start of a path."""
     first = path.knots[0, 1:5]
     way_m = float(np.linalg.norm(first[:3] - present[:3]))
     turn_rad = abs(nearest_heading(float(first[3]), float(present[YAW])) - float(present[YAW]))
@@ -95,18 +82,9 @@ def run_in_time_s(path: FlightPath, present: Array) -> float:
 def path_problem(
     path: FlightPath, model: Model, low_m: Three, high_m: Three, until_s: float | None = None
 ) -> str | None:
-    """Where a path leaves the volume or asks too much of a vehicle; None if it can be flown.
+    """Return where a path leaves the flight volume or exceeds the model's limits; None if it can be flown.
 
-    Parameters
-    ----------
-    path
-        The path.
-    model
-        The vehicle: its bounds of speed, and inputs that must suffice for the accelerations.
-    low_m, high_m
-        Flight volume.
-    until_s
-        End of the part to look at; None for the whole.
+    Only the part before `until_s` is checked, the whole path by default.
     """
     until_s = path.duration_s if until_s is None else until_s
     times = np.arange(0.0, until_s + _CHECKED_EVERY_S, _CHECKED_EVERY_S)

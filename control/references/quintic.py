@@ -11,21 +11,16 @@ PEAK_TO_MEAN_SPEED: Final = 1.875
 
 
 def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple[Array, Array, Array]:
-    """Quintic from rest to rest.
+    """Quintic from rest to rest: values, rates and accelerations, shape (k, m) each.
 
     Parameters
     ----------
     begin, end
         Values at the ends, shape (m,).
     s
-        Fraction of the time that has passed, 0 to 1, shape (k, 1).
+        Share of the time that has passed, shape (k, 1).
     duration_s
         Time between the ends.
-
-    Returns
-    -------
-    tuple of Array
-        Values, rates and accelerations, shape (k, m) each.
     """
     span = end - begin
     return (
@@ -36,19 +31,14 @@ def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple
 
 
 def quintic(before: Array, after: Array, span: Array, s: Array) -> Array:
-    """Quintic Hermite interpolation.
+    """Quintic Hermite interpolation: rows of shape (k, 12).
 
     Parameters
     ----------
     before, after
         Rows of four values, their rates and their accelerations at both ends, shape (k, 12).
     span, s
-        Time between the ends, and the fraction of it that has passed, shape (k, 1).
-
-    Returns
-    -------
-    Array
-        Rows of the same kind, shape (k, 12).
+        Time between the ends, and the share of it that has passed, shape (k, 1).
     """
     p0, v0, a0 = before[:, :4], before[:, 4:8] * span, before[:, 8:] * span**2
     p1, v1, a1 = after[:, :4], after[:, 4:8] * span, after[:, 8:] * span**2

@@ -1,6 +1,6 @@
-"""What a vehicle that follows nobody is asked to fly: set points and smooth moves between them.
+"""References of vehicles without leaders: set points and smooth moves between them.
 
-A reference source is sampled over the whole horizon at every step: the controller sees what is coming.
+A controller samples its reference over the whole horizon at every step, so that it knows the changes ahead.
 """
 
 from dataclasses import dataclass
@@ -32,21 +32,21 @@ class ReferenceSource(Protocol):
     """A reference as a function of time."""
 
     def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
-        """Reference at `stages` instants from `time_s` on, `period_s` apart."""
+        """Return the reference at `stages` instants from `time_s` on, `period_s` apart."""
         ...
 
     def finished(self, time_s: float) -> bool:
-        """Whether nothing changes any more from `time_s` on."""
+        """Return whether the reference is constant from `time_s` on."""
         ...
 
 
 class SetPointReference(Struct, frozen=True):
-    """Be at one place with one heading: position [m], shape (3,), and yaw [rad, unwrapped]."""
+    """One place and one heading: position [m], shape (3,), and yaw [rad, unwrapped]."""
 
     position_m: Array
     yaw_rad: float
 
-    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:  # noqa: ARG002 - constant in time
+    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:  # noqa: ARG002 - constant
         """See `ReferenceSource.sample`."""
         return hold(self.position_m, self.yaw_rad, period_s, stages)
 
@@ -56,17 +56,7 @@ class SetPointReference(Struct, frozen=True):
 
 
 class SmoothMove(Struct, frozen=True):
-    """Quintic polynomial from rest to rest along a straight line, heading held.
-
-    Attributes
-    ----------
-    start_m, end_m
-        Positions, shape (3,).
-    yaw_rad
-        Heading.
-    start_s, duration_s
-        When it begins and how long it takes.
-    """
+    """Quintic polynomial from rest to rest along a straight line, heading held."""
 
     start_m: Array
     end_m: Array
@@ -78,7 +68,7 @@ class SmoothMove(Struct, frozen=True):
     def at_speed(
         cls, start_m: Array, end_m: Array, yaw_rad: float, start_s: float, peak_speed_m_s: float
     ) -> "SmoothMove":
-        """Move whose fastest moment has the given speed."""
+        """Return the move with the given peak speed."""
         distance_m = float(np.linalg.norm(end_m - start_m))
         duration_s = max(PEAK_TO_MEAN_SPEED * distance_m / peak_speed_m_s, 1e-3)
         return cls(start_m, end_m, yaw_rad, start_s, duration_s)
@@ -100,15 +90,7 @@ class SmoothMove(Struct, frozen=True):
 
 
 class PathReference(Struct, frozen=True):
-    """A path that begins at a time; afterwards its end is held.
-
-    Attributes
-    ----------
-    path
-        The path.
-    start_s
-        When it begins.
-    """
+    """A path from `start_s` on; afterwards its end is held."""
 
     path: FlightPath
     start_s: float
@@ -125,34 +107,23 @@ class PathReference(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class TurnLimits:
-    """How fast a heading may change while other vehicles are carried round.
+    """Limits of a heading that carries other vehicles round.
 
-    Attributes
-    ----------
-    rate_rad_s
-        Largest yaw rate.
-    acceleration_rad_s2
-        Largest sqrt(psi''^2 + psi'^4): times the arm, the acceleration of whoever is carried round.
+    `acceleration_rad_s2` limits sqrt(psi''^2 + psi'^4): times the arm, the acceleration of a carried vehicle.
     """
 
     rate_rad_s: float
     acceleration_rad_s2: float
 
     def used(self, samples: Array) -> Array:
-        """How much of the limits rows of a trajectory use, shape (..); 1 is all of them."""
+        """Return the used share of the limits in rows of a trajectory."""
         rate, acceleration = samples[..., YAW_RATE], samples[..., YAW_ACCELERATION]
         spin = np.hypot(acceleration, rate**2)
         return np.maximum(np.abs(rate) / self.rate_rad_s, spin / self.acceleration_rad_s2)
 
 
 class SmoothTurn(Struct, frozen=True):
-    """Be at one place, and come to a heading smoothly.
-
-    Attributes
-    ----------
-    way
-        Quintic polynomials of the heading, one or two; the position does not change.
-    """
+    """Hold one place and turn smoothly, by one or two quintic polynomials of the heading."""
 
     way: PathReference
 
@@ -160,18 +131,14 @@ class SmoothTurn(Struct, frozen=True):
     def within(
         cls, limits: TurnLimits, position_m: Array, yaw_rad: float, present: Array, time_s: float
     ) -> "SmoothTurn":
-        """Shortest turn within limits.
+        """Return the shortest turn within limits.
 
         Parameters
         ----------
-        limits
-            How fast.
         position_m, yaw_rad
-            Place to be at from now on, shape (3,), and heading to come to [unwrapped].
+            Place to hold from now on, shape (3,), and final heading [unwrapped].
         present
-            Row of the present reference, whose heading goes on from there, shape (12,).
-        time_s
-            Now.
+            Row of the present reference, shape (12,), from which the heading continues.
         """
         begin, end = np.zeros((2, COLUMNS))
         begin[POSITION] = end[POSITION] = position_m
@@ -201,7 +168,7 @@ class SmoothTurn(Struct, frozen=True):
 
 
 def _gentle_turn(limits: TurnLimits, begin: Array, ends: Array) -> tuple[float, float]:
-    """Shortest duration [s] of a quintic within limits, else the gentlest; and how much of them it uses.
+    """Shortest duration [s] of a quintic within limits, else the gentlest; and its share of the limits.
 
     Rows `ends` belong to `_TURN_DURATIONS_S`, or one row to all of them.
     """

@@ -1,8 +1,7 @@
-"""A sampled trajectory: what a plan is, and what a reference is.
+"""A sampled trajectory, the common type of plans and references.
 
-Everything is in the inertial frame and in SI units, so a trajectory means the same to every vehicle whatever
-its heading, type or scaling; the rotations of the formation law (6) happen where a controller needs
-body-frame quantities. Plans and references being the same thing is what makes following a mere subscription.
+It is in the inertial frame and in SI units, so that it means the same to every vehicle; the rotations of the
+formation law (6) happen where a controller needs body-frame quantities.
 """
 
 from typing import Final
@@ -26,13 +25,8 @@ _NO_OFFSET_M: Final[Array] = np.zeros(3)
 class Trajectory(Struct, frozen=True):
     """Stages of a trajectory, `period_s` apart.
 
-    Attributes
-    ----------
-    samples
-        Shape (N, 12): position [m], yaw [rad], velocity [m/s], yaw rate [rad/s], acceleration [m/s^2], yaw
-        acceleration [rad/s^2]; inertial frame, yaw unwrapped.
-    period_s
-        Time between stages.
+    `samples` has shape (N, 12): position [m], yaw [rad], velocity [m/s], yaw rate [rad/s], acceleration
+    [m/s^2], yaw acceleration [rad/s^2]; inertial frame, yaw unwrapped.
     """
 
     samples: Array
@@ -74,26 +68,11 @@ class Trajectory(Struct, frozen=True):
         return self.samples[:, YAW_ACCELERATION]
 
     def resampled(self, start_s: float, period_s: float, stages: int) -> "Trajectory":
-        """Read the trajectory at other instants.
+        """Return `stages` stages from `start_s` on, counted from the first stage of this trajectory.
 
-        Between stages values are interpolated linearly (exact on the stages themselves). Before the first
-        stage the vehicle is taken to have come with the first velocity, and beyond the last one to go on with
-        the last; unaccelerated, except within a period of the first stage: a follower whose delay is a little
-        shorter than its leader's begins there.
-
-        Parameters
-        ----------
-        start_s
-            Time of the first new stage, counted from the first stage of this trajectory.
-        period_s
-            Time between the new stages.
-        stages
-            Number of new stages.
-
-        Returns
-        -------
-        Trajectory
-            The new stages, in an array of their own.
+        Between stages values are interpolated linearly. Outside, the vehicle moves with the velocity of
+        the nearest end, without acceleration except within a period before the first stage: a follower
+        with a slightly shorter delay than its leader's begins there.
         """
         return self.displaced(start_s, period_s, stages, _NO_OFFSET_M, 0.0)
 
@@ -109,29 +88,12 @@ class Trajectory(Struct, frozen=True):
         return Trajectory(samples, period_s)
 
     def positions_from(self, start_s: float, period_s: float, stages: int) -> Array:
-        """Positions at other instants, as of `resampled`; shape (`stages`, 3)."""
+        """Return the positions of `resampled`, shape (`stages`, 3)."""
         return self.displaced(start_s, period_s, stages, _NO_OFFSET_M, 0.0).samples[:, POSITION]
 
 
 def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Trajectory:
-    """Trajectory of a set point: rest at one place.
-
-    Parameters
-    ----------
-    position_m
-        Set point in the inertial frame, shape (3,).
-    yaw_rad
-        Heading, unwrapped.
-    period_s
-        Time between stages.
-    stages
-        Number of stages.
-
-    Returns
-    -------
-    Trajectory
-        The set point at every stage.
-    """
+    """Return the trajectory of a set point: rest at one place, shape (3,)."""
     samples = np.zeros((stages, COLUMNS))
     samples[:, POSITION] = position_m
     samples[:, YAW] = yaw_rad
