@@ -1,6 +1,5 @@
 """The parts of an agent, and how they are connected."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -22,7 +21,6 @@ from rcopterx.agents.separation.traffic import Traffic
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.takeover.handover import Handover
 from rcopterx.agents.takeover.lease import ControlLease
-from rcopterx.agents.telemetry import EventSource
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus import channels
@@ -38,13 +36,7 @@ TRAJECTORY_CHECKED: Final = "trajectory_checked"
 
 @dataclass(frozen=True)
 class AgentParts:
-    """Parts of an agent beside its pilot.
-
-    Attributes
-    ----------
-    event_sources
-        All parts, and the pilot, that count events and rejected messages.
-    """
+    """Parts of an agent beside its pilot."""
 
     lease: ControlLease
     lease_answers: Inbox[Lease]
@@ -62,7 +54,6 @@ class AgentParts:
     relief: LoadRelief
     pacing: Pacing
     solve: SolveTimer
-    event_sources: Sequence[EventSource]
 
 
 def build_pilot(settings: AgentSettings) -> Pilot:
@@ -150,5 +141,4 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus) -> AgentParts:
         relief=relief,
         pacing=pacing,
         solve=SolveTimer(),
-        event_sources=(pilot, observation, plans, traffic, external, lost, changes, guard, requests, relief),
     )

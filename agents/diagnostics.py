@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 from rcopterx.agents.assembly import AgentParts
@@ -40,9 +40,19 @@ def diagnostics_of(
         solve_ms_p50=times.p50,
         solve_ms_p99=times.p99,
         solve_ms_max=times.maximum,
-        fallbacks=_summed(source.events for source in parts.event_sources),
+        fallbacks=_summed(
+            pilot.events,
+            parts.external.events,
+            parts.lost.events,
+            parts.changes.events,
+            parts.guard.events,
+            parts.requests.events,
+            relief.events,
+        ),
         estimator_events=dict(pilot.estimator.events),
-        rejected=_summed(source.rejected for source in parts.event_sources),
+        rejected=_summed(
+            parts.observation.rejected, parts.plans.rejected, parts.traffic.rejected, parts.external.rejected
+        ),
         avoiding_ticks=pilot.avoidance.ticks,
         closest_plan_m=pilot.avoidance.closest_m,
         hover_thrust=_hover_thrust(pilot),
@@ -56,7 +66,7 @@ def diagnostics_of(
     )
 
 
-def _summed(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
+def _summed(*counts: Mapping[str, int]) -> dict[str, int]:
     total: Counter[str] = Counter()
     for each in counts:
         total.update(each)

@@ -1,7 +1,6 @@
 """Observation of a vehicle: poses, frames without a pose, and the inputs that its transmitter applied."""
 
 from collections.abc import Callable, Iterator, Mapping
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -27,8 +26,6 @@ class Observation:
         Newest pose that the pilot accepted; None before the first.
     """
 
-    events: Mapping[str, int] = MappingProxyType({})
-
     def __init__(
         self,
         pilot: Pilot,
@@ -48,7 +45,7 @@ class Observation:
 
     @property
     def rejected(self) -> Mapping[str, int]:
-        """See `telemetry.EventSource`."""
+        """Rejected messages by topic and reason."""
         return prefixed("pose", self.poses.rejected) | prefixed("applied", self.applied.rejected)
 
     @property

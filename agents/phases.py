@@ -6,9 +6,9 @@ from typing import Final
 
 
 class Phase(StrEnum):
-    """What a vehicle is doing."""
+    """Flight phase."""
 
-    # That of an enumeration is a function of Python, and every look into a set or a table asks for it.
+    # Phases in messages are plain strings, which have to be found in sets of phases.
     __hash__ = str.__hash__
 
     GROUND = "ground"
@@ -23,12 +23,10 @@ class Phase(StrEnum):
 
 
 class Event(StrEnum):
-    """What can happen to a vehicle."""
-
-    __hash__ = str.__hash__
+    """Event that may change the phase."""
 
     ARM = "arm"
-    """The transmitter gateway obeys our commands."""
+    """The transmitter gateway applies the commands of the agent."""
     DISARM = "disarm"
     """The transmitter gateway keeps the throttle low."""
     TAKE_OFF = "take_off"
@@ -73,11 +71,5 @@ AIRBORNE: Final = frozenset({Phase.TAKEOFF, Phase.FLYING, Phase.LANDING, Phase.E
 
 
 def next_phase(phase: Phase, event: Event) -> Phase:
-    """Phase after an event.
-
-    Returns
-    -------
-    Phase
-        By `TRANSITIONS`; unchanged where the event means nothing in this phase.
-    """
+    """Phase after an event; unchanged if the event has no effect in this phase."""
     return TRANSITIONS.get((phase, event), phase)

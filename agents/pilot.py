@@ -90,17 +90,7 @@ class ControlOutput(Struct, frozen=True):
 
 
 class Pilot:
-    """Flies one vehicle.
-
-    Parameters
-    ----------
-    separation
-        Ellipsoid around the vehicle that no other one is to enter; None for no avoidance.
-    hover_thrust_limits
-        When the battery counts as empty.
-    """
-
-    rejected: Mapping[str, int] = MappingProxyType({})
+    """Flies one vehicle; `separation` is the ellipsoid that others do not enter, None for no avoidance."""
 
     def __init__(
         self,

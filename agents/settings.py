@@ -20,27 +20,20 @@ class AgentSettings:
 
     Attributes
     ----------
-    vehicle
-        Its name; also the source of its commands.
     vehicles
         Names of all vehicles of the fleet.
     volume_min_m, volume_max_m
         Flight volume, inertial frame; set points outside are refused.
     limit_scale
-        Fraction of its limits it plans with at the start, so that its followers can keep up.
+        Share of its limits with which it plans at the start, so that its followers can keep up.
     models
-        All vehicles of the fleet by name, to know what followers can do.
+        Models of all vehicles of the fleet.
     leader_wait_s
-        How long after its own pose a follower waits for the leader's plan of the same frame, for each leader
-        above it in its line.
+        Time for which a follower waits for the leader's plan of the same frame, per leader above it.
     minimum_distance_m
         Offsets that bring vehicles closer together are refused; None for no limit.
-    succession
-        What to do about lost leaders.
     separation
-        Ellipsoid around a vehicle that no other one is to enter; None for no avoidance.
-    hover_thrust_limits
-        When its battery counts as empty.
+        Ellipsoid around a vehicle that others do not enter; None for no avoidance.
     take_over
         Whether it takes over from an agent that flies the vehicle, once it is warm.
     """

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Final, Protocol
+from typing import Final
 
 import msgspec
 
@@ -21,20 +21,6 @@ from rcopterx.vehicles.tuples import three
 
 REFERENCE_BITS: Final = 14
 """References are rounded to a sixteenth of a millimetre."""
-
-
-class EventSource(Protocol):
-    """A part of an agent that counts events and rejected messages."""
-
-    @property
-    def events(self) -> Mapping[str, int]:
-        """Fallbacks and decisions since the start, by kind."""
-        ...
-
-    @property
-    def rejected(self) -> Mapping[str, int]:
-        """Messages rejected since the start, by topic and reason."""
-        ...
 
 
 def command_message(

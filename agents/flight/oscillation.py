@@ -1,13 +1,12 @@
-"""Detection of oscillations: a stick or the tilt that swings to and fro, again and again.
+"""Detection of oscillations of a stick or of the tilt.
 
-A half-wave begins when a signal passes its threshold on the other side than before. Half-waves that follow
-each other as closely as those of an unstable loop do, 0.6 to 5 Hz, are counted: many of them in a row are an
-oscillation. On its way to a new place a vehicle accelerates and brakes, and swings for a while; there more
-are needed.
+A half-wave begins when a signal passes its threshold on the other side than before. Half-waves at the
+frequencies of an unstable loop, 0.6 to 5 Hz, are counted: many of them in a row are an oscillation, still
+more of them far from the reference, where a vehicle accelerates and brakes.
 
-Two things resemble oscillations. Noise of the measurements passes thresholds at any time: so signals are
-smoothed first, and a half-wave counts only if it is about as long as the last one to its side. A tilt with
-little damping of its own rings after a step: so a half-wave counts only if it is about as large, too.
+Noise passes thresholds at any time, so signals are smoothed, and a half-wave counts only if it is about as
+long as the last one to its side. A tilt with little damping rings after a step, so a half-wave counts only if
+it is about as large, too.
 """
 
 import math
@@ -32,7 +31,7 @@ FAINT_HALF_WAVES: Final = 14
 """So many in a row past it are one."""
 HALF_WAVES_AGAIN: Final = 2
 FAINT_HALF_WAVES_AGAIN: Final = 6
-"""So many more are needed after the loop has been changed: the rest of an oscillation fades first."""
+"""So many more are needed after a change of the loop, while the oscillation fades."""
 
 SHORTEST_HALF_WAVE_S: Final = 0.1
 LONGEST_HALF_WAVE_S: Final = 0.8
@@ -67,21 +66,13 @@ _SIGNALS: Final = (
 
 
 class Swing(NamedTuple):
-    """An oscillation when it was observed last.
-
-    Attributes
-    ----------
-    signal
-        Name of the signal that swings, for people.
-    frequency_hz
-        By the last two half-waves.
-    size
-        Larger of both, smoothed, as a share of the stick's range to a side of rest or of the largest tilt.
-    """
+    """Last two half-waves of an oscillation."""
 
     signal: str
+    """Name for people."""
     frequency_hz: float
     size: float
+    """Share of the stick's range to a side of rest, or of the largest tilt."""
 
 
 class _HalfWave(NamedTuple):

@@ -6,9 +6,9 @@ says
     velocity' = gain * (stick after delay and lag) + damping * velocity + turning of the frame - gravity
 
 so the change of the velocity, less damping, turning and gravity, is what the stick has done. Its ratio to
-what the model says is the effect of the axis: 1 as modelled, 0 for a dead axis, negative for a reversed one.
-Wind adds to it, so only windows count in which a stick asks for more than any wind indoors does. A stick that
-swings from one side to the other does not count: a vehicle that oscillates responds late and is not broken.
+the model is the effect of the axis: 1 as modelled, 0 for a dead axis, negative for a reversed one. Wind adds
+to it, so only windows with large sticks count. A stick that swings from side to side does not count: a
+vehicle that oscillates responds late and is not broken.
 """
 
 import math
@@ -74,21 +74,14 @@ DEFAULT_LIMITS: Final = HoverThrustLimits()
 
 @dataclass(frozen=True, slots=True)
 class VehicleFault:
-    """Reason why a vehicle has to land.
-
-    Attributes
-    ----------
-    kind
-        Name under which it is counted.
-    text
-        Description for people.
-    axis
-        Stick that should rest from now on; None if all sticks work.
-    """
+    """Reason why a vehicle has to land."""
 
     kind: str
+    """Name under which it is counted."""
     text: str
+    """Description for people."""
     axis: int | None = None
+    """Stick that should rest from now on; None if all sticks work."""
 
 
 class _Moment(NamedTuple):
@@ -113,7 +106,7 @@ class VehicleWatch:
         self._gravity_m_s2 = model.gravity_m_s2
 
     def begin(self) -> None:
-        """Begin a flight: the battery may be another one."""
+        """Begin a flight, perhaps with another battery."""
         self._thrust.reset()
         self.forget()
 
@@ -144,12 +137,7 @@ class VehicleWatch:
     def observe(self, command: Array, motion: Array) -> VehicleFault | None:
         """Process one control period of free flight; return a fault as soon as it is certain.
 
-        Parameters
-        ----------
-        command
-            Sticks commanded in this period, shape (4,).
-        motion
-            Estimated motion state at its beginning, shape (8,).
+        Arguments: the sticks of this period, shape (4,), and the state at its beginning, shape (8,).
         """
         self._sticks_under_way.append(command)
         moment = self._advance(self._sticks_under_way[0].tolist(), motion.tolist())
@@ -189,7 +177,6 @@ class _StickEffect:
         self.reset()
 
     def reset(self) -> None:
-        """Begin new windows."""
         self._stick: float | None = None
         self.asked = 0.0
         """Change of the velocity that the stick asked for so far."""
@@ -245,7 +232,6 @@ class _ThrustWatch:
         self.reset()
 
     def reset(self) -> None:
-        """Begin a flight."""
         self.hover_thrust: float | None = None
         self.full_for_s = 0.0
         """For how long the thrust has been at its limit."""

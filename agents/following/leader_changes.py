@@ -7,7 +7,6 @@ precedes the first plan, which takes a control period; until it arrives the vehi
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -39,8 +38,6 @@ class _Waiting:
 
 class LeaderChanges:
     """Changes of the leaders of one vehicle; `clock` is monotonic [s]."""
-
-    rejected: Mapping[str, int] = MappingProxyType({})
 
     def __init__(
         self,

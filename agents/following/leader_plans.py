@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from types import MappingProxyType
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.followed import LeaderPlan
@@ -20,8 +19,6 @@ def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:
 
 class LeaderPlans:
     """Subscriptions to the plans a vehicle needs, re-keyed as its leaders change."""
-
-    events: Mapping[str, int] = MappingProxyType({})
 
     def __init__(self, vehicle: str, subscribe: Callable[[str], Inbox[Plan]]) -> None:
         self._rejected: Counter[str] = Counter()

@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 
 from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
 from rcopterx.agents.flight.state import FlightState
@@ -35,8 +34,6 @@ class LostLeaders:
     clock
         Monotonic clock [s].
     """
-
-    rejected: Mapping[str, int] = MappingProxyType({})
 
     def __init__(
         self,

@@ -5,8 +5,7 @@ the overload in flight would need all processors for a while, and starve process
 """
 
 import time
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from collections.abc import Callable
 from typing import Final
 
 from rcopterx.agents.load.overload import Overload, Relief, planned_relief
@@ -37,8 +36,6 @@ class LoadRelief:
     processor_clock
         Processor time of this process [s].
     """
-
-    rejected: Mapping[str, int] = MappingProxyType({})
 
     def __init__(
         self,

@@ -18,17 +18,7 @@ REST_SPARE = 0.5
 class Pacing:
     """Decides when a control period begins and when a pose counts as overdue.
 
-    Parameters
-    ----------
-    place
-        Place of the vehicle in its fleet. At half rate vehicles at even and odd places alternate.
-
-    Attributes
-    ----------
-    overdue_at_s
-        When the next pose counts as overdue [monotonic s]; infinite before the first.
-    frames_per_tick
-        Frames in one control period.
+    At half rate vehicles at even and odd places of the fleet alternate.
     """
 
     def __init__(self, period_s: float, place: int = 0) -> None:
@@ -39,25 +29,29 @@ class Pacing:
         self._period_s, self._place = period_s, place
         self._last_control_frame: int | None = None
         self._begun = self._commanded = NEVER
-        self._last_arrival_s = self._frame_period_s = 0.0
+        self._last_arrival_s = math.inf
+        self._frame_period_s = period_s
         self._coasts = 0
-        self.overdue_at_s = math.inf
-        self.frames_per_tick = 1
         self.every = 1
         """One of so many control periods is computed; the others fly the input planned for them."""
 
+    @property
+    def overdue_at_s(self) -> float:
+        """When the next pose counts as overdue [monotonic s]; infinite before the first."""
+        return self._last_arrival_s + (COAST_AFTER_PERIODS + self._coasts) * self._frame_period_s
+
+    @property
+    def frames_per_tick(self) -> int:
+        """Number of frames in one control period."""
+        return max(1, round(self._period_s / self._frame_period_s))
+
     def on_pose(self, arrived_s: float, frame_period_s: float) -> None:
         """Process the arrival of a pose of a stream with this period."""
-        self._last_arrival_s, self._coasts = arrived_s, 0
-        self.overdue_at_s = arrived_s + COAST_AFTER_PERIODS * frame_period_s
-        if frame_period_s != self._frame_period_s:
-            self._frame_period_s = frame_period_s
-            self.frames_per_tick = max(1, round(self._period_s / frame_period_s))
+        self._last_arrival_s, self._frame_period_s, self._coasts = arrived_s, frame_period_s, 0
 
     def on_coast(self) -> None:
         """Process a frame that was bridged by prediction."""
         self._coasts += 1
-        self.overdue_at_s = self._last_arrival_s + (COAST_AFTER_PERIODS + self._coasts) * self._frame_period_s
 
     def on_begin(self, epoch: int, frame: int, flying: bool) -> None:
         """Begin a control period; while flying, the one before is missed if it has no command yet.

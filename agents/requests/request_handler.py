@@ -1,9 +1,8 @@
 """Replies to requests: checks them, applies them, or returns why they are refused."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -69,8 +68,6 @@ class RequestHandler:
     waiting
         Requests that wait for the next step.
     """
-
-    rejected: Mapping[str, int] = MappingProxyType({})
 
     def __init__(
         self,

@@ -7,7 +7,6 @@ the agent, and are decoded when a control period begins.
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -43,8 +42,6 @@ OLDEST_S: Final = 0.5
 
 class Traffic:
     """Other vehicles' plans, for separation; `subscribe` opens subscriptions that do not wake the loop."""
-
-    events: Mapping[str, int] = MappingProxyType({})
 
     def __init__(
         self,

@@ -55,7 +55,6 @@ class OscillationGuard:
         """Loops that have oscillated since the last step."""
         self._seen = ""
         self.events: Counter[str] = Counter()
-        self.rejected: Counter[str] = Counter()
 
     @property
     def remark(self) -> str:

@@ -51,7 +51,8 @@ class Bench:
         self.lease = LEASE
         """What the gateway answers to bids; 0 for another agent commands."""
         self.statuses = self.others.subscribe(channels.AGENT_STATUS, "h9")
-        self.agent = Agent(self.settings, self.pilot, SteppedSession(join(clock=self.clock)), realtime=False)
+        self.bus = SteppedSession(join(clock=self.clock))
+        self.agent = Agent(self.settings, self.pilot, self.bus, realtime=False)
         self.frame = 100
         self.sent: list[Command] = []
 

@@ -30,8 +30,7 @@ def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench:
     bench.step_until(lambda: bench.agent.serving, "the agent has no lease")
     asker = threading.Thread(target=ask)
     asker.start()
-    wait_for(lambda: not bench.agent._bus._session._incoming.empty(), "the request does not arrive")
-    bench.agent.step()
+    bench.step_until(lambda: bench.bus.requests, "the request does not arrive")
     assert answers == []
     bench.start()
     bench.step_until(lambda: answers, "no answer")

@@ -129,7 +129,7 @@ def test_the_share_of_a_processor_is_that_since_the_last_look() -> None:
 
 def test_an_agent_at_half_rate_commands_every_second_frame_and_plans_for_the_other(bench: Bench) -> None:
     bench.start()
-    bench.agent._bus.note("relief_4")
+    bench.bus.note("relief_4")
     bench.step_until(lambda: bench.agent.parts.pacing.every == 2, "half rate does not begin")
     # The second vehicle of the fleet, so its turn is with odd frames.
     if bench.frame % 2 == 0:
