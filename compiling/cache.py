@@ -32,6 +32,7 @@ MODULES: Final = (
     "control.references.sampling",
     "native.lateral",
     "control.models.prediction",
+    "control.models.roll_out",
     "native.interior",
     "native.lateral_problem",
     "control.models.finite",

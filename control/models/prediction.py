@@ -70,8 +70,8 @@ def _stabilized(
 
 
 @part
-def _derivative(model: MotionModel, motion: Array, actuator: Array, disturbance: Array) -> Array:
-    """Equation (1): rates of the motion state, shape (8,)."""
+def derivative(model: MotionModel, motion: Array, actuator: Array, disturbance: Array) -> Array:
+    """Return the rates of the motion state by equation (1), shape (8,)."""
     c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
     xd, yd, zd, yaw_rate = motion[4], motion[5], motion[6], motion[7]
     rates = np.empty(8)
@@ -103,10 +103,10 @@ def integrate_motion(
         middle = _follow(model, actuator, target, half_s)
         target = _stabilized(model, rate, actuator, sticks, push[U_YAW], step_s)
         end = _follow(model, actuator, target, step_s)
-        f1 = _derivative(model, motion, start, push)
-        f2 = _derivative(model, motion + half_s * f1, middle, push)
-        f3 = _derivative(model, motion + half_s * f2, middle, push)
-        f4 = _derivative(model, motion + step_s * f3, end, push)
+        f1 = derivative(model, motion, start, push)
+        f2 = derivative(model, motion + half_s * f1, middle, push)
+        f3 = derivative(model, motion + half_s * f2, middle, push)
+        f4 = derivative(model, motion + step_s * f3, end, push)
         motion = motion + step_s / 6 * (f1 + 2 * f2 + 2 * f3 + f4)
         actuator = end
     return motion, actuator
