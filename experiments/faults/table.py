@@ -3,6 +3,7 @@
 from types import MappingProxyType
 from typing import Final
 
+from rcopterx.experiments.faults.bench import Injector
 from rcopterx.experiments.faults.bus_injectors import Flood, Impaired, OldMessages
 from rcopterx.experiments.faults.fault_flight import FaultFlight
 from rcopterx.experiments.faults.host_injectors import (
@@ -12,7 +13,7 @@ from rcopterx.experiments.faults.host_injectors import (
     LogsGone,
     NoDescriptors,
 )
-from rcopterx.experiments.faults.laboratory_injectors import Draining, Inject
+from rcopterx.experiments.faults.laboratory_injectors import Draining, Inject, Value
 from rcopterx.experiments.faults.process_injectors import (
     DiesAtStart,
     Halting,
@@ -109,118 +110,96 @@ PROCESS_ROWS: Final = (
     _crash_loop("recorder", Promise.FLIES_ON, ()),
 )
 
+
+def _survived(name: str, title: str, *faults: Injector) -> FaultFlight:
+    """A fault that vehicles survive at any time."""
+    return FaultFlight(name, title, faults, chaos=True)
+
+
+def _open_loop(name: str, title: str, down: tuple[str, ...], *faults: Injector) -> FaultFlight:
+    """A fault after which vehicles without usable poses land open loop."""
+    return FaultFlight(name, title, faults, Promise.LANDS_OPEN_LOOP, down)
+
+
+def _inject(kind: str, vehicle: str | None = None, seconds: float | None = None, **values: Value) -> Inject:
+    return Inject(kind, vehicle, tuple(values.items()), seconds)
+
+
 BUS_ROWS: Final = (
-    FaultFlight("bus-late", "All messages are 20 ms late", (Impaired("delay_s", 0.02),), chaos=True),
-    FaultFlight("bus-loss", "A tenth of all messages is lost", (Impaired("loss", 0.1),), chaos=True),
-    FaultFlight("bus-doubled", "Every message arrives twice", (Impaired("duplicates", 1.0),), chaos=True),
-    FaultFlight(
-        "bus-reordered",
-        "A fifth of all messages is overtaken by later ones",
-        (Impaired("reordering", 0.2),),
-        chaos=True,
+    _survived("bus-late", "All messages are 20 ms late", Impaired("delay_s", 0.02)),
+    _survived("bus-loss", "A tenth of all messages is lost", Impaired("loss", 0.1)),
+    _survived("bus-doubled", "Every message arrives twice", Impaired("duplicates", 1.0)),
+    _survived(
+        "bus-reordered", "A fifth of all messages is overtaken by later ones", Impaired("reordering", 0.2)
     ),
     FaultFlight(
         "bus-old-messages",
         "Old poses, commands and plans are sent again, with this epoch and the last",
         (OldMessages(),),
     ),
-    FaultFlight("bus-flood", "200 messages of nonsense per second on every key", (Flood(),), chaos=True),
+    _survived("bus-flood", "200 messages of nonsense per second on every key", Flood()),
 )
 
+BESIDE_M: Final = (0.5, 0.0, 0.0)
 POSE_ROWS: Final = (
-    FaultFlight(
-        "pose-occluded-60-ms",
-        "h2 is not seen for 60 ms",
-        (Inject("occlude", "h2", seconds=0.06),),
-        chaos=True,
+    _survived("pose-occluded-60-ms", "h2 is not seen for 60 ms", _inject("occlude", "h2", 0.06)),
+    _survived("pose-occluded-200-ms", "h2 is not seen for 0.2 s", _inject("occlude", "h2", 0.2)),
+    _open_loop("pose-occluded", "h2 is not seen any more", ("h2",), _inject("occlude", "h2")),
+    _survived(
+        "tracker-frozen-200-ms", "The Tracker repeats a frame for 0.2 s", _inject("freeze", seconds=0.2)
     ),
-    FaultFlight(
-        "pose-occluded-200-ms",
-        "h2 is not seen for 0.2 s",
-        (Inject("occlude", "h2", seconds=0.2),),
-        chaos=True,
+    _open_loop("tracker-frozen", "The Tracker repeats a frame for ever", ALL, _inject("freeze")),
+    _open_loop(
+        "pose-frozen", "The pose of h2 stands still, frames go on", ("h2",), _inject("freeze_pose", "h2")
     ),
-    FaultFlight(
-        "pose-occluded",
-        "h2 is not seen any more",
-        (Inject("occlude", "h2"),),
-        Promise.LANDS_OPEN_LOOP,
-        ("h2",),
-    ),
-    FaultFlight(
-        "tracker-frozen-200-ms",
-        "The Tracker repeats a frame for 0.2 s",
-        (Inject("freeze", seconds=0.2),),
-        chaos=True,
-    ),
-    FaultFlight(
-        "tracker-frozen",
-        "The Tracker repeats a frame for ever",
-        (Inject("freeze"),),
-        Promise.LANDS_OPEN_LOOP,
-        ALL,
-    ),
-    FaultFlight(
-        "pose-frozen",
-        "The pose of h2 stands still, frames go on",
-        (Inject("freeze_pose", "h2"),),
-        Promise.LANDS_OPEN_LOOP,
-        ("h2",),
-    ),
-    FaultFlight(
+    _survived(
         "pose-jumps-100-ms",
         "h2 is shown 0.5 m beside its place for 0.1 s",
-        (Inject("displace_pose", "h2", (("offset_m", (0.5, 0.0, 0.0)),), 0.1),),
-        chaos=True,
+        _inject("displace_pose", "h2", 0.1, offset_m=BESIDE_M),
     ),
-    FaultFlight(
+    _open_loop(
         "pose-jumps",
         "h2 is shown 0.5 m beside its place",
-        (Inject("displace_pose", "h2", (("offset_m", (0.5, 0.0, 0.0)),)),),
-        Promise.LANDS_OPEN_LOOP,
         ("h2",),
+        _inject("displace_pose", "h2", offset_m=BESIDE_M),
     ),
-    FaultFlight(
+    _survived(
         "pose-swapped-60-ms",
         "h2 and h3 are taken for one another for 60 ms",
-        (Inject("swap_subjects", "h2", (("other", "h3"),), 0.06),),
-        chaos=True,
+        _inject("swap_subjects", "h2", 0.06, other="h3"),
     ),
-    FaultFlight(
+    _open_loop(
         "pose-swapped",
         "h2 and h3 are taken for one another",
-        (Inject("swap_subjects", "h2", (("other", "h3"),)),),
-        Promise.LANDS_OPEN_LOOP,
         BOTH,
+        _inject("swap_subjects", "h2", other="h3"),
     ),
     FaultFlight(
         "pose-drifts",
         "The pose of h2 drifts by 30 mm/s for 3 s",
-        (Inject("displace_pose", "h2", (("velocity_m_s", (0.03, 0.0, 0.0)),), 3.0),),
+        (_inject("displace_pose", "h2", 3.0, velocity_m_s=(0.03, 0.0, 0.0)),),
     ),
-    FaultFlight(
-        "pose-noise",
-        "Noise of 2 mm on all positions",
-        (Inject("add_noise", None, (("deviation_m", 0.002),), 2.0),),
-        chaos=True,
+    _survived(
+        "pose-noise", "Noise of 2 mm on all positions", _inject("add_noise", seconds=2.0, deviation_m=0.002)
     ),
     FaultFlight(
         "tracker-half-rate",
         "The Tracker sends every second frame only",
-        (Inject("skip_frames", None, (("one_of", 2),), 2.0),),
+        (_inject("skip_frames", seconds=2.0, one_of=2),),
     ),
-    FaultFlight(
+    _survived(
         "tracker-restarted-at-once",
         "The Tracker ends its connections and counts frames anew",
-        (Inject("reset_frame_id"), Inject("reset")),
-        chaos=True,
+        _inject("reset_frame_id"),
+        _inject("reset"),
     ),
-    FaultFlight(
+    _open_loop(
         "tracker-restarted",
         "The Tracker is silent for 3 s, ends its connections and counts frames anew",
-        (Inject("silence", seconds=3.0), Inject("reset_frame_id"), Inject("reset")),
-        Promise.LANDS_OPEN_LOOP,
         ALL,
+        _inject("silence", seconds=3.0),
+        _inject("reset_frame_id"),
+        _inject("reset"),
     ),
 )
 
@@ -228,7 +207,7 @@ RADIO_ROWS: Final = tuple(
     FaultFlight(
         f"radio-{name}",
         title,
-        (Inject("break_radio", "h2", (("condition", condition),)),),
+        (_inject("break_radio", "h2", condition=condition),),
         Promise.UNPROTECTED,
         ("h2",),
     )
@@ -239,57 +218,60 @@ RADIO_ROWS: Final = tuple(
     )
 )
 
+
+def _broken(
+    name: str,
+    title: str,
+    fault: Injector,
+    promise: Promise = Promise.LANDS,
+    limits: Limits | None = None,
+) -> FaultFlight:
+    """A fault of h2 that brings it down."""
+    return FaultFlight(name, title, (fault,), promise, ("h2",), limits)
+
+
 VEHICLE_ROWS: Final = (
-    FaultFlight(
+    _broken(
         "vehicle-dead",
         "The rotors of h2 stop",
-        (Inject("break_vehicle", "h2", (("thrust_factor", 0.0),)),),
+        _inject("break_vehicle", "h2", thrust_factor=0.0),
         Promise.UNPROTECTED,
-        ("h2",),
     ),
     FaultFlight(
         "vehicle-does-not-lift",
         "Take-off of h2 with three tenths of its thrust",
-        (Inject("break_vehicle", "h2", (("thrust_factor", 0.3),)),),
+        (_inject("break_vehicle", "h2", thrust_factor=0.3),),
         Promise.REFUSED,
         on_floor=True,
     ),
-    FaultFlight(
+    _broken(
         "vehicle-weak",
         "h2 has only 0.65 of its thrust",
-        (Inject("break_vehicle", "h2", (("thrust_factor", 0.65),)),),
-        Promise.LANDS,
-        ("h2",),
-        WEAK,
+        _inject("break_vehicle", "h2", thrust_factor=0.65),
+        limits=WEAK,
     ),
-    FaultFlight(
+    _broken(
         "vehicle-battery",
         "The battery of h2 falls to 0.58 of its thrust in 25 s",
-        (Draining("h2", 0.58, 25.0),),
-        Promise.LANDS,
-        ("h2",),
-        WEAK,
+        Draining("h2", 0.58, 25.0),
+        limits=WEAK,
     ),
-    FaultFlight(
+    _broken(
         "vehicle-reversed-pitch",
         "The pitch stick of h2 acts the wrong way round",
-        (Inject("break_vehicle", "h2", (("reversed", "pitch"),)),),
-        Promise.LANDS,
-        ("h2",),
-        FAULTY_AXIS,
+        _inject("break_vehicle", "h2", reversed="pitch"),
+        limits=FAULTY_AXIS,
     ),
-    FaultFlight(
+    _broken(
         "vehicle-stuck-roll",
         "The roll stick of h2 is stuck",
-        (Inject("break_vehicle", "h2", (("stuck", "roll"),)),),
-        Promise.LANDS,
-        ("h2",),
-        FAULTY_AXIS,
+        _inject("break_vehicle", "h2", stuck="roll"),
+        limits=FAULTY_AXIS,
     ),
     FaultFlight(
         "vehicle-trim",
         "The roll trim of h2 steps by 0.1",
-        (Inject("break_vehicle", "h2", (("trim", (0.0, 0.1, 0.0, 0.0)),), 3.0),),
+        (_inject("break_vehicle", "h2", 3.0, trim=(0.0, 0.1, 0.0, 0.0)),),
         limits=Limits(deviation_mm=250.0),
     ),
 )
