@@ -6,7 +6,7 @@ Keys, codecs, liveness, recording, access rules, documentation and tests use it;
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
-from rcopterx.bus import log_messages, messages
+from rcopterx.bus import host_messages, log_messages, messages
 from rcopterx.bus.intent import Intent
 from rcopterx.bus.keys import (
     EVERY_FLEET,
@@ -124,15 +124,15 @@ TRANSMITTER_STATUS: Final = Channel(
     "state of the arbiter, the serial port and the radio module",
 )  # fmt: skip
 TRACKER_STATUS: Final = Channel(
-    "status", messages.TrackerStatus, TRACKER_UNIT, "vicon_gateway", 5, 1.0, DATA_LOW, True,
+    "status", host_messages.TrackerStatus, TRACKER_UNIT, "vicon_gateway", 5, 1.0, DATA_LOW, True,
     "connection to the motion capture and the subjects it lists",
 )  # fmt: skip
 LABORATORY: Final = Channel(
-    "laboratory", messages.LaboratoryState, SIMULATOR_UNIT, "simulator", 50, 0.5, DATA_LOW, True,
+    "laboratory", host_messages.LaboratoryState, SIMULATOR_UNIT, "simulator", 50, 0.5, DATA_LOW, True,
     "truth of the simulated laboratory, for measurement only",
 )  # fmt: skip
 LAUNCHER: Final = Channel(
-    "launcher", messages.LauncherStatus, "host", "launcher", 2, 2.0, DATA_LOW, True,
+    "launcher", host_messages.LauncherStatus, "host", "launcher", 2, 2.0, DATA_LOW, True,
     "vehicles that take part, and restarts of processes",
 )  # fmt: skip
 BEAT: Final = Channel(

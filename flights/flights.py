@@ -56,18 +56,14 @@ def part_path(directory: Path, flight: str, number: int) -> Path:
 
 def next_part(directory: Path, flight: str) -> int:
     """Return the number of the next part of a flight; a restarted recorder continues its flight."""
-    return 1 + max((part_number(path) for path in parts_of(directory, flight)), default=-1)
+    parts = [path for found in flights_in(directory) if found.name == flight for path in found.parts]
+    return 1 + max(map(part_number, parts), default=-1)
 
 
 def part_number(path: Path) -> int:
     """Return the number of a part by its file name."""
     found = _PART.match(path.name)
     return 0 if found is None else int(found["number"])
-
-
-def parts_of(directory: Path, flight: str) -> tuple[Path, ...]:
-    """Return the files of a flight in order."""
-    return next((found.parts for found in flights_in(directory) if found.name == flight), ())
 
 
 def flights_in(directory: Path) -> list[Flight]:

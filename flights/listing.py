@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -32,10 +32,6 @@ class FlightSummary:
     commit: str
     directory: str
     problem: str = ""
-
-    def as_json(self) -> dict[str, object]:
-        """Return the fields for a JSON document."""
-        return asdict(self)
 
 
 def summary_of(flight: Flight) -> FlightSummary:

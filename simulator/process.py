@@ -6,7 +6,7 @@ import signal
 
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import own_heartbeat
-from rcopterx.bus.messages import LaboratoryState, LaboratoryVehicle
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.requests import Inject, Reply
 from rcopterx.bus.rounding import PULSE_BITS, TIME_BITS, all_rounded, rounded

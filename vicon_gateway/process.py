@@ -10,7 +10,8 @@ from typing import Any
 
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from rcopterx.bus.messages import Pose, SubjectState, TrackerStatus
+from rcopterx.bus.host_messages import SubjectState, TrackerStatus
+from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import TIME_BITS, monotonic_s, rounded
 from rcopterx.bus.session import Session

@@ -12,7 +12,7 @@ from rcopterx.agents.load.overload import Overload, Relief, planned_relief
 from rcopterx.agents.load.pacing import Pacing
 from rcopterx.agents.separation.traffic import MOST, Traffic
 from rcopterx.bus.channels import LAUNCHER
-from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox, Received
 

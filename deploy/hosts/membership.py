@@ -7,8 +7,9 @@ from pathlib import Path
 
 from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
+from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.log_messages import LauncherEvent
-from rcopterx.bus.messages import AgentStatus, LauncherStatus
+from rcopterx.bus.messages import AgentStatus
 from rcopterx.bus.requests import (
     ReadLogs,
     Reply,

@@ -6,8 +6,8 @@ from typing import TypeVar
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
+from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import LauncherStatus
 from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import Inbox, Received

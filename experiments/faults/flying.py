@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import LaboratoryVehicle
+from rcopterx.bus.host_messages import LaboratoryVehicle
 from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S
 from rcopterx.experiments.faults.bench import Bench
 from rcopterx.experiments.faults.fault_flight import FaultFlight

@@ -7,8 +7,8 @@ import numpy as np
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
+from rcopterx.bus.host_messages import LaboratoryVehicle
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import LaboratoryVehicle
 from rcopterx.experiments.faults.promise import Seen
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.vehicles.tuples import Three

@@ -14,16 +14,10 @@ from numpy.typing import NDArray
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import (
-    AgentStatus,
-    Applied,
-    Diagnostics,
-    LaboratoryState,
-    LaboratoryVehicle,
-    Plan,
-)
+from rcopterx.bus.messages import AgentStatus, Applied, Diagnostics, Plan
 from rcopterx.control.interfaces import Measurement
 from rcopterx.ground_station.geometry import inertial_offset
 from rcopterx.ground_station.report.latency import clock_offset, stage_times_ms

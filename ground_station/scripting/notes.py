@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
+from rcopterx.bus.host_messages import LauncherStatus, TrackerStatus
 from rcopterx.bus.link_messages import LinkState, RouterStatus
-from rcopterx.bus.messages import LauncherStatus, TrackerStatus
 from rcopterx.ground_station.scripting.state import STALE_S, since
 
 

@@ -6,9 +6,10 @@ from typing import NamedTuple, TypeVar
 
 from rcopterx.agents.phases import Phase
 from rcopterx.bus import channels
+from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import AgentStatus, LauncherStatus, Plan, Pose
+from rcopterx.bus.messages import AgentStatus, Plan, Pose
 from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import Inbox, UnitSubscriptions

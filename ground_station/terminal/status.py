@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import msgspec
 
-from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 

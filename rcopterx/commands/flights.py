@@ -1,6 +1,7 @@
 """Flight logs: `flights` and `recover`."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -27,7 +28,7 @@ def flights(as_json: JsonOption = False, directory: DirectoryOption = None) -> N
     where = directory or default_directory()
     found = [summary_of(flight) for flight in flights_in(where)]
     if as_json:
-        typer.echo(json.dumps([flight.as_json() for flight in found], indent=2))
+        typer.echo(json.dumps([asdict(flight) for flight in found], indent=2))
         return
     if not found:
         typer.echo(f"no flights in {where}", err=True)

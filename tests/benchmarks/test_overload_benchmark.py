@@ -9,8 +9,9 @@ import pytest
 from rcopterx.benchmarks import overload
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle
+from rcopterx.bus.messages import Applied
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Record, Recording
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS

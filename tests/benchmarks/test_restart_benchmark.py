@@ -6,8 +6,9 @@ import pytest
 from rcopterx.benchmarks.restart import deviation_mm, difference, flown_again_ms, summary
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle, Pose
+from rcopterx.bus.messages import Applied, Pose
 from rcopterx.ground_station.report.recorder import Record, Recording
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 

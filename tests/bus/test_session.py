@@ -17,7 +17,8 @@ from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.messages import Kill, Pose, SetPoint, TrackerStatus
+from rcopterx.bus.host_messages import TrackerStatus
+from rcopterx.bus.messages import Kill, Pose, SetPoint
 from rcopterx.bus.requests import Arm, GoTo, Land, Lead, Recall, RecallReply, Reply, Request
 from rcopterx.bus.session import (
     BusAddress,

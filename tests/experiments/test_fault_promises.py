@@ -7,7 +7,8 @@ import pytest
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
+from rcopterx.bus.messages import Applied
 from rcopterx.experiments.faults.observation import seen_of
 from rcopterx.experiments.faults.promise import LIMITS, Limits, Promise, Seen, judged, outcome
 from rcopterx.ground_station.report.recorder import Record, Recording

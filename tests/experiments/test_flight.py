@@ -14,7 +14,7 @@ from support.waiting import wait_for
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.messages import LaboratoryState, LaboratoryVehicle
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.requests import GoTo
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.experiments.checks import Check, always, in_time, remarks_on_latency

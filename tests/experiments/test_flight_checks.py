@@ -9,7 +9,8 @@ from support.statuses import flying_status
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.messages import Applied, LaboratoryState, LaboratoryVehicle, LeaderLink, Plan, Pose
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
+from rcopterx.bus.messages import Applied, LeaderLink, Plan, Pose
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.experiments import checks
 from rcopterx.experiments.checks import Check

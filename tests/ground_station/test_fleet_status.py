@@ -10,7 +10,8 @@ from support.plans import plan_of
 from support.scripted import ScriptedVehicle, fleet_file_text, patient_fleet, scripted
 from support.waiting import wait_for
 
-from rcopterx.bus.messages import LauncherStatus, LeaderLink, SubjectState, TrackerStatus
+from rcopterx.bus.host_messages import LauncherStatus, SubjectState, TrackerStatus
+from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.ground_station.scripting.fleet import Fleet

@@ -10,7 +10,8 @@ from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import LauncherStatus, LeaderLink
+from rcopterx.bus.host_messages import LauncherStatus
+from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import Session
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.waiting import NotReachedError

@@ -16,7 +16,7 @@ import pytest
 from support.bus import free_port
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import LaboratoryVehicle
+from rcopterx.bus.host_messages import LaboratoryVehicle
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.fleet.reading import load_fleet

@@ -15,7 +15,7 @@ from support.fleets import HARDWARE_PAIR, PAIR
 from support.scripted import ScriptedVehicle
 from typer.testing import CliRunner
 
-from rcopterx.bus.messages import SubjectState, TrackerStatus
+from rcopterx.bus.host_messages import SubjectState, TrackerStatus
 from rcopterx.command_line import app
 from rcopterx.deploy.hosts.resources import check_resources
 from rcopterx.deploy.hosts.run_directory import run_directory

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import rcopterx
 from rcopterx.agents.phases import TRANSITIONS
-from rcopterx.bus.messages import SubjectState, TrackerStatus, TransmitterStatus
+from rcopterx.bus.host_messages import SubjectState, TrackerStatus
+from rcopterx.bus.messages import TransmitterStatus
 from rcopterx.command_line import COMMANDS
 from rcopterx.ground_station.scripting.notes import tracker_problems
 from rcopterx.ground_station.scripting.state import VehicleState

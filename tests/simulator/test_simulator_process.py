@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from rcopterx.bus.messages import LaboratoryState
+from rcopterx.bus.host_messages import LaboratoryState
 from rcopterx.bus.requests import Inject, InjectedFault
 from rcopterx.bus.session import BusAddress, Incoming
 from rcopterx.simulator.conditions import IDEAL

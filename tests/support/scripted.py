@@ -6,17 +6,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import (
-    AgentStatus,
-    Kill,
-    LeaderLink,
-    Plan,
-    Pose,
-    SetPoint,
-    SubjectState,
-    TrackerStatus,
-    TransmitterStatus,
-)
+from rcopterx.bus.host_messages import SubjectState, TrackerStatus
+from rcopterx.bus.messages import AgentStatus, Kill, LeaderLink, Plan, Pose, SetPoint, TransmitterStatus
 from rcopterx.bus.requests import Fly, Follow, GoTo, Lead, Reply
 from rcopterx.bus.session import BusAddress, Incoming, Session
 from rcopterx.fleet.schema import FleetFile

@@ -13,8 +13,9 @@ from tracker_bench import PATIENT
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
+from rcopterx.bus.host_messages import TrackerStatus
 from rcopterx.bus.intent import Intent
-from rcopterx.bus.messages import Applied, SetPoint, TrackerStatus
+from rcopterx.bus.messages import Applied, SetPoint
 from rcopterx.bus.session import Session
 from rcopterx.vicon_gateway.client import DataStreamClient
 from rcopterx.vicon_gateway.process import TrackerGateway

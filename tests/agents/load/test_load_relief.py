@@ -11,7 +11,7 @@ from rcopterx.agents.load.pacing import Pacing
 from rcopterx.agents.separation.traffic import MOST, Traffic
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.subscription import Inbox
 
 LATE_S = 0.05

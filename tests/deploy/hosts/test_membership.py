@@ -10,7 +10,7 @@ from support.statuses import flying_status
 from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import LauncherStatus
+from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.requests import (
     ReadLogs,
     ReadLogsReply,

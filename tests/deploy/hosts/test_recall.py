@@ -7,8 +7,9 @@ from support.bus import asked
 from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus import channels
+from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.intent import Intent
-from rcopterx.bus.messages import Applied, LauncherStatus, LeaderLink, SetPoint, TransmitterStatus
+from rcopterx.bus.messages import Applied, LeaderLink, SetPoint, TransmitterStatus
 from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.hosts.recall import RecallService

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 from integration_support import GENTLE_M_S, NAMES, Flying, Truth, counter, transmitter_state
 
-from rcopterx.bus.messages import TrackerStatus
+from rcopterx.bus.host_messages import TrackerStatus
 from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator import faults
 from rcopterx.simulator.faults import Fault, fault_text

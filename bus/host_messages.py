@@ -1,0 +1,96 @@
+"""States of the processes that serve a whole host or fleet: Vicon gateway, simulator and launcher."""
+
+from msgspec import Struct, field
+
+from rcopterx.bus.message import Count, Message, Name, Seconds, Text, Three
+
+
+class SubjectState(Struct, frozen=True, kw_only=True):
+    """One subject of the Tracker."""
+
+    subject: Text
+    vehicle: Name | None = None
+    """Absent for a subject that the fleet file does not name."""
+    listed: bool = True
+    """False for a subject of the fleet file that the Tracker does not know."""
+    occluded_s: Seconds | None = None
+    """How long the subject has been listed but not seen."""
+    ambiguous: bool = False
+    """The Tracker lists several subjects of this name; no pose is published then."""
+
+
+class TrackerStatus(Message, frozen=True, kw_only=True):
+    """State of the connection to the motion capture."""
+
+    state: Name
+    trying: Text
+    """What the gateway does to get a stream, as text."""
+    address: Text
+    epoch: Count = 0
+    frame: Count = 0
+    period_s: Seconds = 0.0
+    latency_s: Seconds = 0.0
+    subjects: tuple[SubjectState, ...] = ()
+    counters: dict[str, Count] = field(default_factory=dict)
+    realtime: bool = False
+    recording: Text = ""
+    """The raw recording, or why it ended; empty without one."""
+
+
+class LaboratoryVehicle(Struct, frozen=True, kw_only=True):
+    """True state of one simulated vehicle."""
+
+    position_m: Three
+    yaw_rad: float
+    velocity_m_s: Three
+    on_floor: bool
+    outside: bool
+    """Outside the flight volume."""
+    touchdown_speed_m_s: Seconds = 0.0
+    """Of the last touchdown."""
+    touchdowns: Count = 0
+    radio: tuple[tuple[float, ...], ...] = ()
+    """Serial frames the module accepted since the last message: arrival [monotonic s], pulse widths [us]."""
+
+
+class LaboratoryState(Message, frozen=True, kw_only=True):
+    """True state of the simulated laboratory, for measurement only; no controller reads it."""
+
+    frame: Count
+    sent_s: float
+    """Monotonic clock when the Tracker emulator sent this frame."""
+    vehicles: dict[Name, LaboratoryVehicle]
+    faults: tuple[Text, ...] = ()
+    """Requested faults that last now."""
+    refused_faults: tuple[Text, ...] = ()
+    """Faults of a scenario that could not begin when their time came: the newest reasons."""
+
+
+class LauncherStatus(Message, frozen=True, kw_only=True):
+    """Processes of the launcher of a host."""
+
+    running: tuple[Name, ...]
+    """Vehicles whose agents are to run here; they are restarted when they die."""
+    absent: tuple[Name, ...]
+    """Vehicles whose agents run here by the fleet file, and do not at present."""
+    restarts: dict[Text, Count] = field(default_factory=dict)
+    """Restarts of each process."""
+    spare_ready: bool = False
+    """A warm process waits to replace an agent."""
+    watchdog: bool = False
+    """Processes without progress are ended and restarted."""
+    hung: dict[Text, Count] = field(default_factory=dict)
+    """How often each process was ended for lack of progress; also counted among its restarts."""
+    longest_silence_s: dict[Text, Seconds] = field(default_factory=dict)
+    """Longest time without progress of each process that runs."""
+    forgiven: dict[Text, Count] = field(default_factory=dict)
+    """How often a process was silent for longer than its limit and did not hang, by reason."""
+    flies: Count | None = None
+    """Estimated number of vehicles like its own that this computer flies without missed periods."""
+    measuring: bool = False
+    """That estimate is still being measured and may be too low: take-offs should wait."""
+
+    @property
+    def crowding(self) -> float:
+        """Agents that run here for each vehicle that the computer flies; 0 if that is not known."""
+        return 0.0 if self.flies is None else len(self.running) / max(self.flies, 0.5)
