@@ -1,8 +1,8 @@
-"""How far a filter lets a vehicle depart from its model: what the process noise is for.
+"""Process noise of the extended Kalman filter by the uncertainty of the model.
 
-A filter that believes a wrong model is what makes a loop oscillate, before any weight does: it takes what
-rotors do late for wind, and the controller answers it. So rates and actuators of a vehicle with a tilt model
-of which only the type is known may wander, and its filter follows the measurements.
+A filter that believes a wrong model makes a loop oscillate: it takes the late response of the rotors for
+wind, and the controller answers that. So a vehicle with a tilt model of which only the type is known has much
+process noise in rates and actuators, and its filter follows the measurements.
 """
 
 from dataclasses import dataclass
@@ -13,29 +13,20 @@ from rcopterx.vehicles.tuples import Four
 
 @dataclass(frozen=True, slots=True)
 class ModelNoise:
-    """Defaults of the settings of the extended Kalman filter; body x, body y, z, yaw.
-
-    Attributes
-    ----------
-    velocity
-        Random-walk density of velocities and yaw rate [m/s, rad/s per root second].
-    actuator
-        Random-walk density of the actuator states [1 per root second].
-    disturbance_limit
-        Largest disturbances that are believed [m/s^2, rad/s^2]; that of the height holds what the thrust
-        gain may be wrong.
-    tilt
-        Random-walk density of the tilt rate [rad/s per root second].
-    """
+    """Defaults of the settings of the extended Kalman filter; body x, body y, z, yaw."""
 
     velocity: Four
+    """Random-walk density of velocities and yaw rate [m/s, rad/s per root second]."""
     actuator: Four
+    """Random-walk density of the actuator states [1 per root second]."""
     disturbance_limit: Four
+    """Limits of the disturbances [m/s^2, rad/s^2]; that of the height covers errors of the thrust gain."""
     tilt: float
+    """Random-walk density of the tilt rate [rad/s per root second]."""
 
 
 def model_noise(model: Model) -> ModelNoise:
-    """What the uncertainty of a model lets expect; without a tilt model it is that of an identified one."""
+    """Return the noise for the uncertainty of a model; without a tilt model that of an identified one."""
     graded = model.uncertainty.graded
     if model.tilt is None:
         return ModelNoise(

@@ -1,7 +1,7 @@
 """The feedback loops of a vehicle: cascade and extended Kalman filter around the vehicle's own model.
 
-What is linear about them is taken: no bound is active, the filter's gain is steady, the tracker sends one
-pose per control period, and the vehicle does not turn.
+The loops are linear: no bound is active, the filter's gain is steady, the tracker sends one pose per control
+period, and the vehicle does not turn.
 """
 
 from dataclasses import replace
@@ -33,20 +33,9 @@ def tilt_loop(
     estimator: ExtendedKalmanSettings = DEFAULT_FILTER,
     compensate: bool = True,
 ) -> FeedbackLoop:
-    """Loop of both horizontal axes, in complex numbers; its input is the demand [m/s^2].
+    """Return the loop of both horizontal axes of a vehicle with a tilt model, in complex numbers.
 
-    Parameters
-    ----------
-    model
-        The vehicle; it has a tilt model.
-    period_s
-        Control period.
-    weights
-        Of position, velocity and demand.
-    estimator
-        Settings of the filter.
-    compensate
-        The cascade predicts with the estimated wind.
+    Its input is the demand [m/s^2]. With `compensate` the cascade predicts with the estimated wind.
     """
     loop = _filtered_tilt(model, period_s, estimator)
     system = lateral_system(model, period_s)
@@ -65,7 +54,7 @@ def tilt_loop(
 
 @lru_cache(maxsize=16)
 def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSettings) -> FeedbackLoop:
-    """Plant and filter of `tilt_loop`, without feedback yet; preparing them takes longer than a regulator."""
+    """Plant and filter of `tilt_loop`, without feedback."""
     assert model.tilt is not None
     tilt, gain = model.tilt, float(model.b[:2].mean())
     system = lateral_system(model, period_s)
@@ -84,7 +73,7 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
     process = as_complex(tilt_filter.process_noise(period_s)) * np.outer(per_stick, per_stick)
     noise = tilt_filter.R[::2]
     if not estimator.measured_tilt:
-        # nothing tells the offset of the body frame then, and it does not matter
+        # The offset of the body frame is unknown then, and does not matter.
         a, b, process = a[:offset, :offset], b[:offset], process[:offset, :offset]
         measured, noise = measured[:1, :offset], noise[:1]
 
@@ -119,22 +108,10 @@ def lag_loop(
     compensate: bool = True,
     actuator_lag: bool = True,
 ) -> FeedbackLoop:
-    """Loop of one axis behind a first-order lag; its input is the stick.
+    """Return the loop of one axis (0 to 3: x, y, height, yaw) behind a first-order lag.
 
-    Parameters
-    ----------
-    model
-        The vehicle.
-    period_s
-        Control period.
-    axis
-        0 to 3: x, y, height, yaw.
-    weights
-        Of position, velocity and input.
-    estimator
-        Settings of the filter.
-    compensate, actuator_lag
-        The cascade predicts with the estimated disturbance, and with the lag.
+    Its input is the stick. With `compensate` and `actuator_lag` the cascade predicts with the estimated
+    disturbance, and with the lag.
     """
     gain, levels = model.input_gain[axis], 3 if actuator_lag else 2
     position, velocity, effort = weights
@@ -161,7 +138,7 @@ def _chain(model: Model, period_s: float, axis: int, levels: int) -> Dynamics:
 def _filtered_lag(
     model: Model, period_s: float, axis: int, estimator: ExtendedKalmanSettings
 ) -> FeedbackLoop:
-    """Plant and filter of `lag_loop`, without feedback yet: position, velocity, actuator, disturbance."""
+    """Plant and filter of `lag_loop`, without feedback: position, velocity, actuator, disturbance."""
     gain, damping = model.input_gain[axis], model.direct_damping[axis]
 
     @lru_cache(maxsize=64)

@@ -24,21 +24,14 @@ _INSTANT_S: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Perturbation:
-    """How a true vehicle departs from its model.
-
-    Attributes
-    ----------
-    gain
-        Factor of the input's gain; a complex one shifts the phase.
-    delay_s
-        Added to the transport delay.
-    frequency
-        Factor of the frequency of the tilt, or of the corner frequency of a first-order lag.
-    """
+    """Departure of a true vehicle from its model."""
 
     gain: complex = 1.0
+    """Factor of the input's gain; a complex one shifts the phase."""
     delay_s: float = 0.0
+    """Added to the transport delay."""
     frequency: float = 1.0
+    """Factor of the frequency of the tilt, or of the corner frequency of a first-order lag."""
 
 
 NONE: Final = Perturbation()
@@ -46,41 +39,31 @@ NONE: Final = Perturbation()
 
 @dataclass(frozen=True)
 class FeedbackLoop:
-    """The loop of one axis, or of both horizontal ones.
-
-    Attributes
-    ----------
-    plant_step
-        Transition of the vehicle, with n states, given the factor of its frequency and a time.
-    measured
-        What is measured of them, shape (p, n).
-    filter_step
-        Transition that the filter assumes, with m states, given a time.
-    filter_measured
-        What it expects to be measured, shape (p, m).
-    filter_gain
-        Its steady gain, shape (m, p).
-    feedback
-        The input is minus these times the estimate, predicted to when the input begins to act; shape (m,).
-    period_s, delay_s
-        Control period, and transport delay of the model.
-    """
+    """The loop of one axis, or of both horizontal ones."""
 
     plant_step: Callable[[float, float], Dynamics]
+    """Transition of the vehicle, with n states, given the factor of its frequency and a time."""
     measured: Array
+    """Measured outputs of the vehicle's states, shape (p, n)."""
     filter_step: Callable[[float], Dynamics]
+    """Transition that the filter assumes, with m states, given a time."""
     filter_measured: Array
+    """Measured outputs of the filter's states, shape (p, m)."""
     filter_gain: Array
+    """Steady gain of the filter, shape (m, p)."""
     feedback: Array
+    """The input is minus these times the estimate, predicted to when the input begins to act; shape (m,)."""
     period_s: float
+    """Control period."""
     delay_s: float
+    """Transport delay of the model."""
 
     def stable(self, perturbation: Perturbation = NONE) -> bool:
-        """Whether the loop around a perturbed vehicle is stable."""
+        """Return whether the loop around a perturbed vehicle is stable."""
         return bool(np.abs(np.linalg.eigvals(self.closed_loop(perturbation))).max() < _STABLE)
 
     def closed_loop(self, perturbation: Perturbation = NONE) -> Array:
-        """Transition over a period of the plant, of the inputs under way, and of the estimate."""
+        """Return the transition over a period of the plant, of the inputs under way, and of the estimate."""
         late, part_s = self._split(self.delay_s + perturbation.delay_s)
         assumed_late, assumed_part_s = self._split(self.delay_s)
         under_way = max(late, assumed_late) + 1
@@ -102,8 +85,8 @@ class FeedbackLoop:
         reached = _driven(self.plant_step(frequency, self.period_s - part_s), reached, pushing[late])
         expected = _driven(first, estimate, acting[assumed_late + 1])
         expected = _driven(second, expected, acting[assumed_late])
-        surprise = self.measured @ reached - self.filter_measured @ expected
-        return np.vstack((reached, acting[:under_way], expected + self.filter_gain @ surprise))
+        innovation = self.measured @ reached - self.filter_measured @ expected
+        return np.vstack((reached, acting[:under_way], expected + self.filter_gain @ innovation))
 
     def _split(self, delay_s: float) -> tuple[int, float]:
         """Whole periods of a delay, and the rest."""
@@ -117,7 +100,7 @@ def _driven(step: Dynamics, state: Array, value: Array) -> Array:
 
 
 def regulator(step: Dynamics, state_weights: Sequence[float], effort: float) -> Array:
-    """Feedback of the linear-quadratic regulator for a transition, shape (n,)."""
+    """Return the feedback of the linear-quadratic regulator for a transition, shape (n,)."""
     a, b = step[0], step[1][:, None]
     cost = solve_discrete_are(a, b, np.diag(state_weights), np.array([[effort]]))
     back = b.conj().T @ cost
@@ -126,25 +109,11 @@ def regulator(step: Dynamics, state_weights: Sequence[float], effort: float) -> 
 
 
 def steady_filter_gain(transition: Array, measured: Array, process: Array | Complex, noise: Array) -> Array:
-    """Steady gain of the Kalman filter.
+    """Return the steady gain K of the Kalman filter, shape (m, p).
 
-    Parameters
-    ----------
-    transition
-        Of the states over a period, shape (m, m).
-    measured
-        Shape (p, m).
-    process
-        Covariance that a period adds, shape (m, m).
-    noise
-        Variances of what is measured, shape (p,).
-
-    Returns
-    -------
-    Array
-        Shape (m, p).
+    `transition` F and `process` Q have shape (m, m), `measured` H has (p, m), the variances `noise` (p,).
     """
-    spread = solve_discrete_are(transition.conj().T, measured.conj().T, process, np.diag(noise))
-    cross = spread @ measured.conj().T
-    innovation = measured @ cross + np.diag(noise)
-    return np.asarray(np.linalg.solve(innovation.conj().T, cross.conj().T).conj().T)
+    P = solve_discrete_are(transition.conj().T, measured.conj().T, process, np.diag(noise))
+    PH = P @ measured.conj().T
+    S = measured @ PH + np.diag(noise)
+    return np.asarray(np.linalg.solve(S.conj().T, PH.conj().T).conj().T)

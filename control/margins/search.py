@@ -13,7 +13,7 @@ GAIN_LIMIT: Final = 10.0
 PHASE_LIMIT_RAD: Final = math.pi / 2
 DELAY_LIMIT_S: Final = 0.3
 FREQUENCY_LIMIT: Final = 3.0
-"""Margins are looked for up to these; a larger one is told as this."""
+"""Margins are searched up to these limits; a larger one is returned as its limit."""
 
 _COARSE: Final = 16
 _FINE: Final = 7
@@ -21,30 +21,22 @@ _FINE: Final = 7
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """Margins of one loop; zero, and one for factors, if it is unstable around its own model.
-
-    Attributes
-    ----------
-    gain_up, gain_down
-        Factors by which the gain may rise, and fall (0.5 for half the gain).
-    phase_rad
-        Shift of the phase, the smaller of both senses.
-    delay_s
-        Delay beyond the model's.
-    frequency_up, frequency_down
-        Factors of the frequency (`Perturbation`).
-    """
+    """Margins of one loop; zero, and one for factors, if it is unstable around its own model."""
 
     gain_up: float
     gain_down: float
+    """Factors by which the gain may rise, and fall (0.5 for half the gain)."""
     phase_rad: float
+    """Shift of the phase, the smaller of both senses."""
     delay_s: float
+    """Delay beyond the model's."""
     frequency_up: float
     frequency_down: float
+    """Factors of the frequency (`Perturbation`)."""
 
 
 def corners(rule: Uncertainty) -> Mapping[str, Perturbation]:
-    """Perturbations that a loop has to bear, by name; those that most loops bear last come first."""
+    """Return the perturbations under which a loop has to be stable, by name, the hardest ones first."""
     fraction = rule.frequency_fraction
     return {
         "gain up": Perturbation(gain=rule.gain_factor),
@@ -56,17 +48,17 @@ def corners(rule: Uncertainty) -> Mapping[str, Perturbation]:
 
 
 def bears(loop: FeedbackLoop, rule: Uncertainty) -> bool:
-    """Whether a loop is stable around its model and under each of the `corners`."""
+    """Return whether a loop is stable around its model and under each of the `corners`."""
     return loop.stable() and all(map(loop.stable, corners(rule).values()))
 
 
 def shortfalls(loop: FeedbackLoop, rule: Uncertainty) -> tuple[str, ...]:
-    """Names of the `corners` that a loop does not bear."""
+    """Return the names of the `corners` under which a loop is unstable."""
     return tuple(name for name, corner in corners(rule).items() if not loop.stable(corner))
 
 
 def margins(loop: FeedbackLoop) -> Margins:
-    """Margins of a loop, each with nothing else perturbed."""
+    """Return the margins of a loop, each with nothing else perturbed."""
 
     def reach(perturbed: Callable[[float], Perturbation]) -> float:
         return _reach(lambda share: loop.stable(perturbed(share)))
@@ -87,7 +79,7 @@ def margins(loop: FeedbackLoop) -> Margins:
 
 
 def _reach(stable: Callable[[float], bool]) -> float:
-    """Largest share of a limit up to which a loop is stable all the way."""
+    """Return the largest share of a limit up to which a loop is stable."""
     if not stable(0.0):
         return 0.0
     for step in range(1, _COARSE + 1):

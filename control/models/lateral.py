@@ -4,8 +4,8 @@
     input   demand e = R(psi) b (stick + trim)                                   [m/s^2]
 
 Nothing in it depends on the heading except the direction of the demand, so its matrices are computed once.
-The drag of the two body axes is taken as their mean; the servo's state turns with the body, which is left out
-where a prediction goes further than one period.
+The drag is the mean of the two body axes; the servo's state turns with the body, which is neglected where a
+prediction covers more than one period.
 """
 
 import math
@@ -26,14 +26,7 @@ WIND_CORRELATION_S: Final = 0.5
 
 
 class LateralSystem:
-    """Continuous dynamics, and discrete matrices for one period.
-
-    Parameters
-    ----------
-    model
-        The vehicle; it has a tilt model.
-    period_s
-        Length of the period, during which the demand is constant.
+    """Continuous dynamics, and discrete matrices for one period during which the demand is constant.
 
     Attributes
     ----------
@@ -41,8 +34,8 @@ class LateralSystem:
         x' = continuous x + continuous_demand e, shapes (n, n) and (n, 2).
     acceleration
         Acceleration = acceleration x, wind included, shape (2, n); a demand acts through the servo only.
-    core, servo, wind
-        Where these states are.
+    core, tilt, tilt_rate, servo, wind
+        Places of these states; tilt and tilt rate are part of the core.
 
     Raises
     ------
@@ -79,12 +72,12 @@ class LateralSystem:
 
     @property
     def transition(self) -> Array:
-        """State after a period per state before it, shape (n, n)."""
+        """State after a period by the state before it, F, shape (n, n)."""
         return self._step[0]
 
     @property
     def demand(self) -> Array:
-        """State after a period per demand, shape (n, 2)."""
+        """State after a period by the demand, G, shape (n, 2)."""
         return self._step[1]
 
     @cached_property
@@ -93,15 +86,15 @@ class LateralSystem:
 
 
 def lateral_system(model: Model, period_s: float) -> LateralSystem:
-    """The system of a model and a period, kept because preparing it takes longer than a step."""
-    return _kept_system(model, round(period_s, PERIOD_DIGITS))
+    """Return the system of a model and a period, from a cache."""
+    return _cached_system(model, round(period_s, PERIOD_DIGITS))
 
 
 @lru_cache(maxsize=256)
-def _kept_system(model: Model, period_s: float) -> LateralSystem:
+def _cached_system(model: Model, period_s: float) -> LateralSystem:
     return LateralSystem(model, period_s)
 
 
 def demand_matrix(model: Model, yaw_rad: float) -> Array:
-    """R(psi) b: demand [m/s^2] per pitch and roll stick, shape (2, 2)."""
+    """Return R(psi) b: demand [m/s^2] per pitch and roll stick, shape (2, 2)."""
     return np.asarray(heading_matrix(yaw_rad) * model.b[:2])
