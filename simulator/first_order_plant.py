@@ -116,9 +116,7 @@ class FirstOrderPlant(Plant):
 
     def _fly_on(self, count: int, step_s: float) -> int:  # noqa: ARG002 - one at a time is as good
         self._use_battery(step_s * self._load)
-        if self._weather is not None:
-            self.turbulence = self._weather.at(self._time_s + step_s / 2)
-        x, y, z, yaw = self.turbulence
+        x, y, z, yaw = CALM if self._weather is None else self._weather.at(self._time_s + step_s / 2)
         self._fly(step_s, (x, y, z - self.downwash_m_s2, yaw))
         self._meet_room()
         self._time_s += step_s

@@ -167,8 +167,6 @@ class Helicopter(Plant):
         )
         self.state, self._yaw_rad, self._time_s = flight.state, flight.yaw_rad, flight.time_s
         self._use_battery(flight.hover_seconds_used - self._hover_seconds_used)
-        if self._weather is not None:
-            self.turbulence = self._weather.at(self._time_s - step_s / 2)
         self.left_volume = self.left_volume or flight.left_volume
         if flight.landed:
             self._touch_down(-flight.state.vz)

@@ -243,6 +243,45 @@ def rotor_load(
     )
 
 
+@part
+def rotation_matrix(s: State) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Rotation from the body to the inertial frame, row by row."""
+    qw, qx, qy, qz = s.qw, s.qx, s.qy, s.qz
+    return (
+        1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qw * qz), 2 * (qx * qz + qw * qy),
+        2 * (qx * qy + qw * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qw * qx),
+        2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy),
+    )  # fmt: skip
+
+
+@part
+def bar_lean(s: State) -> Four:
+    """Angle between mast and bar as a vector in the body plane, its cosine, and angle over sine."""
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_matrix(s)
+    sine_x = r00 * s.bar_x + r10 * s.bar_y + r20 * s.bar_z
+    sine_y = r01 * s.bar_x + r11 * s.bar_y + r21 * s.bar_z
+    cosine = r02 * s.bar_x + r12 * s.bar_y + r22 * s.bar_z
+    sine = math.hypot(sine_x, sine_y)
+    stretch = math.atan2(sine, cosine) / sine if sine > _TINY else 1.0
+    return stretch * sine_x, stretch * sine_y, cosine, stretch
+
+
+@part
+def rotor_loads(
+    airframe: Airframe, state: State, lean_x: float, lean_y: float
+) -> tuple[float, float, float, float, float, float]:
+    """Force and moment of both rotors in the body frame, with the bar leaning against the mast."""
+    upper, lower = airframe.upper, airframe.lower
+    speed_u, speed_l = state.speed_upper, state.speed_lower
+    thrust_u, thrust_l = rotor_thrusts(airframe, speed_u, speed_l, state.z)
+    phase_u = upper.phase_per_speed * speed_u + upper.phase_at_rest
+    phase_l = -(lower.phase_per_speed * speed_l + lower.phase_at_rest)
+    ux, uy, uz, moment_xu, moment_yu = rotor_load(upper, thrust_u, phase_u, lean_x, lean_y)
+    lx, ly, lz, moment_xl, moment_yl = rotor_load(lower, thrust_l, phase_l, state.swash_x, state.swash_y)
+    moment_z = lower.torque * speed_l * speed_l - upper.torque * speed_u * speed_u
+    return ux + lx, uy + ly, uz + lz, moment_xu + moment_xl, moment_yu + moment_yl, moment_z
+
+
 @compiled(_AIRFRAME, _STATE, _CONTROLS, NUMBER, _FOUR)
 def derivative(
     airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Four
@@ -257,34 +296,14 @@ def derivative(
         Accelerations by the air: inertial x, y, z [m/s^2], yaw [rad/s^2].
     """
     qw, qx, qy, qz, p, q, r = state.qw, state.qx, state.qy, state.qz, state.p, state.q, state.r
-    r00, r01, r02 = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qw * qz), 2 * (qx * qz + qw * qy)
-    r10, r11, r12 = 2 * (qx * qy + qw * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qw * qx)
-    r20, r21, r22 = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
-
-    # Angle between mast and bar as a vector towards which the bar leans, in the body frame.
-    bar_x, bar_y, bar_z = state.bar_x, state.bar_y, state.bar_z
-    sine_x = r00 * bar_x + r10 * bar_y + r20 * bar_z
-    sine_y = r01 * bar_x + r11 * bar_y + r21 * bar_z
-    cosine = r02 * bar_x + r12 * bar_y + r22 * bar_z
-    sine = math.hypot(sine_x, sine_y)
-    stretch = math.atan2(sine, cosine) / sine if sine > _TINY else 1.0
-    follow = stretch / airframe.bar_time_constant
-
-    upper, lower = airframe.upper, airframe.lower
-    speed_u, speed_l = state.speed_upper, state.speed_lower
-    thrust_u, thrust_l = rotor_thrusts(airframe, speed_u, speed_l, state.z)
-    phase_u = upper.phase_per_speed * speed_u + upper.phase_at_rest
-    phase_l = -(lower.phase_per_speed * speed_l + lower.phase_at_rest)
-    ux, uy, uz, moment_xu, moment_yu = rotor_load(
-        upper, thrust_u, phase_u, stretch * sine_x, stretch * sine_y
-    )
-    lx, ly, lz, moment_xl, moment_yl = rotor_load(lower, thrust_l, phase_l, state.swash_x, state.swash_y)
-    moment_z = lower.torque * speed_l * speed_l - upper.torque * speed_u * speed_u
-
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_matrix(state)
+    lean_x, lean_y, cosine, stretch = bar_lean(state)
+    force_x, force_y, force_z, moment_x, moment_y, moment_z = rotor_loads(airframe, state, lean_x, lean_y)
     vx, vy, vz = state.vx, state.vy, state.vz
-    ax = (ux + lx) / airframe.mass - airframe.drag_x * (r00 * vx + r10 * vy + r20 * vz)
-    ay = (uy + ly) / airframe.mass - airframe.drag_y * (r01 * vx + r11 * vy + r21 * vz)
-    az = (uz + lz) / airframe.mass
+    ax = force_x / airframe.mass - airframe.drag_x * (r00 * vx + r10 * vy + r20 * vz)
+    ay = force_y / airframe.mass - airframe.drag_y * (r01 * vx + r11 * vy + r21 * vz)
+    az = force_z / airframe.mass
+    follow = stretch / airframe.bar_time_constant
     jx, jy, jz = airframe.inertia_x, airframe.inertia_y, airframe.inertia_z
     command_u, command_l = 0.0, 0.0
     if controls.running:
@@ -300,14 +319,14 @@ def derivative(
         qx=0.5 * (qw * p + qy * r - qz * q),
         qy=0.5 * (qw * q + qz * p - qx * r),
         qz=0.5 * (qw * r + qx * q - qy * p),
-        p=(moment_xu + moment_xl + (jy - jz) * q * r - airframe.damping_x * p) / jx,
-        q=(moment_yu + moment_yl + (jz - jx) * r * p - airframe.damping_y * q) / jy,
+        p=(moment_x + (jy - jz) * q * r - airframe.damping_x * p) / jx,
+        q=(moment_y + (jz - jx) * r * p - airframe.damping_y * q) / jy,
         r=(moment_z + (jx - jy) * p * q) / jz + air[3],
-        speed_upper=(command_u - speed_u) / upper.lag,
-        speed_lower=(command_l - speed_l) / lower.lag,
-        bar_x=follow * (r02 - cosine * bar_x),
-        bar_y=follow * (r12 - cosine * bar_y),
-        bar_z=follow * (r22 - cosine * bar_z),
+        speed_upper=(command_u - state.speed_upper) / airframe.upper.lag,
+        speed_lower=(command_l - state.speed_lower) / airframe.lower.lag,
+        bar_x=follow * (r02 - cosine * state.bar_x),
+        bar_y=follow * (r12 - cosine * state.bar_y),
+        bar_z=follow * (r22 - cosine * state.bar_z),
         swash_x=(controls.swash_x - state.swash_x) / airframe.servo_lag_x,
         swash_y=(controls.swash_y - state.swash_y) / airframe.servo_lag_y,
     )

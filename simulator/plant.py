@@ -69,10 +69,10 @@ class Plant(ABC):
     """A vehicle that flies: delay of its sticks, weather, battery, floor and flight volume; subclasses add
     dynamics.
 
-    Public besides the methods: `turbulence` (acting accelerations, inertial x, y, z and yaw), `on_floor`,
-    `touchdowns`, `touchdown_speed_m_s` (of the last one, None before), `motors_running`, `left_volume` (since
-    the start or the last `place`), and two that may be set at any time: `downwash_m_s2`, the downward
-    acceleration by vehicles above, and `faults`, of which those of the sticks act from the next input on.
+    Public besides the methods: `on_floor`, `touchdowns`, `touchdown_speed_m_s` (of the last one, None
+    before), `motors_running`, `left_volume` (since the start or the last `place`), and two that may be set at
+    any time: `downwash_m_s2`, the downward acceleration by vehicles above, and `faults`, of which those of
+    the sticks act from the next input on.
 
     It starts standing with motors stopped if the start pose is on the floor (z = 0), else hovering at rest.
     On the floor it stands level and neither slides nor yaws; it leaves when its thrust exceeds its weight.
@@ -120,7 +120,6 @@ class Plant(ABC):
         if not all(map(math.isfinite, (x, y, z, pose.yaw_rad))) or z < 0:
             raise ValueError(f"{self._name}: cannot be placed at {pose}: allowed are finite numbers, z >= 0")
         self.on_floor = z == 0.0
-        self.turbulence: tuple[float, ...] = CALM
         self.touchdowns = 0
         self.touchdown_speed_m_s: float | None = None
         self.left_volume = False
@@ -134,6 +133,11 @@ class Plant(ABC):
     def time_s(self) -> float:
         """Time flown since the start."""
         return self._time_s
+
+    @property
+    def turbulence(self) -> tuple[float, ...]:
+        """Accelerations by the air from now on: inertial x, y, z and yaw."""
+        return CALM if self._weather is None else self._weather.at(self._time_s + _TIME_TOLERANCE_S)
 
     @property
     @abstractmethod

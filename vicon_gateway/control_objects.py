@@ -40,8 +40,6 @@ class ObjectType(IntEnum):
     REQUEST_FRAME = 100002
     KEEP_ALIVE = 100003
     CONTENTS = 100004
-    START_MULTICAST = 100005
-    STOP_MULTICAST = 100006
     FILTER = 100007
     REQUEST_NEXT_FRAME = 100008
 
@@ -213,24 +211,6 @@ class Filter(WireObject):
         return cls({reader.u32(): frozenset(reader.u32_list()) for _ in range(reader.count(8))})
 
 
-@dataclass(frozen=True, slots=True)
-class StartMulticast(FixedObject):
-    """Ask for multicast; the emulator ignores it, the client never sends it."""
-
-    KIND: ClassVar[ObjectType] = ObjectType.START_MULTICAST
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IIH")
-    group: int
-    source: int
-    port: int
-
-
-@dataclass(frozen=True, slots=True)
-class StopMulticast(WireObject):
-    """End multicast; no content."""
-
-    KIND: ClassVar[ObjectType] = ObjectType.STOP_MULTICAST
-
-
 CONTROL_OBJECTS: tuple[type[WireObject], ...] = (
     ObjectEnums,
     RequestFrame,
@@ -239,8 +219,6 @@ CONTROL_OBJECTS: tuple[type[WireObject], ...] = (
     Contents,
     Ping,
     Filter,
-    StartMulticast,
-    StopMulticast,
 )
 
 

@@ -7,7 +7,7 @@ import struct
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from rcopterx.vicon_gateway.control_objects import ObjectType, WireObject
+from rcopterx.vicon_gateway.control_objects import FixedObject, ObjectType, WireObject
 from rcopterx.vicon_gateway.wire import PayloadReader
 
 Vector3 = tuple[float, float, float]
@@ -15,12 +15,9 @@ Matrix3 = tuple[float, float, float, float, float, float, float, float, float]
 
 IDENTITY: Matrix3 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
-_U32 = struct.Struct("<I")
 _U32_PAIR = struct.Struct("<II")
 _SEGMENT = struct.Struct("<I12d")
 _LIGHT_SEGMENT = struct.Struct("<I6f")
-_SCALE = struct.Struct("<I3d")
-_RECON = struct.Struct("<d12dI")
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,85 +112,31 @@ class LightweightSegments(WireObject):
 
 
 @dataclass(frozen=True, slots=True)
-class Recon:
-    """One reconstructed marker; `subject` and `marker` only where it is labelled."""
-
-    position_mm: Vector3
-    radius_mm: float = 0.0
-    covariance: Matrix3 = (0.0,) * 9
-    trajectory: int = 0
-    subject: int = 0
-    marker: int = 0
-
-    def common(self) -> bytes:
-        """Return the fields labelled and unlabelled markers share."""
-        return _RECON.pack(self.radius_mm, *self.position_mm, *self.covariance, self.trajectory)
-
-    @classmethod
-    def read(cls, reader: PayloadReader, subject: int = 0, marker: int = 0) -> Self:
-        """Read the shared fields."""
-        values = reader.take(_RECON)
-        return cls(_vector(values[1:4]), values[0], _matrix(values[4:13]), int(values[13]), subject, marker)
-
-
-@dataclass(frozen=True, slots=True)
-class LabeledRecons(WireObject):
-    """Markers that belong to subjects."""
+class LabeledRecons(FixedObject):
+    """Number of markers that belong to subjects; the markers after it are not decoded."""
 
     KIND: ClassVar[ObjectType] = ObjectType.LABELED_RECONS
-    recons: tuple[Recon, ...] = ()
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        entries = (_U32_PAIR.pack(item.subject, item.marker) + item.common() for item in self.recons)
-        return _U32.pack(len(self.recons)) + b"".join(entries)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        reader = PayloadReader(payload)
-        number = reader.count(8 + _RECON.size)
-        return cls(tuple(Recon.read(reader, reader.u32(), reader.u32()) for _ in range(number)))
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
+    count: int = 0
 
 
 @dataclass(frozen=True, slots=True)
-class UnlabeledRecons(WireObject):
-    """Markers that belong to no subject."""
+class UnlabeledRecons(FixedObject):
+    """Number of markers that belong to no subject; the markers after it are not decoded."""
 
     KIND: ClassVar[ObjectType] = ObjectType.UNLABELED_RECONS
-    recons: tuple[Recon, ...] = ()
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return _U32.pack(len(self.recons)) + b"".join(item.common() for item in self.recons)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        reader = PayloadReader(payload)
-        return cls(tuple(Recon.read(reader) for _ in range(reader.count(_RECON.size))))
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
+    count: int = 0
 
 
 @dataclass(frozen=True, slots=True)
-class SubjectScale(WireObject):
-    """Scale per segment; an empty one is fine."""
+class SubjectScale(FixedObject):
+    """Number of segments of a subject with a scale, which are not decoded."""
 
     KIND: ClassVar[ObjectType] = ObjectType.SUBJECT_SCALE
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<II")
     subject: int
-    scales: tuple[tuple[int, Vector3], ...] = ()
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        entries = (_SCALE.pack(segment, *scale) for segment, scale in self.scales)
-        return _U32_PAIR.pack(self.subject, len(self.scales)) + b"".join(entries)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        reader = PayloadReader(payload)
-        subject = reader.u32()
-        entries = [reader.take(_SCALE) for _ in range(reader.count(_SCALE.size))]
-        return cls(subject, tuple((int(entry[0]), _vector(entry[1:4])) for entry in entries))
+    count: int = 0
 
 
 SEGMENT_OBJECTS: tuple[type[WireObject], ...] = (

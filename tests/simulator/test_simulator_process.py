@@ -24,7 +24,7 @@ WRITTEN_AFTER_S = 0.007
 
 
 class Bus:
-    """Notes what is published, hands out requests, and tells a time that stands still."""
+    """Notes published messages, hands out requests, and has a clock that stands still."""
 
     def __init__(self) -> None:
         self.now_s = 100.0
@@ -47,7 +47,7 @@ class Bus:
 
 
 class Bench:
-    """A simulator with one vehicle whose radio hears at once."""
+    """A simulator with one vehicle whose radio receives at once."""
 
     def __init__(self, directory: Path, rate_hz: float) -> None:
         self.bus = Bus()

@@ -123,7 +123,7 @@ class Flight:
                 u = (u[0] + add[0], u[1] + add[1], u[2] + add[2], u[3])
             self.bench.run(PERIOD_S, u)
             self.act(self.bench.outputs[-1].u)
-        # Nobody saw it standing: it appeared in the air.
+        # It was not seen standing: it appeared in the air.
         arbiter.surveillance.take_over(None)
 
     def end_commands(self) -> Landing:

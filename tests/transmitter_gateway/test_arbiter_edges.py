@@ -237,7 +237,7 @@ def test_a_moment_of_low_thrust_in_flight_does_not_suspend_the_surveillance() ->
     assert clock.state is State.HOLD
 
 
-# What the surveillance is told --------------------------------------------------------------------------
+# Inputs of the surveillance -----------------------------------------------------------------------------
 
 
 def test_a_jump_of_the_own_pose_is_not_believed_in_flight() -> None:

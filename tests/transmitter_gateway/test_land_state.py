@@ -216,7 +216,7 @@ def test_vehicle_outside_the_fence_lands_and_is_not_given_back_there() -> None:
 
 
 def runaway(x_m: float) -> Bench:
-    """A vehicle that drifts out of its volume, whatever it is told, up to a place."""
+    """A vehicle that drifts out of its volume, whatever its commands, up to a place."""
     fence = Fence((-0.5, -0.5, -1.0), (0.5, 0.5, 2.0), cut_m=1.0)
     bench = seen_flying(ArbiterLimits(surveillance=SurveillanceLimits(fence=fence, maximum_jump_m=None)))
     for n in range(1, 101):

@@ -1,4 +1,4 @@
-"""Vehicles that nobody commands any more, flown: held and landed by the arbiter as long as they are seen."""
+"""Flights of vehicles without commands: held and landed by the arbiter as long as they are seen."""
 
 import math
 from dataclasses import replace

@@ -93,7 +93,7 @@ class LeaseMachine(RuleBasedStateMachine):
 
     @rule()
     def gateway_restarts(self) -> None:
-        """The launcher has heard what it told."""
+        """The launcher has received the last message."""
         restarted = Leases()
         restarted.resume(self.leases.commanding, self.leases.issued, self.now_s)
         self.leases = restarted

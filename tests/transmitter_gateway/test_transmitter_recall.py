@@ -1,4 +1,4 @@
-"""A restarted gateway asks what was written last until it is told, or until nobody can tell."""
+"""A restarted gateway requests the last written frame until it has an answer."""
 
 import pytest
 from support.waiting import wait_for

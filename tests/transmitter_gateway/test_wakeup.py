@@ -7,7 +7,7 @@ import pytest
 from rcopterx.transmitter_gateway.wakeup import Wakeup
 
 LONG_S = 600.0
-"""Longer than any test may take: a wait that nobody ends fails."""
+"""Longer than any test may take: a wait that does not end fails."""
 
 
 @pytest.fixture

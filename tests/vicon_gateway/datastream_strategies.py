@@ -12,8 +12,6 @@ from rcopterx.vicon_gateway.control_objects import (
     Ping,
     RequestFrame,
     RequestNextFrame,
-    StartMulticast,
-    StopMulticast,
     WireObject,
 )
 from rcopterx.vicon_gateway.objects import (
@@ -35,7 +33,6 @@ from rcopterx.vicon_gateway.segment_objects import (
     LightSegment,
     LightweightSegments,
     LocalSegments,
-    Recon,
     Segment,
     SubjectScale,
     SubjectTopology,
@@ -65,8 +62,6 @@ light_segments = tuples_of(st.builds(LightSegment, u32, st.tuples(f32, f32, f32)
 subject_infos = st.builds(
     SubjectInfo, u32, names, segment_infos, tuples_of(st.tuples(u32, names)), tuples_of(st.tuples(u32, u32))
 )
-labeled = tuples_of(st.builds(Recon, vectors, f64, matrices, u32, u32, u32))
-unlabeled = tuples_of(st.builds(Recon, vectors, f64, matrices, u32))
 
 wire_objects: st.SearchStrategy[WireObject] = st.one_of(
     st.builds(ObjectEnums, id_sets),
@@ -76,18 +71,16 @@ wire_objects: st.SearchStrategy[WireObject] = st.one_of(
     st.builds(Contents, st.dictionaries(u32, u32, max_size=6), id_sets),
     st.builds(Ping, u64),
     st.builds(Filter, st.dictionaries(u32, id_sets, max_size=4)),
-    st.builds(StartMulticast, u32, u32, u16),
-    st.builds(StopMulticast),
     st.builds(StreamInfo, i64),
     subject_infos,
     st.builds(FrameInfo, u32),
-    st.builds(LabeledRecons, labeled),
-    st.builds(UnlabeledRecons, unlabeled),
+    st.builds(LabeledRecons, u32),
+    st.builds(UnlabeledRecons, u32),
     st.builds(LocalSegments, u32, segments),
     st.builds(GlobalSegments, u32, segments),
     st.builds(SubjectTopology, u32, segments),
     st.builds(LightweightSegments, u32, light_segments),
-    st.builds(SubjectScale, u32, tuples_of(st.tuples(u32, vectors))),
+    st.builds(SubjectScale, u32, u32),
     st.builds(Timecode, u8, u8, u8, u8, u16, u16, u32, u32, u8),
     st.builds(LatencyInfo, tuples_of(st.tuples(names, f64))),
     st.builds(SubjectHealth, u32, f64, f64),

@@ -26,7 +26,6 @@ from rcopterx.vicon_gateway.control_objects import (
     Ping,
     RequestFrame,
     RequestNextFrame,
-    StartMulticast,
     packet,
 )
 from rcopterx.vicon_gateway.datastream import DataStreamSession
@@ -66,7 +65,7 @@ def client_streams() -> list[bytes]:
     return [
         packet(selection, RequestFrame(streaming=True)) + packet(Ping(1)) + packet(Ping(2)),
         packet(RequestFrame(streaming=False)) + packet(selection) + packet(RequestNextFrame(3)),
-        packet(Filter({9: frozenset({1, 2}), 8: frozenset()}), StartMulticast(1, 2, 3), selection),
+        packet(Filter({9: frozenset({1, 2}), 8: frozenset()}), selection),
     ]
 
 

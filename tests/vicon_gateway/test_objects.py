@@ -30,12 +30,9 @@ from rcopterx.vicon_gateway.objects import (
 )
 from rcopterx.vicon_gateway.segment_objects import (
     GlobalSegments,
-    LabeledRecons,
     LightSegment,
     LightweightSegments,
-    Recon,
     Segment,
-    UnlabeledRecons,
 )
 from rcopterx.vicon_gateway.wire import WireError
 
@@ -126,11 +123,8 @@ def test_unknown_types_are_skipped_by_their_length(items: list[WireObject]) -> N
 def test_sizes_of_fixed_layouts_are_those_of_the_catalogue() -> None:
     pose = Segment(1)
     light = LightSegment(1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    recon = Recon((1.0, 2.0, 3.0))
     assert len(GlobalSegments(1, (pose,)).payload()) == 8 + 100
     assert len(LightweightSegments(1, (light,)).payload()) == 8 + 28
-    assert len(LabeledRecons((recon,)).payload()) == 4 + 116
-    assert len(UnlabeledRecons((recon,)).payload()) == 4 + 108
     assert len(Timecode().payload()) == 17
     assert len(SubjectInfo(1, "n" * 7, (SegmentInfo(0, 1, "m" * 3),)).payload()) == 56 + 7 + 3
 

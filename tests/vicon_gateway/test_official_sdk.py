@@ -57,7 +57,7 @@ def sdk_client(server: TrackerServer) -> Iterator[SdkChild]:
 
 
 def captured(number: int, generator: np.random.Generator) -> TrackerFrame:
-    """Return random poses, hidden in a third of the frames, and a body that tells the frame number."""
+    """Return random poses, hidden in a third of the frames, and a body whose place is the frame number."""
     bodies = [TrackedBody("clock", (float(number), 0.0, 0.0))]
     for name in NAMES:
         x, y, z = generator.uniform(-5.0, 5.0, 3).tolist()

@@ -1,4 +1,4 @@
-"""Promises of the gateway process: poses by vehicle, a status that tells everything, recordings."""
+"""Promises of the gateway process: poses by vehicle, a complete status, recordings."""
 
 import io
 import time
