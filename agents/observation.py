@@ -8,7 +8,6 @@ import numpy as np
 from rcopterx.agents.load.pacing import Pacing
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.agents.takeover.lease import ControlLease
-from rcopterx.agents.telemetry import prefixed
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.subscription import Inbox, Received
 from rcopterx.control.interfaces import Measurement
@@ -46,7 +45,8 @@ class Observation:
     @property
     def rejected(self) -> Mapping[str, int]:
         """Rejected messages by topic and reason."""
-        return prefixed("pose", self.poses.rejected) | prefixed("applied", self.applied.rejected)
+        poses = {f"pose.{kind}": count for kind, count in self.poses.rejected.items()}
+        return poses | {f"applied.{kind}": count for kind, count in self.applied.rejected.items()}
 
     @property
     def pose_age_s(self) -> float | None:

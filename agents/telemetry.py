@@ -1,16 +1,13 @@
 """Messages of an agent about commands, plans and state."""
 
 import math
-from collections.abc import Mapping
 from typing import Final
-
-import msgspec
 
 from rcopterx.agents.following.leader_plans import LeaderPlans
 from rcopterx.agents.following.links import present_link, target_link
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
-from rcopterx.bus.message import FloatArray, Setting
+from rcopterx.bus.message import FloatArray
 from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, Pose, SetPoint
 from rcopterx.bus.rounding import all_rounded, rounded
 from rcopterx.bus.subscription import Received
@@ -124,16 +121,6 @@ def _error_m(pilot: Pilot) -> float | None:
     return rounded(
         math.dist(pilot.plan.samples[0, :3].tolist(), pilot.reference[:3].tolist()), REFERENCE_BITS
     )
-
-
-def settings_in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
-    """Return settings as they travel: numbers, strings and rows of numbers."""
-    return msgspec.convert(settings, dict[str, Setting])
-
-
-def prefixed(topic: str, counts: Mapping[str, int]) -> dict[str, int]:
-    """Return counts of rejected messages by topic and reason."""
-    return {f"{topic}.{kind}": count for kind, count in counts.items()}
 
 
 def _inertial_velocity(motion: Array) -> tuple[float, float, float]:

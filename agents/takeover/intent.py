@@ -9,8 +9,7 @@ from rcopterx.agents.flight.task import Task
 from rcopterx.agents.following.links import followed_leader, target_link
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Phase
-from rcopterx.agents.telemetry import settings_in_message
-from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.agents.tuning.configuration import Configuration, settings_in_message
 from rcopterx.bus.intent import FlownBy, Intent, OffsetMove
 from rcopterx.bus.message import FloatArray
 from rcopterx.bus.messages import SetPoint

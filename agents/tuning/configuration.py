@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+import msgspec
+
+from rcopterx.bus.message import Setting
 from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.control.estimators.registry import ESTIMATORS
 from rcopterx.control.interfaces import Controller, Estimator, LimitScale, ScalesLimits
@@ -93,3 +96,8 @@ class Configuration:
             Unknown estimator, or a setting it does not accept.
         """
         return ESTIMATORS.build(self.estimator, model, period_s, self.estimator_settings)
+
+
+def settings_in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
+    """Return settings as they travel: numbers, strings and rows of numbers."""
+    return msgspec.convert(settings, dict[str, Setting])
