@@ -17,41 +17,24 @@ if TYPE_CHECKING:
     from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 __all__ = [
-    "AsyncFleet",
-    "AsyncVehicle",
-    "Fleet",
-    "FlightPath",
-    "NotReachedError",
-    "PathError",
-    "RefusedError",
-    "Vehicle",
-    "VehicleState",
-    "circle",
-    "figure_eight",
-    "launched",
-    "spiral",
-    "through",
-]
+    "AsyncFleet", "AsyncVehicle", "Fleet", "FlightPath", "NotReachedError", "PathError", "RefusedError",
+    "Vehicle", "VehicleState", "circle", "figure_eight", "launched", "spiral", "through",
+]  # fmt: skip
 
 _MODULES = {
-    "AsyncFleet": "rcopterx.ground_station.scripting.asynchronous",
-    "AsyncVehicle": "rcopterx.ground_station.scripting.asynchronous",
-    "Fleet": "rcopterx.ground_station.scripting.fleet",
-    "FlightPath": "rcopterx.control.references.paths",
-    "NotReachedError": "rcopterx.ground_station.scripting.waiting",
-    "PathError": "rcopterx.control.references.paths",
-    "RefusedError": "rcopterx.ground_station.scripting.vehicle",
-    "Vehicle": "rcopterx.ground_station.scripting.vehicle",
-    "VehicleState": "rcopterx.ground_station.scripting.state",
-    "circle": "rcopterx.control.references.path_shapes",
-    "figure_eight": "rcopterx.control.references.path_shapes",
-    "launched": "rcopterx.ground_station.scripting.launched",
-    "spiral": "rcopterx.control.references.path_shapes",
-    "through": "rcopterx.control.references.path_shapes",
+    "control.references.path_shapes": ("circle", "figure_eight", "spiral", "through"),
+    "control.references.paths": ("FlightPath", "PathError"),
+    "ground_station.scripting.asynchronous": ("AsyncFleet", "AsyncVehicle"),
+    "ground_station.scripting.fleet": ("Fleet",),
+    "ground_station.scripting.launched": ("launched",),
+    "ground_station.scripting.state": ("VehicleState",),
+    "ground_station.scripting.vehicle": ("RefusedError", "Vehicle"),
+    "ground_station.scripting.waiting": ("NotReachedError",),
 }
 
 
 def __getattr__(name: str) -> object:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_MODULES[name]), name)
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

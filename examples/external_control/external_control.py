@@ -22,18 +22,8 @@ ROUTER = "tcp/127.0.0.1:7447"
 class ExternalControl:
     """Authority over one vehicle, from `take` (or entering a `with` block) to `release`.
 
-    Parameters
-    ----------
-    fleet
-        Name in the fleet file.
-    vehicle
-        Name of the vehicle.
-    name
-        Name of this program: small letters, digits, underscores.
-    router
-        Endpoint of the fleet's router.
-    namespace
-        Namespace of the bus, if the fleet file sets one.
+    `fleet` is the name in the fleet file; `name` is the name of this program in small letters, digits and
+    underscores; `namespace` is that of the bus, if the fleet file sets one.
     """
 
     def __init__(self, fleet, vehicle, name="my_controller", router=ROUTER, namespace=None):
@@ -63,11 +53,11 @@ class ExternalControl:
         self._tasks.put(message)
 
     def take(self, patience_s=0.1):
-        """Take the vehicle over; it must fly. Returns nothing, raises RuntimeError with the reason."""
+        """Take control of the vehicle, which must fly; raises RuntimeError with the reason of a refusal."""
         self._request("take_control", {"source": self._name, "patience_s": float(patience_s)})
 
     def release(self):
-        """Give the vehicle back to its own controller."""
+        """Return control to the vehicle's own controller."""
         self._request("release_control", {"source": self._name})
 
     def next_task(self, timeout_s=1.0):
@@ -102,12 +92,12 @@ class ExternalControl:
         self._session.close()
 
     def __enter__(self):
-        """Take the vehicle over."""
+        """Take control."""
         self.take()
         return self
 
     def __exit__(self, *_):
-        """Give it back, unless control was lost before."""
+        """Return control, unless it was lost before."""
         with contextlib.suppress(RuntimeError):
             self.release()
         self.close()

@@ -28,7 +28,7 @@ def feedback(task):
 
 
 def main(fleet="trio", vehicle="h1", seconds="10", **options):
-    """Fly for some seconds, then give the vehicle back."""
+    """Fly for some seconds, then return control."""
     end_s = time.monotonic() + float(seconds)
     with ExternalControl(fleet, vehicle, **options) as controlled:
         while time.monotonic() < end_s:

@@ -1,10 +1,10 @@
 """Let a program in any language fly a vehicle by plain HTTP: python http_bridge.py [FLEET [VEHICLE [PORT]]].
 
-    POST /take           take the vehicle over; it must fly. 409 and the reason if that is refused.
-                         A form may say for how long silence is suffered: patience_s=0.3
+    POST /take           take control of the vehicle, which must fly. 409 and the reason of a refusal.
+                         A form may set the longest silence of the program: patience_s=0.3
     GET  /task           wait for the next task; 503 if none comes any more
     POST /answer         "number pitch roll thrust yaw" of the task answered; the reply is the next task
-    POST /release        give the vehicle back
+    POST /release        return control
 
 A task is plain text, one field per line: its name, then its numbers. Languages that post forms send the
 answer as a field of that name. Only this computer can connect.
@@ -33,13 +33,7 @@ def _line(name, values):
 
 
 def parsed_answer(text):
-    """Number of the task, and four inputs.
-
-    Raises
-    ------
-    ValueError
-        Something else.
-    """
+    """Number of the task, and four inputs; raises ValueError."""
     number, *inputs = text.split()
     if len(inputs) != 4:
         raise ValueError(f"{len(inputs)} inputs, 4 are needed: pitch, roll, thrust, yaw")

@@ -20,19 +20,11 @@ MAX_DURATION_S = 3600.0
 
 
 class ShowError(ValueError):
-    """The file is no show that can be read; the text says where."""
+    """The file is no valid show; the text names the wrong part."""
 
 
 class Drone(NamedTuple):
-    """One drone of a show.
-
-    Attributes
-    ----------
-    name : str
-    times_s : (n,)
-        Since the beginning of the show, increasing.
-    positions_m : (n, 3)
-    """
+    """One drone of a show: increasing times since its beginning, shape (n,), and positions, shape (n, 3)."""
 
     name: str
     times_s: np.ndarray
@@ -40,13 +32,7 @@ class Drone(NamedTuple):
 
 
 def read_show(path):
-    """All drones of a show file, in its order.
-
-    Raises
-    ------
-    ShowError
-        No archive, something is missing in it, or numbers do not make sense.
-    """
+    """All drones of a show file, in its order; raises ShowError."""
     try:
         with zipfile.ZipFile(path) as archive:
             if "show.json" in archive.namelist():

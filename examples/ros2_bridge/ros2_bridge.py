@@ -79,7 +79,7 @@ def dds_name(kind):
 
 
 def attachment(number, now_s, publisher_id):
-    """What `rmw_zenoh` attaches to every message: count, time [ns], 16 bytes that name the publisher."""
+    """Attachment of `rmw_zenoh` to every message: count, time [ns], 16 bytes that name the publisher."""
     fields = (
         ("sequence_number", zenoh.ext.Int64(number)),
         ("source_timestamp", zenoh.ext.Int64(round(now_s * 1e9))),
@@ -115,20 +115,10 @@ class Topic:
 
 
 class Bridge:
-    """Republishes what the fleet says for as long as it is open.
+    """Republishes messages of the fleet while it is open.
 
-    Parameters
-    ----------
-    fleet
-        Name in the fleet file.
-    rcopterx, ros
-        Endpoints of the two routers.
-    keys
-        `rmw_zenoh` or `ros2dds`.
-    domain
-        ROS_DOMAIN_ID; `ros2dds` does not use it.
-    namespace, ros_namespace
-        Zenoh namespaces of the fleet's bus and of ROS 2, if these have one.
+    `rcopterx` and `ros` are the endpoints of the two routers, `namespace` and `ros_namespace` their Zenoh
+    namespaces, if any; `keys` is `rmw_zenoh` or `ros2dds`, which does not use `domain`, the ROS_DOMAIN_ID.
     """
 
     def __init__(self, fleet, rcopterx, ros, keys="rmw_zenoh", domain=0, namespace=None, ros_namespace=None):

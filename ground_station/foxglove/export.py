@@ -19,12 +19,7 @@ FLIGHT: Final = "foxglove.mcap"
 def export_foxglove(parts: Sequence[Path], directory: Path) -> list[Path]:
     """Write the flight (`foxglove.mcap`) and a layout (`layout.json`) into a directory; return the files.
 
-    Raises
-    ------
-    FlightLogError
-        The flight cannot be read.
-    OSError
-        A file cannot be written.
+    Raises FlightLogError if the flight cannot be read, and OSError if a file cannot be written.
     """
     fleet = fleet_of(parts)
     directory.mkdir(parents=True, exist_ok=True)

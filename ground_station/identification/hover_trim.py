@@ -21,13 +21,7 @@ class HoverError(RuntimeError):
 
 
 def measured_hover(observer: Observer, vehicle: str, seconds: float) -> tuple[float, float, float, float]:
-    """Mean applied inputs of a vehicle that hovers now, over some seconds.
-
-    Raises
-    ------
-    HoverError
-        It does not fly, its controller was overridden, or it did not hover.
-    """
+    """Mean applied inputs of a vehicle that hovers now, over some seconds; raises HoverError."""
     observer.wait_for_status([vehicle])
     if observer.state_of(vehicle).phase != "flying":
         raise HoverError(f"hover first; it is {observer.state_of(vehicle).phase}")
@@ -47,12 +41,9 @@ def measured_hover(observer: Observer, vehicle: str, seconds: float) -> tuple[fl
 def mean_of_hover(
     states: Sequence[str], inputs: Sequence[Sequence[float]], seconds: float
 ) -> tuple[float, float, float, float]:
-    """Mean of applied inputs (n, 4) after checking that they are those of a steady hover.
+    """Mean of applied inputs (n, 4).
 
-    Raises
-    ------
-    HoverError
-        Too few, or not all armed, or the second half differs much from the first.
+    Raises HoverError if there are too few, not all are armed, or the second half differs from the first.
     """
     if len(inputs) < FEWEST_PER_S * seconds:
         raise HoverError(f"only {len(inputs)} frames in {seconds:g} s")

@@ -15,7 +15,7 @@ _DECODER = msgspec.json.Decoder(dict[str, Formation])
 
 
 class SavedFormationsError(ValueError):
-    """The file cannot be used."""
+    """The file of saved formations cannot be read or written."""
 
 
 def default_path(fleet: str) -> Path:
@@ -31,13 +31,7 @@ class SavedFormations:
         self.path = path
 
     def all(self) -> dict[str, Formation]:
-        """Every formation, in the order in which they were saved.
-
-        Raises
-        ------
-        SavedFormationsError
-            The file cannot be read or holds something else.
-        """
+        """Every formation, in the order in which they were saved."""
         try:
             return _DECODER.decode(self.path.read_bytes())
         except FileNotFoundError:
@@ -46,26 +40,14 @@ class SavedFormations:
             raise SavedFormationsError(f"{self.path}: {error}") from None
 
     def save(self, formation: Formation) -> str:
-        """Save a formation and return its name, the lowest free number.
-
-        Raises
-        ------
-        SavedFormationsError
-            The file cannot be read or written.
-        """
+        """Save a formation and return its name, the lowest free number."""
         kept = self.all()
         name = next(str(number) for number in range(1, len(kept) + 2) if str(number) not in kept)
         self._write({**kept, name: formation})
         return name
 
     def forget(self, name: str) -> None:
-        """Remove a formation, if it is there.
-
-        Raises
-        ------
-        SavedFormationsError
-            The file cannot be read or written.
-        """
+        """Remove a formation, if it is there."""
         self._write({other: formation for other, formation in self.all().items() if other != name})
 
     def _write(self, formations: Mapping[str, Formation]) -> None:

@@ -80,12 +80,7 @@ def changed(fleet: FleetFile, vehicle: str, changes: Mapping[str, Any]) -> Fleet
 def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) -> Comparison:
     """Run the agent of a vehicle, configured by a fleet file, on the inputs of a recorded one.
 
-    Differences up to `tolerance` are ignored.
-
-    Raises
-    ------
-    FleetError
-        The fleet file cannot be used.
+    Differences up to `tolerance` are ignored. Raises FleetError if the fleet file cannot be used.
     """
     result = Comparison(recorded.vehicle)
     errors: list[np.ndarray[Any, np.dtype[np.float64]]] = []

@@ -74,13 +74,7 @@ class RecordedAgent:
 
 
 def recorded_agent(parts: Sequence[Path], vehicle: str) -> RecordedAgent:
-    """Read the agent of a vehicle from the files of a flight, in order.
-
-    Raises
-    ------
-    FlightLogError
-        They cannot be read, or do not contain the agent.
-    """
+    """Read the agent of a vehicle from the files of a flight, in order; raises FlightLogError."""
     contents = Contents()
     own = _OwnMessages(vehicle)
     for path in parts:

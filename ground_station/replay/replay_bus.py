@@ -15,26 +15,19 @@ from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep
 M = TypeVar("M", bound=Message)
 
 
-class _Units:
-    """Inboxes of one channel by unit."""
+class _Subscription:
+    """Inboxes of one channel by unit, of all units or of one."""
 
-    def __init__(self, channel: Channel[Any]) -> None:
-        self.channel = channel
-        self.inboxes: dict[str, Inbox[Any]] = {}
-
-    def store(self, unit: str, payload: bytes, arrived_s: float) -> None:
-        self.inboxes.setdefault(unit, Inbox(self.channel, 1, unit)).store(payload, arrived_s)
-
-
-class _One:
-    """Inbox of one channel of one unit."""
-
-    def __init__(self, channel: Channel[Any], unit: str, depth: int) -> None:
-        self.inbox: Inbox[Any] = Inbox(channel, depth, unit)
+    def __init__(self, channel: Channel[Any], only: Inbox[Any] | None = None) -> None:
+        self._channel = channel
+        self._only = only
+        self.inboxes: dict[str, Inbox[Any]] = {} if only is None else {only.unit: only}
 
     def store(self, unit: str, payload: bytes, arrived_s: float) -> None:
-        if unit == self.inbox.unit:
-            self.inbox.store(payload, arrived_s)
+        if self._only is None:
+            self.inboxes.setdefault(unit, Inbox(self._channel, 1, unit))
+        if unit in self.inboxes:
+            self.inboxes[unit].store(payload, arrived_s)
 
 
 class ReplayBus:
@@ -51,7 +44,7 @@ class ReplayBus:
         self._now_s = life.began_s
         self._granted = life.granted
         self._replies = list(life.replies)
-        self._subscriptions: list[_One | _Units] = []
+        self._subscriptions: list[_Subscription] = []
         self.requests: list[Incoming] = []
         self.events: set[str] = set()
         self._step: AgentStep | None = None
@@ -104,18 +97,17 @@ class ReplayBus:
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
         """See `StepBus.subscribe`."""
         del waking
-        one = _One(channel, unit, depth)
+        inbox = Inbox(channel, depth, unit)
         if channel is LEASE and self._granted is not None:
-            one.store(unit, self._granted, self._now_s)
-        self._subscriptions.append(one)
-        return one.inbox
+            inbox.store(self._granted, self._now_s)
+        self._subscriptions.append(_Subscription(channel, inbox))
+        return inbox
 
     def subscribe_all(self, channel: Channel[M], *, waking: bool = True) -> Inboxes[M]:
         """See `StepBus.subscribe_all`."""
         del waking
-        units = _Units(channel)
-        self._subscriptions.append(units)
-        return units
+        self._subscriptions.append(_Subscription(channel))
+        return self._subscriptions[-1]
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """See `StepBus.publish`."""

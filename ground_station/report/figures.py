@@ -188,22 +188,22 @@ class FlightFigures:
                 errors.append(float(np.linalg.norm(own[plan.frame][:3] - place)))
         return np.array(errors)
 
+    def tracking_errors(self, name: str) -> tuple[Array, Array]:
+        """Frames, shape (n,), and distances from the reference of the same moment [m], shape (n,)."""
+        errors = [
+            (self._reference_frame(plan), error_m)
+            for plan in self._plans[name]
+            if (error_m := self._distance_from_reference_m(name, plan)) is not None
+        ]
+        frames, errors_m = np.array(errors, dtype=float).reshape(-1, 2).T
+        return frames, errors_m
+
     def tracking_error_m(self, name: str) -> Array:
-        """Norm of the distance to the reference at every frame in which there was one, shape (n,)."""
-        own = self._positions[name]
-        frame_period_s = self.frame_period_s()
-        errors = []
-        for plan in self._plans[name]:
-            if plan.reference is None:
-                continue
-            position = own.get(plan.frame + round(plan.start_s / frame_period_s))
-            if position is not None:
-                errors.append(float(np.linalg.norm(position[:3] - np.array(plan.reference[:3]))))
-        return np.array(errors)
+        """Distance from the reference at every frame in which there was one, shape (n,)."""
+        return self.tracking_errors(name)[1]
 
     def settled_error_m(self, name: str) -> Array:
-        """Distance to a reference that has been at rest for `SETTLED_S` of free flight, shape (n,)."""
-        own, period_s = self._positions[name], self.frame_period_s()
+        """Distance from a reference that has been at rest for `SETTLED_S` of free flight, shape (n,)."""
         errors, since, place = [], None, np.full(3, np.inf)
         for plan in self._plans[name]:
             if plan.reference is None or not plan.followable:
@@ -212,10 +212,20 @@ class FlightFigures:
             wanted = np.array(plan.reference[:3])
             if since is None or np.linalg.norm(wanted - place) > AT_REST_M:
                 since, place = plan.frame, wanted
-            flown = own.get(plan.frame + round(plan.start_s / period_s))
-            if flown is not None and (plan.frame - since) * period_s >= SETTLED_S:
-                errors.append(float(np.linalg.norm(flown[:3] - wanted)))
+            error_m = self._distance_from_reference_m(name, plan)
+            if error_m is not None and (plan.frame - since) * self.frame_period_s() >= SETTLED_S:
+                errors.append(error_m)
         return np.array(errors)
+
+    def _reference_frame(self, plan: Plan) -> int:
+        """Frame of the reference and of the first stage of a plan."""
+        return plan.frame + round(plan.start_s / self.frame_period_s())
+
+    def _distance_from_reference_m(self, name: str, plan: Plan) -> float | None:
+        flown = self._positions[name].get(self._reference_frame(plan))
+        if plan.reference is None or flown is None:
+            return None
+        return float(np.linalg.norm(flown[:3] - np.array(plan.reference[:3])))
 
     def followed(self, name: str) -> list[str]:
         """Vehicles that a vehicle followed at any time."""

@@ -42,13 +42,7 @@ class LoggedFlight:
 
 
 def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
-    """Read a flight from its files.
-
-    Raises
-    ------
-    FlightLogError
-        The files cannot be read, or contain no flight.
-    """
+    """Read a flight from its files; raises FlightLogError."""
     contents, topics = Contents(), {channel.topic for channel in NEEDED}
     records = [
         _record(message)

@@ -108,18 +108,9 @@ def _draw_coordinate(axes: Any, figures: FlightFigures, name: str, row: int, col
 
 
 def _draw_error(axes: Any, figures: FlightFigures, name: str, colour: str) -> None:
-    """Distance from the reference of the same moment."""
-    frames, flown = figures.flown(name)
-    wanted_frames, wanted = figures.references(name)
-    if len(frames) < 2 or not len(wanted_frames):
-        return
-    starts = [plan.start_s for plan in figures.plans(name) if plan.reference is not None]
-    meant = wanted_frames + np.round(np.array(starts) / figures.frame_period_s())
-    inside = meant <= frames[-1]
-    at = np.stack([np.interp(meant[inside], frames, flown[:, axis]) for axis in range(3)], axis=1)
-    error_mm = 1000 * np.linalg.norm(at - wanted[inside, :3], axis=1)
-    times = _times(meant[inside], figures, _start(figures, name))
-    axes.plot(_thinned(times), _thinned(error_mm), colour, lw=0.9)
+    frames, errors_m = figures.tracking_errors(name)
+    times = _times(frames, figures, _start(figures, name))
+    axes.plot(_thinned(times), _thinned(1000 * errors_m), colour, lw=0.9)
 
 
 def _draw_from_above(

@@ -14,12 +14,9 @@ class WrongFleetError(ConnectionError):
 
 
 def fleet_that_is_up() -> tuple[FleetFile, str]:
-    """The one fleet that is up on this computer, and which of its hosts this computer is.
+    """The one fleet that is up on this computer, and the host that this computer is.
 
-    Raises
-    ------
-    FleetError
-        None is up here, or several are.
+    Raises FleetError if none is up here, or several are.
     """
     running = running_fleets()
     if not running:

@@ -35,10 +35,7 @@ class RegroupError(RuntimeError):
 def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tuple[Change, dict[str, Array]]:
     """New leaders by vehicle when two vehicles exchange roles, and the places of all vehicles.
 
-    Raises
-    ------
-    RegroupError
-        One of the two does not fly.
+    Raises RegroupError if one of the two does not fly.
     """
     links, heads = formation_of(statuses)
     where = places(links, heads)
@@ -68,12 +65,9 @@ def change_lines(change: Change, before: Change) -> list[str]:
 
 
 def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
-    """The leader of the whole formation a vehicle flies in.
+    """The leader of the whole formation in which a vehicle flies.
 
-    Raises
-    ------
-    RegroupError
-        It does not fly, leads already, or there are several.
+    Raises RegroupError if it does not fly, leads already, or there are several.
     """
     _expect_flying(statuses, name)
     links, _ = formation_of(statuses)

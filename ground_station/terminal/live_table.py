@@ -40,13 +40,7 @@ class Column:
 
 
 def columns_named(names: Sequence[str]) -> tuple[Column, ...]:
-    """Columns by name, the vehicle first; `latency` stands for those of all stages.
-
-    Raises
-    ------
-    ValueError
-        There is no such column; names the known ones.
-    """
+    """Columns by name, the vehicle first; `latency` stands for all stages. Raises ValueError."""
     known = {column.name: (column,) for column in COLUMNS} | {LATENCY: LATENCY_COLUMNS}
     for name in names:
         if name not in known:

@@ -45,11 +45,7 @@ def fleet_margins(file: FleetFile, vehicles: Iterable[str]) -> dict[str, Any]:
 
     It has `fleet`, and `vehicles` by name with `rule`, the margins required by the uncertainty of their
     models, and `axes`; where margins are not known, `axes` is null and `unknown` says why.
-
-    Raises
-    ------
-    FleetError
-        A setting is not allowed.
+    Raises FleetError for a setting that is not allowed.
     """
     return {"fleet": file.name, "vehicles": {name: _vehicle_margins(file, name) for name in vehicles}}
 

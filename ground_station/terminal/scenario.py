@@ -25,12 +25,7 @@ class FaultRefusedError(RuntimeError):
 def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
     """Fault of a kind of `rcopterx.simulator.faults.FAULTS`, with hyphens or underscores.
 
-    Texts among the values are converted where numbers are needed.
-
-    Raises
-    ------
-    ScenarioError
-        No such fault or field, a field is missing, or a value of the wrong type.
+    Texts among the values are converted where numbers are needed. Raises ScenarioError.
     """
     kind = kind.replace("-", "_")
     if kind not in FAULTS:
@@ -47,13 +42,7 @@ def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
 
 
 def field_from(text: str) -> tuple[str, object]:
-    """Field and value from `FIELD=VALUE`; lists are written `[0, 0, 1]`.
-
-    Raises
-    ------
-    ScenarioError
-        There is no equals sign.
-    """
+    """Field and value from `FIELD=VALUE`; lists are written `[0, 0, 1]`. Raises ScenarioError."""
     name, separator, value = text.partition("=")
     if not separator:
         raise ScenarioError(f"{text!r}: must be FIELD=VALUE")
@@ -68,10 +57,7 @@ def field_from(text: str) -> tuple[str, object]:
 def read_scenario(path: Path) -> tuple[TimedFault, ...]:
     """Faults of a scenario file by time: TOML tables `[[fault]]` with `at_s`, `kind` and its fields.
 
-    Raises
-    ------
-    ScenarioError
-        The file cannot be read, is not TOML, or has no fault or a wrong one.
+    Raises ScenarioError.
     """
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from rcopterx.commands.experiment import check_plot
-from rcopterx.commands.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, user_errors
+from rcopterx.commands.fleet_option import DEFAULT_FLEET, EXIT_FAILED, FleetOption, failure, user_errors
 from rcopterx.commands.numbers import different_numbers
 
 app = typer.Typer(no_args_is_help=True)
@@ -232,8 +232,7 @@ def cost(
     try:
         document = run(against, names, rounds, _progress("cost"))
     except CostError as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(EXIT_FAILED) from None
+        raise failure(error) from None
     _print(document, as_json, lambda found: "\n".join(table(found)))
 
 
@@ -339,8 +338,7 @@ def page(
     from rcopterx.fleet.shipped import fleet_path
 
     if not browser_there():
-        typer.echo(f"error: this needs {NEEDED}", err=True)
-        raise typer.Exit(EXIT_FAILED)
+        raise failure(f"this needs {NEEDED}")
     with user_errors():
         document = run(fleet_path(fleet), runs, from_start, _progress("page"))
     _print(document, as_json, _page_lines)
@@ -381,8 +379,7 @@ def _network_errors() -> Iterator[None]:
     try:
         yield
     except NetworkUnavailableError as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(EXIT_FAILED) from None
+        raise failure(error) from None
 
 
 def _solver_lines(document: dict[str, Any]) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED
+from rcopterx.commands.fleet_option import failure
 from rcopterx.commands.replay import FlightArgument, chosen_flight
 
 
@@ -44,15 +44,13 @@ def export(
 
     library = LIBRARIES.get(to)
     if library is not None and find_spec(library) is None:
-        typer.echo(f"error: {to} needs {library}: pip install 'rcopterx[{to}]'", err=True)
-        raise typer.Exit(EXIT_FAILED)
+        raise failure(f"{to} needs {library}: pip install 'rcopterx[{to}]'")
     found = chosen_flight(flight)
     directory = output or Path(found.name)
     try:
         files = _write(to, found.parts, directory)
     except (FlightLogError, OSError) as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(EXIT_FAILED) from None
+        raise failure(error) from None
     typer.echo(f"{len(files)} {'files' if to is Format.FOXGLOVE else 'tables'} in {directory}")
 
 

@@ -4,7 +4,7 @@ Every command imports this, also for `--help` and completion, so numerical libra
 only when a fleet is needed.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from glob import escape, glob
 from pathlib import Path
@@ -101,23 +101,14 @@ def user_errors() -> Iterator[None]:
     """Print errors that users can correct as a line on standard error, without a traceback."""
     from rcopterx.bus.session import BusUnreachableError
     from rcopterx.fleet.schema import FleetError
-    from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
+    from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 
     try:
         yield
     except FleetError as error:
-        _print_error(error)
-        raise typer.Exit(EXIT_USAGE) from None
+        raise failure(*lines_of(error), code=EXIT_USAGE) from None
     except (BusUnreachableError, *FLIGHT_ERRORS, OSError) as error:
-        _print_error(error)
-        raise typer.Exit(EXIT_FAILED) from None
-
-
-def _print_error(error: Exception) -> None:
-    from rcopterx.ground_station.scripting.vehicle import lines_of
-
-    for line in lines_of(error):
-        typer.echo(f"error: {line}", err=True)
+        raise failure(*lines_of(error)) from None
 
 
 def wanted_fleet(name: str | None) -> tuple["FleetFile", str | None]:
@@ -146,7 +137,27 @@ def joined_fleet(
 
 
 @contextmanager
-def running_fleet(name: str | None, router_within_s: float = ROUTER_S) -> Iterator["Fleet"]:
-    """Join the fleet that is up, or the running one of a file; errors end the command."""
+def running_fleet(
+    name: str | None, vehicles: Iterable[str] | None = None, router_within_s: float = ROUTER_S
+) -> Iterator["Fleet"]:
+    """Join the fleet that is up, or the running one of a file, and check names of vehicles.
+
+    Errors end the command.
+    """
     with user_errors(), joined_fleet(*wanted_fleet(name), name, router_within_s) as fleet:
+        known_vehicles(fleet.file.vehicles, vehicles)
         yield fleet
+
+
+def known_vehicles(known: Mapping[str, object], names: Iterable[str] | None) -> None:
+    """Raise a usage error for names that are no vehicles of the fleet."""
+    for name in names or ():
+        if name not in known:
+            raise typer.BadParameter(f"no vehicle {name!r}, known are {', '.join(known)}")
+
+
+def failure(*reasons: object, code: int = EXIT_FAILED) -> typer.Exit:
+    """Print errors; return the exception that ends the command."""
+    for reason in reasons:
+        typer.echo(f"error: {reason}", err=True)
+    return typer.Exit(code)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED
+from rcopterx.commands.fleet_option import failure
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
 DirectoryOption = Annotated[
@@ -65,7 +65,6 @@ def recover(
         if output is None:
             target.replace(file)
     except (FlightLogError, OSError) as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(EXIT_FAILED) from None
+        raise failure(error) from None
     damaged = f", {mended.damaged_chunks} damaged chunks left out" if mended.damaged_chunks else ""
     typer.echo(f"{output or file}: {mended.messages} messages{damaged}")

@@ -8,7 +8,7 @@ from typing import Annotated, Final
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, RunningFleetOption, running_fleet
+from rcopterx.commands.fleet_option import RunningFleetOption, failure, running_fleet
 
 PORT: Final = 8765
 WAIT_S: Final = 0.1
@@ -27,25 +27,17 @@ def foxglove(
 ) -> None:
     """Serve a running fleet to Foxglove or PlotJuggler on this computer until Ctrl-C."""
     if find_spec("foxglove") is None:
-        typer.echo(f"error: this needs the SDK of Foxglove: {INSTALL}", err=True)
-        raise typer.Exit(EXIT_FAILED)
+        raise failure(f"this needs the SDK of Foxglove: {INSTALL}")
     from rcopterx.ground_station.foxglove.layout import layout_of
     from rcopterx.ground_station.foxglove.live import FoxgloveServer
 
     with running_fleet(fleet) as running:
-        try:
-            if layout is not None:
-                layout.write_text(
-                    json.dumps(layout_of(list(running.file.vehicles)), indent=2), encoding="utf-8"
-                )
-                typer.echo(f"layout: {layout}")
-                return
-            with FoxgloveServer(running.file, running.session, port) as server, suppress(KeyboardInterrupt):
-                typer.echo(
-                    f"{server.address}  (open it in Foxglove; Ctrl-C ends the server, the fleet goes on)"
-                )
-                while True:
-                    server.serve(WAIT_S)
-        except OSError as error:
-            typer.echo(f"error: {error}", err=True)
-            raise typer.Exit(EXIT_FAILED) from None
+        if layout is not None:
+            text = json.dumps(layout_of(list(running.file.vehicles)), indent=2)
+            layout.write_text(text, encoding="utf-8")
+            typer.echo(f"layout: {layout}")
+            return
+        with FoxgloveServer(running.file, running.session, port) as server, suppress(KeyboardInterrupt):
+            typer.echo(f"{server.address}  (open it in Foxglove; Ctrl-C ends the server, the fleet flies on)")
+            while True:
+                server.serve(WAIT_S)

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcopterx.commands.fleet_option import (
-    EXIT_FAILED,
     RunningFleetOption,
+    failure,
     joined_fleet,
     user_errors,
     wanted_fleet,
@@ -50,8 +50,7 @@ def ground(
 ) -> None:
     """Show and control the fleet in the browser until Ctrl-C. The space bar cuts all motors."""
     if not installed():
-        typer.echo(f"error: the web page needs viser: {INSTALL}", err=True)
-        raise typer.Exit(EXIT_FAILED)
+        raise failure(f"the web page needs viser: {INSTALL}")
     import viser
 
     from rcopterx.deploy.roles.run import end_with_parent

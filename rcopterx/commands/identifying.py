@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
-from rcopterx.commands.steer import known_vehicles
+from rcopterx.commands.fleet_option import failure, known_vehicles, running_fleet, user_errors
 from rcopterx.control.identification import fit
 from rcopterx.control.identification.fit import AHEAD_S, Identification, predicted_ahead
 from rcopterx.control.identification.parameters import Candidate
@@ -75,16 +74,13 @@ def identify_vehicle(
         say(f"fitting {recording.duration_s:.0f} s of flight")
         found = fit.identify(recording, known)
     except (IdentificationError, RecordingError, ValueError, OSError) as error:
-        typer.echo(f"error: {vehicle}: {error}", err=True)
-        raise typer.Exit(EXIT_FAILED) from None
+        raise failure(f"{vehicle}: {error}") from None
     if outputs.plot is not None:
         _draw(recording, known, found, outputs.plot)
         say(f"figure: {outputs.plot}")
     _show(vehicle, found, outputs.as_json, say)
     if found.problems:
-        for problem in found.problems:
-            typer.echo(f"error: {vehicle}: {problem}", err=True)
-        raise typer.Exit(EXIT_FAILED)
+        raise failure(*(f"{vehicle}: {problem}" for problem in found.problems))
     if path is not None and not outputs.dry_run:
         _write(path, vehicle, found.model, say)
 

@@ -9,8 +9,8 @@ import typer
 
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.commands.fleet_option import (
-    EXIT_FAILED,
     RunningFleetOption,
+    failure,
     fleet_file,
     running_fleet,
     user_errors,
@@ -141,8 +141,7 @@ def inject(
         try:
             inject_faults(running.session, lines)
         except FaultRefusedError as error:
-            typer.echo(f"error: refused: {error}", err=True)
-            raise typer.Exit(EXIT_FAILED) from None
+            raise failure(f"refused: {error}") from None
     for line in lines:
         typer.echo(f"{line.at_s:6.2f} s  {fault_text(line.fault)}")
 

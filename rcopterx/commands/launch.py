@@ -12,11 +12,11 @@ import typer
 
 from rcopterx.commands.fleet_option import (
     DEFAULT_FLEET,
-    EXIT_FAILED,
     FleetArgument,
     FleetOption,
     HostOption,
     chosen_host,
+    failure,
     fleet_file,
     user_errors,
 )
@@ -283,5 +283,4 @@ def demo(
         problem = demonstration.problem
         Console().print(demonstration.summary())
     if problem is not None:
-        typer.echo(f"error: {problem}", err=True)
-        raise typer.Exit(EXIT_FAILED)
+        raise failure(problem)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, RunningFleetOption, user_errors
+from rcopterx.commands.fleet_option import RunningFleetOption, failure, user_errors
 
 if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile
@@ -39,8 +39,7 @@ def logs(
         for name in names or ():
             if name not in read.processes and f"agent-{name}" not in read.processes:
                 there = ", ".join(read.processes)
-                typer.echo(f"error: {name}: no log in {read.directory}; there are {there}", err=True)
-                raise typer.Exit(EXIT_FAILED)
+                raise failure(f"{name}: no log in {read.directory}; there are {there}")
         for host in read.missing:
             typer.echo(f"note: host {host} does not answer: its logs are not here", err=True)
         width = max((len(process) for process in read.processes), default=0)

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, user_errors
-from rcopterx.commands.steer import Vehicles, known_vehicles
+from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, known_vehicles, user_errors
+from rcopterx.commands.steer import Vehicles
 
 
 def margins(

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import typer
 
-from rcopterx.commands.fleet_option import running_fleet, user_errors
-from rcopterx.commands.steer import known_vehicles
+from rcopterx.commands.fleet_option import failure, known_vehicles, running_fleet, user_errors
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.transmitters import gateway_settings
 from rcopterx.fleet.editing import write_calibration
@@ -94,8 +93,7 @@ def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workb
             with Workbench(own, time.monotonic, _wait) as bench:
                 yield file, path, bench
         except (WorkbenchError, CalibrationError) as error:
-            typer.echo(f"error: {error}", err=True)
-            raise typer.Exit(1) from None
+            raise failure(error) from None
         finally:
             signal.signal(signal.SIGTERM, before)
 
@@ -192,16 +190,14 @@ def _tried(bench: Workbench, answer: str, present_us: float) -> float:
 
 def trim_hover(vehicle: str, seconds: float, fleet: str) -> None:
     """Store mean inputs of a hover in the running fleet as trims, effective from the next start."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [vehicle])
+    with running_fleet(fleet, [vehicle]) as running:
         path = fleet_path(fleet)
         calibration = calibration_of(load_fleet(path).vehicles[vehicle], vehicle)
         try:
             mean = measured_hover(running, vehicle, seconds)
             trimmed = calibration.trimmed(mean)
         except (HoverError, CalibrationError) as error:
-            typer.echo(f"error: {vehicle}: {error}", err=True)
-            raise typer.Exit(1) from None
+            raise failure(f"{vehicle}: {error}") from None
         typer.echo(f"{vehicle}: mean inputs pitch {mean[0]:+.3f}, roll {mean[1]:+.3f}, yaw {mean[3]:+.3f}")
         if max(abs(mean[0]), abs(mean[1]), abs(mean[3])) < STEADY:
             typer.echo(f"{vehicle}: all below {STEADY:g}, trimmed")

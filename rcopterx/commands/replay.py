@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rcopterx.bus.realtime import ONE_THREAD
-from rcopterx.commands.fleet_option import EXIT_FAILED, user_errors
+from rcopterx.commands.fleet_option import EXIT_FAILED, failure, user_errors
 
 if TYPE_CHECKING:
     from rcopterx.flights.flights import Flight
@@ -101,8 +101,7 @@ def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: b
     try:
         recorded = recorded_agent(flight.parts, vehicle)
     except FlightLogError as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(EXIT_FAILED) from None
+        raise failure(error) from None
     same = arithmetic(recorded.metadata) == arithmetic(provenance())
     fleet = changed(recorded.fleet, vehicle, changes) if changes else recorded.fleet
     result = replay(recorded, fleet, 0.0 if same else TOLERANCE)

@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, user_errors
+from rcopterx.commands.fleet_option import failure, user_errors
 from rcopterx.commands.replay import FlightArgument, chosen_flight
 
 INSTALL: Final = "pip install 'rcopterx[figures]'"
@@ -24,8 +24,7 @@ def report(
 ) -> None:
     """Write a self-contained page about a flight: playback, errors, latencies, events, provenance."""
     if find_spec("matplotlib") is None:
-        typer.echo(f"error: a report needs matplotlib: {INSTALL}", err=True)
-        raise typer.Exit(EXIT_FAILED)
+        raise failure(f"a report needs matplotlib: {INSTALL}")
     from rcopterx.flights.mcap_reading import FlightLogError
     from rcopterx.ground_station.report.logged_flight import logged_flight
     from rcopterx.ground_station.report.page import comparison_page, report_page
@@ -37,6 +36,5 @@ def report(
         page = report_page(flights[0]) if compare is None else comparison_page(*flights)
         output.write_text(page, encoding="utf-8")
     except (FlightLogError, OSError) as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(EXIT_FAILED) from None
+        raise failure(error) from None
     typer.echo(f"report: {output}")

@@ -1,7 +1,6 @@
 """Commands to a running fleet."""
 
 import math
-from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -20,8 +19,7 @@ Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE", autocompletion=vehicl
 
 def arm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Arm vehicles: let their agents command the transmitters. Rotors stay still until take-off."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, vehicles)
+    with running_fleet(fleet, vehicles) as running:
         running.wait_ready(vehicles or None, timeout_s=3.0)
         running.arm(vehicles or None)
         typer.echo("armed")
@@ -39,8 +37,7 @@ def disarm(
         raise typer.BadParameter("name the vehicles, or give --all", param_hint="[VEHICLE]...")
     from rcopterx.ground_station.scripting.vehicle import RefusedError
 
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, vehicles)
+    with running_fleet(fleet, vehicles) as running:
         names = vehicles or list(running.file.vehicles)
         running.wait_for_status(names)
         airborne = [name for name in names if running[name].state.airborne]
@@ -59,8 +56,7 @@ def takeoff(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Arm, take off, and wait until the vehicles fly."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, vehicles)
+    with running_fleet(fleet, vehicles) as running:
         before = running.crowded_hosts()
         for line in before:
             typer.echo(line, err=True)
@@ -82,8 +78,7 @@ def goto(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Send a vehicle that leads to a set point: goto h1 -0.5 0 1."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [vehicle])
+    with running_fleet(fleet, [vehicle]) as running:
         running[vehicle].go_to((x, y, z), math.radians(yaw))
         typer.echo(f"{vehicle}: on the way to {x:g} {y:g} {z:g} m, {yaw:g} deg")
 
@@ -104,15 +99,13 @@ def follow(
     if vehicle == leader:
         raise typer.BadParameter(f"{vehicle} cannot follow itself, name another vehicle", param_hint="LEADER")
     offset_m = three(offset)
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [vehicle, leader])
+    with running_fleet(fleet, [vehicle, leader]) as running:
         typer.echo(running[vehicle].follow(leader, offset_m, math.radians(yaw), frame))
 
 
 def lead(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
     """Stop following; the vehicle holds its position."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [vehicle])
+    with running_fleet(fleet, [vehicle]) as running:
         running[vehicle].lead()
         typer.echo(f"{vehicle}: leads")
 
@@ -123,16 +116,14 @@ def swap(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Exchange the roles of two vehicles, for instance leader and follower; all keep their places."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [first, second])
+    with running_fleet(fleet, [first, second]) as running:
         running.swap(first, second, _announce)
         typer.echo("done")
 
 
 def promote(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
     """Make a vehicle the leader of its whole formation; all keep their places."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [vehicle])
+    with running_fleet(fleet, [vehicle]) as running:
         running.promote(vehicle, _announce)
         typer.echo("done")
 
@@ -143,8 +134,7 @@ def move(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Move the agent of a vehicle to another host, also in flight, where a warm agent takes over."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [vehicle])
+    with running_fleet(fleet, [vehicle]) as running:
         running.wait_for_status([vehicle])
         running[vehicle].move(to)
         typer.echo(f"the agent of {vehicle} runs on {to}")
@@ -182,8 +172,7 @@ def tune(
             of_controller[name] = _setting(value)
     if not (settings or controller or estimator):
         raise typer.BadParameter("nothing to change: give settings, --controller or --estimator")
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [vehicle])
+    with running_fleet(fleet, [vehicle]) as running:
         now = running[vehicle].tune(controller, estimator, of_estimator, **of_controller)
         typer.echo(f"{vehicle}: {now}")
 
@@ -196,23 +185,20 @@ def join(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Take off with a vehicle that was left out and join its formation; the others fly on."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [vehicle])
+    with running_fleet(fleet, [vehicle]) as running:
         typer.echo(running.join(vehicle, height))
 
 
 def leave(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
     """Land a vehicle and end its agent; the others fly on."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [vehicle])
+    with running_fleet(fleet, [vehicle]) as running:
         running.leave(vehicle)
         typer.echo(f"{vehicle} has left")
 
 
 def land(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Land, wait until the vehicles are on the floor, and disarm."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, vehicles)
+    with running_fleet(fleet, vehicles) as running:
         running.land(vehicles or None)
         typer.echo("landed")
 
@@ -229,18 +215,10 @@ def kill(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
 
 def reset(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Leave the killed state; the vehicles are disarmed afterwards."""
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, vehicles)
+    with running_fleet(fleet, vehicles) as running:
         for name in vehicles or running.file.vehicles:
             running[name].reset()
         typer.echo("reset")
-
-
-def known_vehicles(known: Mapping[str, object], names: Iterable[str] | None) -> None:
-    """Raise a usage error for names that are no vehicles of the fleet."""
-    for name in names or ():
-        if name not in known:
-            raise typer.BadParameter(f"no vehicle {name!r}, known are {', '.join(known)}")
 
 
 def three(text: str) -> tuple[float, float, float]:

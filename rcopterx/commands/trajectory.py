@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet
-from rcopterx.commands.steer import Vehicle, known_vehicles, three
+from rcopterx.commands.steer import Vehicle, three
 
 if TYPE_CHECKING:
     from rcopterx.control.references.paths import FlightPath
@@ -62,8 +62,7 @@ def trajectory(
         _draw(path, plot)
         typer.echo(f"{plot}: {path.duration_s:.1f} s")
         return
-    with running_fleet(fleet) as running:
-        known_vehicles(running.file.vehicles, [vehicle])
+    with running_fleet(fleet, [vehicle]) as running:
         typer.echo(f"{vehicle}: {running[vehicle].fly(path, wait)}")
 
 

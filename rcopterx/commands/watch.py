@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, ROUTER_S, RunningFleetOption, running_fleet
-from rcopterx.commands.steer import Vehicles, known_vehicles
+from rcopterx.commands.steer import Vehicles
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -57,8 +57,7 @@ def check(
     from rcopterx.ground_station.scripting.waiting import NotReachedError
     from rcopterx.ground_station.terminal.status import fleet_check, readable
 
-    with running_fleet(fleet, router_within_s=max(ROUTER_S, wait)) as running:
-        known_vehicles(running.file.vehicles, vehicles)
+    with running_fleet(fleet, vehicles, max(ROUTER_S, wait)) as running:
         with suppress(NotReachedError):
             running.wait_ready(vehicles or None, timeout_s=wait)
         table = fleet_check(running, vehicles or None)

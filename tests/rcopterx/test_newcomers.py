@@ -210,4 +210,4 @@ def test_a_fleet_of_several_hosts_without_daemons_says_how_to_start_it(lab: Path
     lab.write_text(PAIR + places)
     line = told(run("up", str(lab)))
     assert "no host of the fleet answers: keep each ready with rcopterx host" in line
-    assert "start its part by --host, one of main, second" in line
+    assert "start its part with --host, one of main, second" in line
