@@ -181,11 +181,13 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         NotReachedError
             Not all reached their height in time.
         """
-        names = None if names is None else list(names)
-        self._refuse_killed(names)
-        behind = self._wait_for_most() if names is None else {}
-        vehicles = [name for name in self.present() if name not in behind] if names is None else list(names)
-        if names is not None:
+        named = None if names is None else list(names)
+        self._refuse_killed(named)
+        if named is None:
+            behind = self._wait_for_most()
+            vehicles = [name for name in self.present() if name not in behind]
+        else:
+            behind, vehicles = {}, named
             self.wait_ready(vehicles)
         self._wait_for_capacity()
         self.arm(vehicles)

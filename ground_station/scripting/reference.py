@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from rcopterx.bus.message import Setting
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.ground_station.scripting.state import VehicleState
@@ -49,8 +50,13 @@ def _call(name: str, function: object) -> str:
     signature = inspect.signature(function)
     kept = [parameter for parameter in signature.parameters.values() if parameter.name != "self"]
     text = str(signature.replace(parameters=kept, return_annotation=inspect.Signature.empty))
-    text = re.sub(r"(?:[A-Za-z_]\w*\.)+(\w+)", r"\1", text).replace("'", "").replace("|", "\\|")
+    text = _short(text).replace(_short(inspect.formatannotation(Setting)), "Setting").replace("|", "\\|")
     return f"`{name}{text}` | {_purpose(function)}"
+
+
+def _short(text: str) -> str:
+    """A signature without names of modules and quotation marks."""
+    return re.sub(r"(?:[A-Za-z_]\w*\.)+(\w+)", r"\1", text).replace("'", "")
 
 
 def _purpose(member: object) -> str:

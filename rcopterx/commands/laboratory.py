@@ -19,8 +19,7 @@ from rcopterx.commands.fleet_option import (
 if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile
     from rcopterx.simulator.faults import TimedFault
-    from rcopterx.simulator.tracker_replay import ReplayProgress, TrackerReplay
-    from rcopterx.vicon_gateway.recording import RecordedConnection
+    from rcopterx.simulator.tracker_replay import TrackerReplay
 
 POLL_S = 0.1
 REALTIME_PRIORITY = 20
@@ -50,32 +49,25 @@ def replay_tracker(
     with user_errors(), _replay(file, address, port, speed) as replay, suppress(KeyboardInterrupt):
         request_realtime(REALTIME_PRIORITY)
         host, bound = replay.address
-        typer.echo(f"{file}: {_contents(replay.progress)}; connect to {host}:{bound}", err=True)
+        count = replay.progress.connections
+        connections = f"{count} connection{'s' if count > 1 else ''}"
+        typer.echo(f"{file}: {connections}; connect to {host}:{bound}", err=True)
         _play(replay, loop)
 
 
 def _replay(file: Path, address: str, port: int, speed: float) -> "TrackerReplay":
     from rcopterx.fleet.schema import FleetError
     from rcopterx.simulator.tracker_replay import TrackerReplay
-
-    try:
-        return TrackerReplay(_recorded(file), address, port, speed=speed)
-    except ValueError as error:
-        raise FleetError(f"{file}: {error}") from None
-
-
-def _recorded(file: Path) -> list["RecordedConnection"]:
     from rcopterx.vicon_gateway.recording import RecordingError, connections, read_records
 
-    with file.open("rb") as source:
-        found = connections(read_records(source))
-    if not found:
-        raise RecordingError("the recording holds no connection")
-    return found
-
-
-def _contents(progress: "ReplayProgress") -> str:
-    return f"{progress.connections} connection{'s' if progress.connections > 1 else ''}"
+    try:
+        with file.open("rb") as source:
+            recorded = connections(read_records(source))
+        if not recorded:
+            raise RecordingError("the recording holds no connection")
+        return TrackerReplay(recorded, address, port, speed=speed)
+    except ValueError as error:
+        raise FleetError(f"{file}: {error}") from None
 
 
 def _play(replay: "TrackerReplay", loop: bool) -> None:
