@@ -130,12 +130,12 @@ def test_what_the_vicon_gateway_says_against_a_take_off_is_told(
 
 
 def test_the_error_of_a_flying_vehicle_is_the_distance_to_its_reference() -> None:
-    plan = plan_of("h1", position_m=(0.3, 0.4, 1.0))
+    plan = plan_of("h1", position_m=(0.375, 0.5, 1.0))
     assert error_of(plan) is None
     with_reference = type(plan)(
         **{name: getattr(plan, name) for name in plan.__struct_fields__} | {"reference": (0.0, 0.0, 1.0, 0.0)}
     )
-    assert error_of(with_reference) == pytest.approx(0.5)
+    assert error_of(with_reference) == pytest.approx(0.625)
 
 
 def test_the_status_tells_whom_a_vehicle_follows(

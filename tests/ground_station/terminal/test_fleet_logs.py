@@ -9,7 +9,7 @@ from support.fleets import PAIR
 from rcopterx.bus.requests import ReadLogs, ReadLogsReply
 from rcopterx.bus.session import NotServedError
 from rcopterx.deploy.hosts.run_directory import run_directory
-from rcopterx.deploy.processes.log_reading import answer_of
+from rcopterx.deploy.processes.log_reading import read_page
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.terminal.fleet_logs import FleetLogs
@@ -29,7 +29,7 @@ class Joined:
     def _request(self, unit: str, request: ReadLogs, *_: float) -> ReadLogsReply:
         if unit != self._host:
             raise NotServedError(unit)
-        return answer_of(self._directory, request)
+        return read_page(self._directory, request)
 
 
 @pytest.fixture
