@@ -82,7 +82,7 @@ class InnovationGate:
             self._run.since_last_s += period_s
 
     def open(self) -> None:
-        """Forget refused poses, as the estimator starts anew."""
+        """Forget refused poses, as the estimator restarts."""
         self._run = None
 
     def refuse_unreadable(self) -> None:

@@ -49,18 +49,18 @@ def test_velocity_error_in_the_laboratory_stays_within_its_bound(
 
 @pytest.mark.parametrize("name", ["extended_kalman", "kalman"])
 @pytest.mark.parametrize("kind", TYPES)
-def test_the_told_uncertainty_fits_the_errors_and_grows_without_poses(
+def test_the_stated_uncertainty_fits_the_errors_and_grows_without_poses(
     new_flight: NewFlight, name: str, kind: str
 ) -> None:
     flight = new_flight(name, model=TYPES[kind])
     errors_m = rms(flight.fly(2.0))[:3]
-    told_m = flight.estimator.position_deviation_m()
-    assert told_m.shape == (3,)
-    assert np.all(errors_m < 2.0 * told_m)
-    assert np.all(told_m < 0.001)
+    stated_m = flight.estimator.position_deviation_m()
+    assert stated_m.shape == (3,)
+    assert np.all(errors_m < 2.0 * stated_m)
+    assert np.all(stated_m < 0.001)
     for _ in range(10):
         flight.estimator.predict(flight.model.hover_input, 0.02)
-    assert np.all(flight.estimator.position_deviation_m() > 4.0 * told_m)
+    assert np.all(flight.estimator.position_deviation_m() > 4.0 * stated_m)
 
 
 @every_estimator

@@ -124,7 +124,7 @@ def test_take_off_starts_with_an_unspoilt_estimate(new_flight: NewFlight, seed: 
     assert flight.estimator.rejected == 0
 
 
-def test_landing_is_recognised_without_being_told(new_flight: NewFlight) -> None:
+def test_landing_is_recognised_by_the_estimator_itself(new_flight: NewFlight) -> None:
     flight = new_flight()
     flight.fly(1.0)
     for height in np.arange(1.0, -0.3, -0.01):

@@ -1,4 +1,4 @@
-"""The noise of a Tracker is measured while a vehicle moves, and filters believe the Tracker accordingly."""
+"""The noise of a Tracker is measured while a vehicle moves, and filters expect it."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def metered(
 
 @pytest.mark.parametrize("deviation", [0.0003, 0.002])
 @pytest.mark.parametrize("period_s", [0.005, 0.02])
-def test_noise_is_told_from_motion(deviation: float, period_s: float) -> None:
+def test_noise_is_separated_from_motion(deviation: float, period_s: float) -> None:
     assert metered(deviation, swing_m=0.05, period_s=period_s) == pytest.approx(deviation, rel=0.2)
 
 
@@ -39,7 +39,7 @@ def test_outliers_hardly_count() -> None:
     assert metered(0.001, outliers=True) < 0.002
 
 
-def test_nothing_is_told_before_enough_was_seen_nor_of_irregular_poses() -> None:
+def test_noise_is_unknown_at_first_and_for_irregular_poses() -> None:
     meter = NoiseMeter(1)
     for k in range(SMALLEST_WINDOW + 2):
         assert meter.deviation is None

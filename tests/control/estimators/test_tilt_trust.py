@@ -1,4 +1,4 @@
-"""A measured tilt that does not go with the motion is told from one that does, and left out meanwhile."""
+"""A measured tilt that contradicts the motion is detected, and not used until it agrees again."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +15,7 @@ from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.state import Array, heading_matrix
 from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
@@ -26,12 +26,19 @@ def swing(time_s: float, size: float = 0.03) -> Array:
     return size * np.array([np.sin(5.0 * time_s), np.cos(3.0 * time_s)])
 
 
-def watch(trust: TiltTrust, measured: Callable[[float], Array], seconds: float, size: float = 0.03) -> None:
+def watch(
+    trust: TiltTrust,
+    measured: Callable[[float], Array],
+    seconds: float,
+    size: float = 0.03,
+    yaw_rad: float = 0.0,
+) -> None:
     random = np.random.default_rng(1)
     for time_s in np.arange(0.0, seconds, PERIOD_S):
         noise = 0.3 * size * random.standard_normal(2)
         expected = swing(time_s, size) + noise
-        trust.observe(measured(time_s), expected, 0.0, PERIOD_S)
+        turned = heading_matrix(yaw_rad)
+        trust.observe(turned @ measured(time_s), turned @ expected, yaw_rad, PERIOD_S)
 
 
 def test_a_tilt_that_swings_with_the_expected_one_is_trusted_however_the_markers_sit() -> None:
@@ -60,6 +67,15 @@ def test_a_tilt_that_does_not_is_distrusted_until_it_does_again(wrong: Callable[
     assert trust.trusted
 
 
+def test_tilts_are_compared_as_seen_from_the_vehicle() -> None:
+    concordances = []
+    for yaw_rad in (0.0, 1.3):
+        trust = TiltTrust()
+        watch(trust, lambda time_s: OFFSET + 0.5 * swing(time_s), 5.0, yaw_rad=yaw_rad)
+        concordances.append(trust.concordance)
+    assert concordances[0] == pytest.approx(concordances[1])
+
+
 def test_nothing_is_judged_while_the_vehicle_hardly_moves() -> None:
     trust = TiltTrust()
     watch(trust, lambda _: np.zeros(2), 10.0, size=0.004)
@@ -68,7 +84,7 @@ def test_nothing_is_judged_while_the_vehicle_hardly_moves() -> None:
 
 
 def fly(estimator: ExtendedKalmanEstimator, plant: Helicopter, seconds: float, level: bool) -> float:
-    """Swing to and fro; returns the root mean square error of the estimated tilt in the last two seconds."""
+    """Swing to and fro; return the root mean square error of the tilt in the last two seconds."""
     errors = []
     trim = plant.parameters.trim
     for step in range(round(seconds / PERIOD_S)):
