@@ -47,16 +47,9 @@ class Pose(Struct, frozen=True):
 class PlantFaults:
     """Faults of a vehicle.
 
-    Attributes
-    ----------
-    stick_gain
-        Factor of each stick: 0 for an axis without effect, -1 for a reversed one.
-    stuck
-        Indices of sticks that stay where they are whatever is commanded.
-    thrust_factor
-        Fraction of the thrust that is left, besides what the battery uses: 0 for no lift.
-    trim
-        Offset of each stick that is not stuck.
+    A gain of 0 is a stick without effect, -1 a reversed one; sticks with indices in `stuck` keep their
+    position. `thrust_factor` is left of the thrust besides what the battery uses; `trim` offsets sticks that
+    are not stuck.
     """
 
     stick_gain: Four = (1.0, 1.0, 1.0, 1.0)

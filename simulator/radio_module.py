@@ -31,18 +31,11 @@ class SerialFrame(Struct, frozen=True):
 
 
 class AirPacket(Struct, frozen=True):
-    """Packet that a module sends to receivers.
+    """Packet that a module sends to receivers, with range-check power if `weak`.
 
-    Attributes
-    ----------
-    rf_channels
-        Identity of the two radio channels in use; changes whenever the module picks new ones.
-    pulses_us
-        Channels as a receiver decodes them, throttle, aileron, elevator, rudder, ...
-    bind
-        A bind packet; its channels mean nothing.
-    weak
-        Sent with range-check power.
+    `rf_channels` identifies the two radio channels in use; it changes whenever the module picks new ones. The
+    channels are as a receiver decodes them, throttle, aileron, elevator, rudder, ..., and mean nothing in a
+    bind packet.
     """
 
     time_s: float

@@ -42,8 +42,6 @@ class Receiver:
         Number it was bound with; None when it was never bound.
     connect_s
         Time to find a module on new radio channels; 2 to 6 s are typical.
-    failsafe_throttle_us
-        Throttle stored at bind.
     answers_bind
         Newer receivers answer a bind, old DSM2 ones do not.
     in_range_check_reach

@@ -20,16 +20,8 @@ class SimulatedRadio:
 
 @dataclass(frozen=True)
 class SimulatedVehicle:
-    """One vehicle of the simulated laboratory.
-
-    Attributes
-    ----------
-    subject
-        Name in the emulated Tracker.
-    port
-        Path of the pseudo-terminal of its radio module.
-    calibration
-        How the vehicle's electronics read pulse widths.
+    """One vehicle of the simulated laboratory: its subject in the emulated Tracker, its start pose, the
+    pseudo-terminal of its radio module, and how its electronics read pulse widths.
     """
 
     name: str

@@ -38,16 +38,10 @@ WRONG_MAGIC_PACKET = HEADER.pack(0x0BADF00D, 0)
 
 
 class Published(NamedTuple):
-    """Result of publishing a captured frame.
+    """Result of publishing a captured frame, sent or queued to so many clients.
 
-    Attributes
-    ----------
-    frame
-        Frame id on the wire; differs from the captured one after a `ResetFrameId`.
-    sent_s
-        Clock just before the first byte was sent.
-    clients
-        Clients it was sent or queued to.
+    The frame id on the wire differs from the captured one after a `ResetFrameId`; `sent_s` is just before the
+    first byte.
     """
 
     frame: int
@@ -56,20 +50,10 @@ class Published(NamedTuple):
 
 
 class TrackerState(NamedTuple):
-    """Counters of the emulator.
+    """Counters of the emulator: clients connected now, connections and captured frames so far.
 
-    Attributes
-    ----------
-    clients
-        Connected now.
-    accepted
-        Connections so far.
-    frames
-        Captured so far.
-    dropped
-        Frames a client did not get because it reads too slowly.
-    rejected
-        Connections ended because the client sent malformed bytes.
+    `dropped` are frames a client did not get because it reads too slowly, `rejected` connections that ended
+    because the client sent malformed bytes.
     """
 
     clients: int
@@ -84,8 +68,6 @@ class TrackerServer:
 
     Parameters
     ----------
-    port
-        0 for a free one, see `address`.
     profile
         Age of the Tracker, which determines its offer: tracker1, tracker2 or tracker3.
     rate_hz
@@ -95,15 +77,14 @@ class TrackerServer:
     max_backlog_bytes
         A client with more unread bytes than this loses frames.
     replay
-        Play these recordings, the k-th connection getting the k-th one and so on in a circle, instead of what
-        is published.
+        Play these recordings, one connection each and so on in a circle, instead of published frames.
 
     Raises
     ------
     ValueError
         Unknown profile, rate not positive, empty recording.
     OSError
-        The address cannot be listened on.
+        The address cannot be listened on; port 0 selects a free one, see `address`.
     """
 
     def __init__(

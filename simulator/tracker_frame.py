@@ -46,20 +46,9 @@ _Encoded = tuple[Sequence[int] | None, list[bytes]]
 
 
 class TrackedBody(NamedTuple):
-    """One subject at the capture instant.
+    """One subject at the capture instant: its pose in the world, Z up, and its quality from 0 to 1.
 
-    Attributes
-    ----------
-    position_m
-        In the world, Z up.
-    quaternion_xyzw
-        Unit quaternion, body to world.
-    quality
-        From 0 to 1.
-    occluded
-        Listed, but not seen.
-    root_segment
-        Name of the root segment where it differs from the subject's.
+    An occluded subject is listed, but not seen. The root segment has the subject's name unless given.
     """
 
     name: str

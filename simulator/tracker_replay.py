@@ -11,16 +11,8 @@ from rcopterx.vicon_gateway.recording import RecordedConnection
 
 
 class ReplayProgress(NamedTuple):
-    """Progress of a replay.
-
-    Attributes
-    ----------
-    connection, connections
-        Recorded connection that was begun last, from 1; 0 before the first. And their number.
-    played_s, total_s
-        Recorded time played of that connection, and its length.
-    clients
-        Connected now.
+    """Progress of a replay: the recorded connection that was begun last, from 1, of how many; its played time
+    and its length; and the clients connected now.
     """
 
     connection: int

@@ -53,15 +53,7 @@ class Stream:
 
 
 class Admission:
-    """Checks commands and keeps the newest valid one.
-
-    Attributes
-    ----------
-    stream
-        Commands of the agent with the newest lease; None before the first one.
-    leases
-        Which agent commands.
-    """
+    """Checks commands and keeps the newest valid one, of the agent with the newest lease, as `stream`."""
 
     def __init__(self, limits: ArbiterLimits, counters: Counter[str]) -> None:
         self._limits = limits

@@ -20,12 +20,8 @@ LONGEST_STEP_S = 0.04
 class HoverThrust:
     """Mean of the thrust in steady flight, at first of all of it, then a low-pass.
 
-    Parameters
-    ----------
-    largest_correction
-        Limit of the difference from the calibrated thrust; 0 for no correction.
-    airborne_m
-        Height above the floor from which a vehicle certainly flies.
+    It stays within `largest_correction` of the calibrated thrust; above `airborne_m` a vehicle certainly
+    flies.
     """
 
     def __init__(self, calibrated: float, largest_correction: float, airborne_m: float) -> None:

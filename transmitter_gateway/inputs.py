@@ -127,20 +127,11 @@ class Cause(Struct, frozen=True):
 
 
 class ArbiterOutput(Struct, frozen=True):
-    """Decision of the arbiter.
+    """Decision of the arbiter: inputs after limits and slew, or throttle low, free of trim, and the kill
+    channel.
 
-    Attributes
-    ----------
-    u
-        Inputs after limits and slew.
-    throttle_low
-        Send throttle low, free of trim.
-    kill
-        Send the kill channel.
-    bridging_step
-        0, or the number of the planned input being played because commands are late.
-    cause
-        Command behind `u`, None when it comes from the arbiter alone.
+    `bridging_step` is the number of the planned input that is played because commands are late, else 0.
+    `cause` is the command behind `u`, None when it comes from the arbiter alone.
     """
 
     state: State

@@ -166,14 +166,9 @@ class LandingLaw:
 class StickEffect:
     """Effect of one stick of the swash plate, compared with its nominal effect.
 
-    Attributes
-    ----------
-    sense
-        1; -1 for a stick that acts the wrong way round, 0 for one that is not used any more.
-    commanded_m_s2
-        Acceleration that the stick should give now.
-    work
-        Integral of that acceleration, delayed as it should act, over the speed that was gained.
+    `sense` is 1, -1 for a stick that acts the wrong way round, 0 for one that is not used any more.
+    `commanded_m_s2` is the acceleration that the stick should give now, `work` its integral, delayed as it
+    should act, over the speed that was gained.
     """
 
     def __init__(self) -> None:

@@ -17,14 +17,8 @@ MOST_AGENTS: Final = 16
 
 
 class Leases:
-    """Issues the leases of one vehicle.
-
-    Attributes
-    ----------
-    commanding
-        Lease whose commands count; 0 before the first command.
-    issued
-        Newest lease.
+    """Issues the leases of one vehicle: `issued` is the newest, `commanding` the one whose commands count, or
+    0.
     """
 
     def __init__(self) -> None:
@@ -37,14 +31,8 @@ class Leases:
         """Lease of an agent that requests one; 0 while another agent commands. A repeated request gets the
         same answer.
 
-        Parameters
-        ----------
-        agent
-            Identifies the process.
-        fresh
-            Whether the vehicle is commanded at this moment.
-        take_over
-            Whether the agent shall take over from the one that commands.
+        `fresh` means that the vehicle is commanded at this moment, `take_over` that the agent shall take over
+        from the one that commands.
         """
         known = self._of_agents.get(agent, 0)
         if known and known >= self.commanding:

@@ -61,12 +61,8 @@ class WriteOutcome(StrEnum):
 class SerialPort:
     """A port that is opened and reopened by `service` and written frame by frame.
 
-    Attributes
-    ----------
-    problem
-        Why the port is not open, None when it is.
-    counters
-        Outcomes of writes, openings and losses, by name.
+    `problem` is why it is not open, None when it is; outcomes of writes, openings and losses are counted by
+    name.
     """
 
     def __init__(self, path: str, line: SerialLine) -> None:

@@ -15,13 +15,7 @@ LONGEST_SLEW_STEP_S = 0.04
 
 
 class Shaping:
-    """Inputs of one vehicle from step to step.
-
-    Attributes
-    ----------
-    u
-        Inputs that are applied now.
-    """
+    """Inputs of one vehicle from step to step; `u` are those applied now."""
 
     def __init__(
         self, limits: ArbiterLimits, u_hover: float, slew_per_s: Input, counters: Counter[str]

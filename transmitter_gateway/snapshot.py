@@ -24,18 +24,9 @@ class Write(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class TransmitterSnapshot:
-    """Everything a status message needs, at one moment.
+    """Everything a status message needs, at one moment; every counter of arbiter and port by name.
 
-    Attributes
-    ----------
-    module
-        State of the module, or the problem of the port, as text.
-    lease
-        Control lease whose commands count; 0 before the first command.
-    bridging_step
-        Planned input being played, 0 for none.
-    counters
-        Every counter of arbiter and port by name.
+    `module` is the state of the module, or the problem of the port, as text.
     """
 
     state: State

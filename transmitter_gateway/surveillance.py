@@ -57,12 +57,8 @@ class Track:
 class Surveillance:
     """Follows the raw poses of one vehicle and its neighbours.
 
-    Attributes
-    ----------
-    own_track
-        Of the own vehicle, None before its first pose.
-    stamp
-        Of its newest pose, accepted or not.
+    `own_track` is that of the own vehicle, None before its first pose; `stamp` that of its newest pose,
+    accepted or not.
     """
 
     def __init__(self, limits: SurveillanceLimits, counters: Counter[str]) -> None:

@@ -42,23 +42,11 @@ FIRST_POSE_S = 0.1
 
 
 class Transmitter:
-    """Flies one vehicle through one serial port.
+    """Flies one vehicle through one serial port, which the first `tick` opens.
 
-    Parameters
-    ----------
-    calibration
-        Inputs to pulse widths; its slew rates and hover thrust also serve the arbiter.
-    port
-        Opened by the first `tick`.
-    low_power
-        Request low power from the radio.
-
-    Raises
-    ------
-    PulseRangeError
-        The calibration can give a pulse width that the protocol cannot carry.
-    ProtocolError
-        The radio has no low power.
+    The calibration's slew rates and hover thrust also serve the arbiter. Raises `PulseRangeError` if the
+    calibration can give a pulse width that the protocol cannot carry, and `ProtocolError` if low power is
+    requested and the radio has none.
     """
 
     def __init__(

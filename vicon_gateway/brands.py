@@ -160,21 +160,9 @@ class _Child:
 class BrandClient:
     """Frames of a motion-capture system of another brand; the interface of `client.DataStreamClient`.
 
-    Create and use it in one thread: the child dies with the thread that started it.
-
-    Parameters
-    ----------
-    brand, settings
-        One of `BRANDS`, and settings of its back-end there.
-    rate_hz, latency_s
-        Capture rate, and time from capture to arrival; the library does not report them.
-    limits
-        `connect_s` limits the time from the child's start to its first frame.
-
-    Raises
-    ------
-    ValueError
-        Unknown brand or setting, rate or latency out of range.
+    Create and use it in one thread: the child dies with the thread that started it. The library reports
+    neither rate nor latency. `limits.connect_s` limits the time from the child's start to its first frame.
+    Raises `ValueError` for an unknown brand or setting, or a rate or latency out of range.
     """
 
     def __init__(

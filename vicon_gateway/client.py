@@ -39,16 +39,10 @@ class ClientState(NamedTuple):
         first frame), up (frames with segments arrive), closed (by the caller).
     doing
         The same as a sentence with addresses and times.
-    last_error
-        Why the last connection failed or ended.
-    connects
-        TCP connections established so far.
+    last_error, recording_error
+        Why the last connection failed or ended, and the raw recording ended.
     frames, skipped, lost, repeated, restarts, rejected
         See `StreamCounters`.
-    received_bytes, recorded_bytes
-        From the network, all connections together, and written to the raw recording.
-    recording_error
-        Why the raw recording ended.
     """
 
     name: StateName
@@ -69,14 +63,9 @@ class ClientState(NamedTuple):
 class ClientLimits(NamedTuple):
     """Time limits of a client.
 
-    Attributes
-    ----------
-    connect_s
-        For the host name, for TCP connect plus offer, and then once more for the first frame.
-    silence_periods, silence_min_s
-        A connection without frames for that many periods, but at least that long, is closed.
-    retry_min_s, retry_max_s
-        Pause before the next try: doubles from the first to the second, starts again once frames arrived.
+    `connect_s` holds for the host name, for TCP connect plus offer, and then once more for the first frame. A
+    connection without frames for `silence_periods`, but at least `silence_min_s`, is closed. The pause before
+    the next try doubles from `retry_min_s` to `retry_max_s`, and starts again once frames arrived.
     """
 
     connect_s: float = 3.0

@@ -75,8 +75,6 @@ class StreamCounters(Struct):
 
     Attributes
     ----------
-    frames
-        Delivered.
     skipped
         Received, but a newer one arrived before the caller's next call.
     lost

@@ -15,15 +15,10 @@ RATE_TOLERANCE = 1e-3
 
 
 class Stamp(NamedTuple):
-    """Time of a captured frame in the fleet's clock.
+    """Time of a captured frame in the fleet's clock: an epoch, and the raw frame id in it.
 
-    Attributes
-    ----------
-    epoch
-        Milliseconds of the wall clock at the first frame of the epoch, or more: it always grows, also when
-        the wall clock is set back, as far as earlier epochs are known (`EpochCounter.leave_behind`).
-    frame
-        Raw frame id.
+    The epoch is in milliseconds of the wall clock at its first frame, or more: it always grows, also when the
+    wall clock is set back, as far as earlier epochs are known (`EpochCounter.leave_behind`).
     """
 
     epoch: int

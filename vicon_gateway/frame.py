@@ -7,18 +7,11 @@ Quaternion = tuple[float, float, float, float]
 
 
 class SubjectPose(NamedTuple):
-    """One subject in one frame.
+    """One subject in one frame; an occluded one is listed but not seen, and has no pose.
 
-    Attributes
-    ----------
-    occluded
-        The subject is listed but not seen in this frame, and there is no pose.
-    position_m
-        Origin of the root segment in the Tracker's world, Z up.
-    quaternion_xyzw
-        Unit quaternion with w >= 0 that rotates segment to world coordinates.
-    quality
-        From 0 (bad) to 1 (good); None where the source does not report it.
+    The position is that of the root segment in the Tracker's world, Z up. The unit quaternion with w >= 0
+    rotates segment to world coordinates. The quality goes from 0 (bad) to 1 (good), None where it is not
+    reported.
     """
 
     name: str
@@ -37,15 +30,10 @@ class CapturedFrame(NamedTuple):
         Raw frame id of the wire, from 0; tools built on SDK 1.11 and later show this number plus one.
     connection
         Number of the connection that delivered it, from 1; a change means the stream was interrupted.
-    period_s
-        Nominal time between frames.
     received_s
         Local clock at arrival.
     latency_s, latency_samples
-        Capture to arrival: a sum, and its stages as the source names them, "Network Transmission" among them
-        once a ping was answered.
-    subjects
-        Every listed subject, occluded or not.
+        Capture to arrival: a sum, and its stages, "Network Transmission" among them once a ping was answered.
     """
 
     frame: int

@@ -12,18 +12,10 @@ VEHICLE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 
 
 class SubjectStatus(NamedTuple):
-    """State of one subject of the Tracker.
+    """State of one subject of the Tracker; `vehicle` is None for a subject that is not configured.
 
-    Attributes
-    ----------
-    vehicle
-        None for a subject that is not configured.
-    listed
-        The Tracker listed it in the last frame.
-    occluded_s
-        For how long it has been listed without a pose; None while it is seen or not listed.
-    ambiguous
-        Listed more than once: no pose is delivered for it.
+    `occluded_s` is None while it is seen or not listed; an ambiguous one is listed more than once and gets no
+    pose.
     """
 
     subject: str

@@ -19,16 +19,9 @@ class BrandSettings:
 
 @dataclass(frozen=True)
 class TrackerSettings:
-    """Motion capture to read.
+    """Motion capture to read: subjects with their vehicles, and where to record the raw stream, if anywhere.
 
-    Attributes
-    ----------
-    subjects
-        Vehicle name by subject name.
-    brand
-        Motion capture of another brand; None for a Vicon Tracker, read by our own client.
-    record_raw
-        Where to record the raw stream, None for nowhere; an existing file is not overwritten.
+    `brand` is None for a Vicon Tracker, read by our own client. An existing recording is not overwritten.
     """
 
     bus: BusAddress

@@ -94,8 +94,6 @@ class RadioProtocol(ABC):
         Flags the radio understands.
     binds_at_power_up
         The radio reads the bind flag only in its first frames after it was switched on.
-    pulse_range_us
-        Shortest and longest pulse width that can be encoded, both finite.
     minimum_interval_s, keepalive_s
         Shortest possible and longest wanted time between the starts of two frames.
     """
@@ -113,14 +111,8 @@ class RadioProtocol(ABC):
     def encode(
         self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
     ) -> bytes:
-        """Build the next frame.
-
-        Parameters
-        ----------
-        pulses_us
-            Throttle, aileron, elevator, rudder, gear, aux1, ...; channels not given are sent centred.
-        disarmed
-            The caller knows that the vehicle is not flying; binding needs it.
+        """Build the next frame from throttle, aileron, elevator, rudder, gear, aux1, ...; missing ones are
+        centred.
 
         Raises
         ------
@@ -129,7 +121,7 @@ class RadioProtocol(ABC):
         ProtocolError
             A flag the radio does not offer; kill is no such flag, throttle low does the same more slowly.
         ForbiddenInFlightError
-            `flags.bind` without `disarmed`.
+            `flags.bind` without `disarmed`, that is, without the knowledge that the vehicle does not fly.
         """
 
     @abstractmethod
