@@ -17,13 +17,7 @@ OF_ANOTHER_AGENT: Final = -1
 
 
 class Observation:
-    """Gives the messages of the gateways about one vehicle to its pilot; `clock` is monotonic [s].
-
-    Attributes
-    ----------
-    seen
-        Newest pose that the pilot accepted; None before the first.
-    """
+    """Gives the messages of the gateways about one vehicle to its pilot; `clock` is monotonic [s]."""
 
     def __init__(
         self,
@@ -41,6 +35,7 @@ class Observation:
         self._lease = lease
         self._clock = clock
         self.seen: Received[Pose] | None = None
+        """Newest pose that the pilot accepted; None before the first."""
 
     @property
     def rejected(self) -> Mapping[str, int]:

@@ -68,25 +68,17 @@ class StampedMeasurement(Struct, frozen=True):
 
 
 class ControlOutput(Struct, frozen=True):
-    """Result of one control period.
-
-    Attributes
-    ----------
-    input
-        Command, shape (4,).
-    next_inputs
-        The planned inputs after it, shape (k, 4), for the gateway to play if the next command is late.
-    plan
-        N stages, the first one `start_s` after the frame.
-    reference
-        First stage of the reference: x, y, z [m], yaw [rad]; None on the floor.
-    """
+    """Result of one control period."""
 
     input: Array
+    """Command, shape (4,)."""
     next_inputs: Array
+    """The planned inputs after it, shape (k, 4), for the gateway to play if the next command is late."""
     plan: Trajectory
+    """N stages, the first one `start_s` after the frame."""
     start_s: float
     reference: Array | None
+    """First stage of the reference: x, y, z [m], yaw [rad]; None on the floor."""
 
 
 class Pilot:

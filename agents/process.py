@@ -36,15 +36,6 @@ class Agent:
         Monotonic clock [s] that goes on during a step, for the duration of control steps.
     limit
         Time limit of calls of controllers and estimators; None for none.
-
-    Attributes
-    ----------
-    parts
-        The parts of the agent beside its pilot.
-    serving
-        Whether the agent has begun to accept requests for the vehicle.
-    control_by_s
-        Time by which the present control period has to be flown [monotonic s]; None if that is done.
     """
 
     def __init__(
@@ -61,10 +52,13 @@ class Agent:
         self._limit = NotedTimeLimit(NoTimeLimit() if limit is None else limit)
         pilot.limit_time(self._limit)
         self.parts = assemble(settings, pilot, bus)
+        """The parts of the agent beside its pilot."""
         self._reporter = Reporter(settings, pilot, bus, self.parts, realtime)
         self.serving = False
+        """Whether the agent has begun to accept requests for the vehicle."""
         self._serving_since_s = math.inf
         self.control_by_s: float | None = None
+        """Time by which the present control period has to be flown [monotonic s]; None if that is done."""
         self._period_began_s = 0.0
         """When the pose of the present control period arrived."""
         self._now_s = 0.0

@@ -36,8 +36,6 @@ class Reporter:
 
     Attributes
     ----------
-    last_status
-        Newest status that was published; None before the first.
     due_s
         When the next report is due [monotonic s].
     """
@@ -50,6 +48,7 @@ class Reporter:
         self._limit_scaling = LimitScaling(settings.vehicle, settings.models)
         self._logged_remarks: set[str] = set()
         self.last_status: AgentStatus | None = None
+        """Newest status that was published; None before the first."""
         self.begin()
 
     def begin(self) -> None:

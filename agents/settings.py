@@ -16,34 +16,16 @@ from rcopterx.vehicles.tuples import Three
 
 @dataclass(frozen=True)
 class AgentSettings:
-    """Settings of an agent.
-
-    Attributes
-    ----------
-    vehicles
-        Names of all vehicles of the fleet.
-    volume_min_m, volume_max_m
-        Flight volume, inertial frame; set points outside are refused.
-    limit_scale
-        Share of its limits with which it plans at the start, so that its followers can keep up.
-    models
-        Models of all vehicles of the fleet.
-    leader_wait_s
-        Time for which a follower waits for the leader's plan of the same frame, per leader above it.
-    minimum_distance_m
-        Offsets that bring vehicles closer together are refused; None for no limit.
-    separation
-        Ellipsoid around a vehicle that others do not enter; None for no avoidance.
-    take_over
-        Whether it takes over from an agent that flies the vehicle, once it is warm.
-    """
+    """Settings of an agent."""
 
     bus: BusAddress
     vehicle: str
     vehicles: tuple[str, ...]
+    """Names of all vehicles of the fleet."""
     model: Model
     volume_min_m: Three
     volume_max_m: Three
+    """Flight volume, inertial frame; set points outside are refused."""
     controller: str = DEFAULT_CONTROLLER
     estimator: str = DEFAULT_ESTIMATOR
     horizon: int = 50
@@ -52,14 +34,20 @@ class AgentSettings:
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     following: tuple[LeaderLink, ...] = ()
     limit_scale: LimitScale = FULL_LIMITS
+    """Share of its limits with which it plans at the start, so that its followers can keep up."""
     models: Mapping[str, Model] = field(default_factory=dict)
+    """Models of all vehicles of the fleet."""
     realtime_priority: int = 0
     leader_wait_s: float = 0.002
+    """Time for which a follower waits for the leader's plan of the same frame, per leader above it."""
     minimum_distance_m: float | None = 0.3
+    """Offsets that bring vehicles closer together are refused; None for no limit."""
     succession: Succession = field(default_factory=Succession)
     separation: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
+    """Ellipsoid around a vehicle that others do not enter; None for no avoidance."""
     hover_thrust_limits: HoverThrustLimits = DEFAULT_LIMITS
     take_over: bool = False
+    """Whether it takes over from an agent that flies the vehicle, once it is warm."""
 
     @property
     def configuration(self) -> Configuration:

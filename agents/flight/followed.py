@@ -14,20 +14,14 @@ from rcopterx.vehicles.state import YAW
 
 
 class LeaderPlan(Struct, frozen=True):
-    """A leader's plan on this vehicle's clock.
-
-    Attributes
-    ----------
-    ahead_s
-        Fleet time from the first stage of the plan to the present of this vehicle; the plan's own delay
-        compensation makes it negative for a plan of the same frame.
-    followable
-        Whether the leader is in free flight.
-    """
+    """A leader's plan on this vehicle's clock."""
 
     trajectory: Trajectory
     ahead_s: float
+    """Fleet time from the first stage of the plan to the present of this vehicle; the plan's own delay
+    compensation makes it negative for a plan of the same frame."""
     followable: bool = True
+    """Whether the leader is in free flight."""
 
 
 @dataclass(frozen=True, slots=True)

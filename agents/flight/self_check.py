@@ -6,22 +6,16 @@ from rcopterx.vehicles.state import Array
 
 
 class SelfCheck:
-    """Watches one vehicle from take-off to landing.
-
-    Attributes
-    ----------
-    fault
-        Why the vehicle lands, or has landed, by itself; None for no reason.
-    active
-        Whether the vehicle lands by itself.
-    """
+    """Watches one vehicle from take-off to landing."""
 
     def __init__(self, model: Model, limits: HoverThrustLimits, period_s: float) -> None:
         self._model = model
         self._watch = VehicleWatch(model, limits, period_s)
         self._watched_at_s = 0.0
         self.fault: VehicleFault | None = None
+        """Why the vehicle lands, or has landed, by itself; None for no reason."""
         self.active = True
+        """Whether the vehicle lands by itself."""
 
     @property
     def remark(self) -> str:

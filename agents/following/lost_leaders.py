@@ -27,13 +27,7 @@ LATE_AFTER_S = 0.1
 
 
 class LostLeaders:
-    """Follows, uses the last plan, holds, leads or lands, by the plans of the leaders and the fleet file.
-
-    Parameters
-    ----------
-    clock
-        Monotonic clock [s].
-    """
+    """Follows, uses the last plan, holds, leads or lands, by the plans of the leaders and the fleet file."""
 
     def __init__(
         self,

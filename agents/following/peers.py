@@ -8,13 +8,7 @@ from rcopterx.bus.subscription import Inbox
 
 
 class PeerStatuses:
-    """Newest statuses of the other vehicles.
-
-    Parameters
-    ----------
-    clock
-        Monotonic clock [s].
-    """
+    """Newest statuses of the other vehicles; `clock` is monotonic [s]."""
 
     def __init__(
         self, vehicle: str, inboxes: Mapping[str, Inbox[AgentStatus]], clock: Callable[[], float]

@@ -20,29 +20,20 @@ PREPARED_S = 3.0
 
 @dataclass(frozen=True)
 class Change:
-    """New leaders of one vehicle.
-
-    Attributes
-    ----------
-    operation
-        Name of the change, the same on all vehicles.
-    links
-        New leaders; empty for a vehicle that leads.
-    position_m, yaw_rad
-        Its place if it leads.
-    expires_s
-        When it is discarded [monotonic s].
-    epoch, frame
-        When it begins, once that is known.
-    """
+    """New leaders of one vehicle."""
 
     operation: str
+    """Name of the change, the same on all vehicles."""
     links: tuple[FollowedLeader, ...]
+    """New leaders; empty for a vehicle that leads."""
     position_m: Array
     yaw_rad: float
+    """Its place if it leads."""
     expires_s: float
+    """When it is discarded [monotonic s]."""
     epoch: int | None = None
     frame: int = 0
+    """When it begins, once that is known."""
 
 
 class Regrouping:

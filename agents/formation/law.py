@@ -27,40 +27,26 @@ OffsetFrame = Literal["inertial", "heading"]
 
 
 class FormationOffset(Struct, frozen=True):
-    """Desired relative state d_(L,F): its first four components.
-
-    Attributes
-    ----------
-    position_m
-        Offset from leader to follower, shape (3,).
-    yaw_rad
-        Delta psi, the follower's heading relative to the leader's.
-    frame
-        `inertial`: the offset is fixed in the room, as in the paper. `heading`: it turns with the leader.
-    """
+    """Desired relative state d_(L,F): its first four components."""
 
     position_m: Array
+    """Offset from leader to follower, shape (3,)."""
     yaw_rad: float = 0.0
+    """Delta psi, the follower's heading relative to the leader's."""
     frame: OffsetFrame = "inertial"
+    """`inertial`: the offset is fixed in the room, as in the paper. `heading`: it turns with the leader."""
 
 
 class OffsetTransition(Struct, frozen=True):
-    """Offset that moves smoothly (quintic, from rest to rest) between two values in the target's frame.
-
-    Attributes
-    ----------
-    start, target
-        Offsets before and after; only the target's frame counts.
-    elapsed_s
-        Time since the beginning of the transition at the first stage of the reference; may be negative.
-    duration_s
-        Positive.
-    """
+    """Offset that moves smoothly (quintic, from rest to rest) between two values in the target's frame."""
 
     start: FormationOffset
     target: FormationOffset
+    """Offsets before and after; only the target's frame counts."""
     elapsed_s: float
+    """Time since the beginning of the transition at the first stage of the reference; may be negative."""
     duration_s: float
+    """Positive."""
 
     def sampled(self, period_s: float, stages: int) -> tuple[Array, Array, Array]:
         """Offset x, y, z, yaw, its rate and its acceleration at the stages; three arrays of shape (N, 4)."""

@@ -18,19 +18,13 @@ NO_PLACES: Mapping[str, Array] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Room:
-    """What a formation has to stay within.
-
-    Attributes
-    ----------
-    min_m, max_m
-        Flight volume, inertial frame.
-    minimum_distance_m
-        Smallest distance between two vehicles; None for no limit.
-    """
+    """What a formation has to stay within."""
 
     min_m: Three
     max_m: Three
+    """Flight volume, inertial frame."""
     minimum_distance_m: float | None
+    """Smallest distance between two vehicles; None for no limit."""
 
     def outside(self, place: Array) -> str | None:
         """Describe how a place, x y z first, or the first of several leaves the volume; None if none does."""

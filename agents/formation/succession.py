@@ -61,24 +61,16 @@ class FollowingMode(StrEnum):
 
 @dataclass(frozen=True)
 class Succession:
-    """Settings for lost leaders.
-
-    Attributes
-    ----------
-    policy
-        `hold`, `promote` or `land`.
-    after_s
-        Time without a usable plan after which a leader counts as lost.
-    orders
-        Successors of each leader, the first one first; the same on every vehicle.
-    promotable
-        Vehicles whose policy is `promote`.
-    """
+    """Settings for lost leaders."""
 
     policy: str = "hold"
+    """`hold`, `promote` or `land`."""
     after_s: float = 2.0
+    """Time without a usable plan after which a leader counts as lost."""
     orders: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Successors of each leader, the first one first; the same on every vehicle."""
     promotable: frozenset[str] = frozenset()
+    """Vehicles whose policy is `promote`."""
 
 
 def _row(finding: Finding, policy: Policy, successor: Successor) -> FollowingMode:

@@ -30,13 +30,6 @@ class GuardedCall:
         The first calls load code and fill caches; so many of them may take so many times as long.
     limit
         None for no time limit.
-
-    Attributes
-    ----------
-    failures
-        Failures by kind.
-    failure
-        Description of the last failure; empty before the first one.
     """
 
     def __init__(
@@ -48,7 +41,9 @@ class GuardedCall:
     ) -> None:
         self.limit = NoTimeLimit() if limit is None else limit
         self.failures: Counter[str] = Counter()
+        """Failures by kind."""
         self.failure = ""
+        """Description of the last failure; empty before the first one."""
         self._kinds = kinds
         self._first_calls, self._first_calls_factor = first_calls, first_calls_factor
         self._calls = 0

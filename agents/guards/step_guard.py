@@ -60,21 +60,15 @@ class _Task(NamedTuple):
 
 
 class StepGuard:
-    """Steps controllers, and replaces steps that fail.
-
-    Attributes
-    ----------
-    default
-        Flies in the place of a controller that fails; None for the feedback law alone.
-    calls
-        Counts failures.
-    """
+    """Steps controllers, and replaces steps that fail."""
 
     def __init__(
         self, model: Model, default: Controller | None = None, limit: TimeLimit | None = None
     ) -> None:
         self.default = default
+        """Flies in the place of a controller that fails; None for the feedback law alone."""
         self.calls = GuardedCall(FailureKinds(RAISED, UNUSABLE, LATE), FIRST_STEPS, FIRST_STEPS_FACTOR, limit)
+        """Counts failures."""
         self._model = model
         self._age_s = 0.0
         """Time since the last usable step."""

@@ -111,16 +111,11 @@ that was found at its end."""
 
 
 class NotedTimeLimit(TimeLimit):
-    """Notes which calls of a step another limit found too long, and when, for a replay.
-
-    Attributes
-    ----------
-    overtime
-        Of the present step.
-    """
+    """Notes which calls of a step another limit found too long, and when, for a replay."""
 
     def __init__(self, limit: TimeLimit) -> None:
         self.overtime: list[Overtime] = []
+        """Of the present step."""
         self._limit = limit
         self._calls = self._queries = 0
         self._was_over = False

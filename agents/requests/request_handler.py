@@ -55,19 +55,7 @@ _CHANGES_REFERENCE = (TakeOff, Land, GoTo, Lead, Excite, CommitLeaders)
 
 
 class RequestHandler:
-    """Requests of one agent.
-
-    Attributes
-    ----------
-    verbs
-        Requests that an agent serves.
-    trajectories
-        The trajectory that is being checked.
-    events
-        Events of requests, by kind.
-    waiting
-        Requests that wait for the next step.
-    """
+    """Requests of one agent."""
 
     def __init__(
         self,
@@ -108,9 +96,13 @@ class RequestHandler:
         self.trajectories = TrajectoryRequests(
             settings, pilot, self._no_trajectory, self._formation_check, wake
         )
+        """The trajectory that is being checked."""
         self.events: Counter[str] = Counter()
+        """Events of requests, by kind."""
         self.waiting: deque[Incoming] = deque()
+        """Requests that wait for the next step."""
         self.verbs = [verb_of(kind).name for kind in (*self._at_once, *self._later)]
+        """Requests that an agent serves."""
 
     def take(self, incoming: Iterable[Incoming]) -> bool:
         """Handle the oldest requests, as many as fit into one step; return whether there was one."""

@@ -44,21 +44,14 @@ class Neighbour(Struct, frozen=True):
 
 
 class Near(Struct, frozen=True):
-    """Vehicles that come near.
-
-    Attributes
-    ----------
-    obstacles
-        Vehicles whose plans come near.
-    touching
-        Whether any of them is, or should be, held off by the constraints.
-    closest_m
-        Smallest distance to any plan; infinite without one.
-    """
+    """Vehicles that come near."""
 
     obstacles: tuple[Obstacle, ...]
+    """Vehicles whose plans come near."""
     touching: bool
+    """Whether any of them is, or should be, held off by the constraints."""
     closest_m: float
+    """Smallest distance to any plan; infinite without one."""
 
 
 def near(

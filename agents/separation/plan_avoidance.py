@@ -9,15 +9,7 @@ from rcopterx.control.references.trajectory import Trajectory
 
 
 class PlanAvoidance:
-    """Gives the controller of one vehicle the plans that come near.
-
-    Attributes
-    ----------
-    ticks
-        Control periods in which separation constraints held the plan off another one.
-    closest_m
-        Smallest distance to another plan in any of them; None before the first.
-    """
+    """Gives the controller of one vehicle the plans that come near."""
 
     def __init__(self, ellipsoid: SeparationEllipsoid | None, step_guard: StepGuard) -> None:
         self._ellipsoid = ellipsoid
@@ -25,7 +17,9 @@ class PlanAvoidance:
         self._unconstrained: Controller | None = None
         """Controller that is known to have no obstacles."""
         self.ticks = 0
+        """Control periods in which separation constraints held the plan off another one."""
         self.closest_m: float | None = None
+        """Smallest distance to another plan in any of them; None before the first."""
 
     def update(
         self,

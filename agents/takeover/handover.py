@@ -33,13 +33,7 @@ DEFAULTS_AFTER: Final = 2
 
 
 class Handover:
-    """Handover of one agent.
-
-    Attributes
-    ----------
-    predecessor
-        Last intent of the previous agent of the vehicle; None if there is none.
-    """
+    """Handover of one agent."""
 
     def __init__(
         self, bus: StepBus, settings: AgentSettings, lease: ControlLease, pilot: Pilot, tuning: Tuning
@@ -54,6 +48,7 @@ class Handover:
         self._published: Intent | None = None
         self._published_s = 0.0
         self.predecessor: Intent | None = None
+        """Last intent of the previous agent of the vehicle; None if there is none."""
         self._predecessor_s = 0.0
         self._quick_deaths = 0
         self._recall()

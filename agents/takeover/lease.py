@@ -17,21 +17,15 @@ IGNORED_S: Final = 0.3
 
 
 class ControlLease:
-    """Permission to command a vehicle, by the messages of its transmitter gateway; times are monotonic [s].
-
-    Attributes
-    ----------
-    number
-        The lease; 0 before there is one.
-    lost
-        Whether another agent commands, so that this one has to end.
-    """
+    """Permission to command a vehicle, granted by its transmitter gateway; times are monotonic [s]."""
 
     def __init__(self, agent: int, take_over: bool, now_s: float) -> None:
         self.agent = agent
         self.take_over = take_over
         self.number = 0
+        """The lease; 0 before there is one."""
         self.lost = False
+        """Whether another agent commands, so that this one has to end."""
         self._began_s = now_s
         self._bid_at_s = now_s
         self._refused_since_s: float | None = None

@@ -19,20 +19,14 @@ DEFAULT_ESTIMATOR: Final = "extended_kalman"
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Names and settings; missing settings have their defaults.
-
-    Attributes
-    ----------
-    controller, controller_settings
-        Name and settings of the controller, the horizon among them.
-    estimator, estimator_settings
-        Name and settings of the estimator.
-    """
+    """Names and settings; missing settings have their defaults."""
 
     controller: str
     estimator: str
     controller_settings: Mapping[str, object] = field(default_factory=dict)
+    """Name and settings of the controller, the horizon among them."""
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
+    """Name and settings of the estimator."""
 
     def __post_init__(self) -> None:
         # Rows of numbers are lists in a fleet file and tuples in a message; here they are tuples.
