@@ -40,9 +40,22 @@ def _check_index_and_slew(index: int, slew_per_s: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ChannelCalibration:
-    """Pulse width of a cyclic or yaw channel: ``clamp(center + trim + sign gain u, lo, hi)`` [us].
+    """Pulse width of a cyclic or yaw channel: ``clamp(center + trim + sign gain u, lo, hi)``.
 
-    `index` counts from 0: throttle, aileron, elevator, rudder; `slew_per_s` limits the input.
+    Parameters
+    ----------
+    index
+        Channel, 0 throttle, 1 aileron, 2 elevator, 3 rudder, ...
+    sign
+        Direction of the channel.
+    center_us, trim_us
+        Neutral pulse width and its correction.
+    gain_us
+        Pulse width per unit of input.
+    lo_us, hi_us
+        Limits of the pulse width.
+    slew_per_s
+        Fastest change of the input.
     """
 
     index: int
@@ -83,9 +96,18 @@ class ChannelCalibration:
 
 @dataclass(frozen=True, slots=True)
 class ThrottleCalibration:
-    """Pulse width of the throttle, linear between measured points at thrust 0, `u_hover` and 1.
+    """Pulse width of the throttle, linear between three measured points.
 
-    `low_us` stops the motors; it is free of any trim, so not above `us0`.
+    Parameters
+    ----------
+    us0, us_hover, us1
+        Pulse widths [us] at thrust 0, `u_hover` and 1.
+    u_hover
+        Thrust at which the model hovers.
+    low_us
+        Throttle low, sent when the motors must stop; free of any trim, so not above `us0`.
+    index, slew_per_s
+        As for the other channels.
     """
 
     index: int = THROTTLE

@@ -69,16 +69,18 @@ class SurveillanceLimits:
         Time without a usable own pose before HOLD and DESCEND.
     fence
         Box to stay in. It depends on the laboratory, so there is none by default.
-    minimum_distance_m, distance_hysteresis_m
-        Smallest distance between two vehicles, below it HOLD; added distance before they count as apart
-        again.
+    minimum_distance_m
+        Smallest distance between two vehicles; below it HOLD.
+    distance_hysteresis_m
+        Additional distance before the vehicles count as apart again.
     other_pose_s
         Time for which the last position of another vehicle is used.
     maximum_thrust_s
         Longest time with thrust between arming and disarming; then DESCEND.
-    maximum_jump_m, maximum_speed_m_s
-        A position further than this from where the vehicle can be is rejected; growth of that distance with
-        the time since the last accepted position.
+    maximum_jump_m
+        A position further than this from where the vehicle can be is rejected.
+    maximum_speed_m_s
+        Growth of that distance with the time since the last accepted position.
     jump_descend_s
         Time of rejection after which the vehicle comes down for good: it may be another body.
     velocity_filter_s
@@ -122,8 +124,10 @@ class LandingLimits:
         Nominal yaw rate per unit of yaw.
     cyclic, thrust, yaw
         Largest pitch and roll, difference from the hover thrust, and yaw.
-    descent_m_s, touchdown_m_s, flare_m
-        Speed of the descent, and the slower one that begins at this height above the floor.
+    descent_m_s
+        Speed of the descent.
+    touchdown_m_s, flare_m
+        Slower speed just above the floor, and the height where it begins.
     braked_m_s, braking_s
         The descent begins when the vehicle is slower than this, or after this time.
     pose_age_s
@@ -182,11 +186,16 @@ class ArbiterLimits:
     take_over_s
         Longest silence on the serial line after which a restarted gateway takes over a flying vehicle; well
         under the time for which receivers hold their outputs.
-    floor_m, airborne_m
-        Height at which vehicles stand, for one that was not seen standing, and how far above that height a
-        vehicle certainly flies.
+    floor_m
+        Height at which vehicles stand, for one that was not seen standing.
+    airborne_m
+        How far above that height a vehicle certainly flies.
     operators
         Names whose requests count as an operator's.
+    surveillance
+        Limits judged from raw poses.
+    landing
+        How the vehicle is held and landed while it is seen.
     """
 
     hold_after_s: float = 0.06

@@ -30,7 +30,15 @@ RANGE_CHECK = 0x20
 
 @dataclass(frozen=True, slots=True)
 class Dsm2Settings:
-    """Model match number, 0..63, and radio board: DSM2 only, DSMX/DSM2, or a LP4DSM/LP5DSM board ("lp")."""
+    """Settings of the frames.
+
+    Parameters
+    ----------
+    model
+        Model match number, 0..63.
+    family
+        Radio board: DSM2 only, DSMX/DSM2, or a LP4DSM/LP5DSM board.
+    """
 
     model: int = 0
     family: str = "dsm2"

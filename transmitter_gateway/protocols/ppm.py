@@ -30,7 +30,15 @@ DIGITAL_OFF = ord("0")
 
 @dataclass(frozen=True, slots=True)
 class PpmSettings:
-    """Trainer port: 4 to 8 channels, and the order of the first four, such as "TAER"."""
+    """Settings of the transmitter's trainer port.
+
+    Parameters
+    ----------
+    channels
+        Number of trainer channels, 4..8.
+    order
+        Order in which the radio expects throttle, aileron, elevator and rudder, such as "TAER" or "AETR".
+    """
 
     channels: int = 6
     order: str = "TAER"
