@@ -19,9 +19,9 @@ from rcopterx.control.references.set_points import (
     PathReference,
     ReferenceSource,
     SetPointReference,
-    SmoothMove,
-    SmoothTurn,
     TurnLimits,
+    smooth_move,
+    smooth_turn,
 )
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.references.turns import on_turn_of
@@ -159,9 +159,7 @@ class Guidance:
         """Make the vertical line up to a place the reference."""
         self._climb_end_m = end_m
         start_m = np.append(end_m[:2], estimate.motion[2])
-        self.source = SmoothMove.at_speed(
-            start_m, end_m, float(estimate.motion[YAW]), time_s, TAKE_OFF_SPEED_M_S
-        )
+        self.source = smooth_move(start_m, end_m, float(estimate.motion[YAW]), time_s, TAKE_OFF_SPEED_M_S)
 
     def land(self, estimate: Estimate, time_s: float) -> str | None:
         """Begin to descend; a refusal is returned as its reason."""
@@ -171,7 +169,7 @@ class Guidance:
             return None
         start = estimate.motion[:3].copy()
         end = np.array([start[0], start[1], self._touchdown.floor_m - LANDING_DEPTH_M])
-        self.source = SmoothMove.at_speed(start, end, float(estimate.motion[YAW]), time_s, LANDING_SPEED_M_S)
+        self.source = smooth_move(start, end, float(estimate.motion[YAW]), time_s, LANDING_SPEED_M_S)
         self._touchdown.begin()
         self.on_event(Event.LAND, estimate)
         return None
@@ -192,7 +190,7 @@ class Guidance:
             self.source = SetPointReference(position_m, yaw_rad)
         else:
             present = self.source.sample(time_s, 1.0, 1).samples[0]
-            self.source = SmoothTurn.within(turn, position_m, yaw_rad, present, time_s)
+            self.source = smooth_turn(turn, position_m, yaw_rad, present, time_s)
         return None
 
     def flight_problem(self) -> str | None:

@@ -18,10 +18,8 @@ from rcopterx.control.references.set_points import (
     PathReference,
     ReferenceSource,
     SetPointReference,
-    SmoothMove,
-    SmoothTurn,
+    TimedPath,
 )
-from rcopterx.control.references.trajectory import COLUMNS, POSITION, YAW
 from rcopterx.vehicles.tuples import three
 
 _END_OF_TIME_S: Final = 1e9
@@ -48,7 +46,7 @@ def intent_of(
     yaw_rad
         Present heading with all its turns; None before the vehicle has been seen.
     """
-    path = _path(task.source)
+    path = task.source if isinstance(task.source, TimedPath) else None
     end = task.source.sample(_END_OF_TIME_S, 1.0, 2)
     return Intent(
         lease=lease,
@@ -121,23 +119,6 @@ def configuration_of(flown: Intent | FlownBy) -> Configuration:
 def passed_s(intent: Intent, age_s: float, epoch: int, frame: int, period_s: float) -> float:
     """Return the time since an intent was published: by frames, across epochs by its age."""
     return (frame - intent.frame) * period_s if epoch == intent.epoch else age_s
-
-
-def _path(source: ReferenceSource) -> PathReference | None:
-    """Return a reference as a path of quintic polynomials between knots; None for a set point."""
-    match source:
-        case PathReference():
-            return source
-        case SmoothTurn(way):
-            return way
-        case SmoothMove():
-            knots = np.zeros((2, 1 + COLUMNS))
-            knots[1, 0] = source.duration_s
-            for row, place in zip(knots[:, 1:], (source.start_m, source.end_m), strict=True):
-                row[POSITION], row[YAW] = place, source.yaw_rad
-            return PathReference(FlightPath(knots), source.start_s)
-        case _:
-            return None
 
 
 def _moving(link: FollowedLeader, move: OffsetMove | None, published_s: float) -> FollowedLeader:

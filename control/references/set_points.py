@@ -10,12 +10,10 @@ import numpy as np
 from msgspec import Struct
 
 from rcopterx.control.references.paths import FlightPath
-from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic, rest_to_rest
+from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic
 from rcopterx.control.references.trajectory import (
-    ACCELERATION,
     COLUMNS,
     POSITION,
-    VELOCITY,
     YAW,
     YAW_ACCELERATION,
     YAW_RATE,
@@ -55,41 +53,7 @@ class SetPointReference(Struct, frozen=True):
         return True
 
 
-class SmoothMove(Struct, frozen=True):
-    """Quintic polynomial from rest to rest along a straight line, heading held."""
-
-    start_m: Array
-    end_m: Array
-    yaw_rad: float
-    start_s: float
-    duration_s: float
-
-    @classmethod
-    def at_speed(
-        cls, start_m: Array, end_m: Array, yaw_rad: float, start_s: float, peak_speed_m_s: float
-    ) -> "SmoothMove":
-        """Return the move with the given peak speed."""
-        distance_m = float(np.linalg.norm(end_m - start_m))
-        duration_s = max(PEAK_TO_MEAN_SPEED * distance_m / peak_speed_m_s, 1e-3)
-        return cls(start_m, end_m, yaw_rad, start_s, duration_s)
-
-    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
-        """See `ReferenceSource.sample`."""
-        at = (time_s - self.start_s + period_s * np.arange(stages)) / self.duration_s
-        s = np.clip(at, 0.0, 1.0)[:, None]
-        samples = np.zeros((stages, COLUMNS))
-        samples[:, YAW] = self.yaw_rad
-        samples[:, POSITION], samples[:, VELOCITY], samples[:, ACCELERATION] = rest_to_rest(
-            self.start_m, self.end_m, s, self.duration_s
-        )
-        return Trajectory(samples, period_s)
-
-    def finished(self, time_s: float) -> bool:
-        """See `ReferenceSource.finished`."""
-        return time_s >= self.start_s + self.duration_s
-
-
-class PathReference(Struct, frozen=True):
+class TimedPath(Struct, frozen=True):
     """A path from `start_s` on; afterwards its end is held."""
 
     path: FlightPath
@@ -103,6 +67,14 @@ class PathReference(Struct, frozen=True):
     def finished(self, time_s: float) -> bool:
         """See `ReferenceSource.finished`."""
         return time_s >= self.start_s + self.path.duration_s
+
+
+class PathReference(TimedPath, frozen=True):
+    """A trajectory that was requested."""
+
+
+class Transition(TimedPath, frozen=True):
+    """A smooth way to a set point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,49 +94,46 @@ class TurnLimits:
         return np.maximum(np.abs(rate) / self.rate_rad_s, spin / self.acceleration_rad_s2)
 
 
-class SmoothTurn(Struct, frozen=True):
-    """Hold one place and turn smoothly, by one or two quintic polynomials of the heading."""
+def smooth_move(
+    start_m: Array, end_m: Array, yaw_rad: float, start_s: float, peak_speed_m_s: float
+) -> Transition:
+    """Return a quintic polynomial from rest to rest along a straight line, heading held."""
+    begin, end = np.zeros((2, COLUMNS))
+    begin[POSITION], end[POSITION] = start_m, end_m
+    begin[YAW] = end[YAW] = yaw_rad
+    duration_s = max(PEAK_TO_MEAN_SPEED * float(np.linalg.norm(end_m - start_m)) / peak_speed_m_s, 1e-3)
+    return _through(start_s, (0.0, begin), (duration_s, end))
 
-    way: PathReference
 
-    @classmethod
-    def within(
-        cls, limits: TurnLimits, position_m: Array, yaw_rad: float, present: Array, time_s: float
-    ) -> "SmoothTurn":
-        """Return the shortest turn within limits.
+def smooth_turn(
+    limits: TurnLimits, position_m: Array, yaw_rad: float, present: Array, time_s: float
+) -> Transition:
+    """Hold one place and make the shortest turn within limits, by one or two quintic polynomials.
 
-        Parameters
-        ----------
-        position_m, yaw_rad
-            Place to hold from now on, shape (3,), and final heading [unwrapped].
-        present
-            Row of the present reference, shape (12,), from which the heading continues.
-        """
-        begin, end = np.zeros((2, COLUMNS))
-        begin[POSITION] = end[POSITION] = position_m
-        begin[YAW::4] = present[YAW::4]
-        end[YAW] = yaw_rad
-        duration_s, used = _gentle_turn(limits, begin, end[None])
-        if used <= 1.0:
-            return cls(_turn_by(time_s, (0.0, begin), (duration_s, end)))
-        # The heading moves too fast, or the other way, to come there in one turn: it comes to rest first.
-        stops = np.tile(begin, (len(_TURN_DURATIONS_S), 1))
-        stops[:, YAW_RATE] = stops[:, YAW_ACCELERATION] = 0.0
-        # Where a quintic that ends at rest loses its highest power, which is the gentlest place to stop.
-        stops[:, YAW] += begin[YAW_RATE] * _TURN_DURATIONS_S / 2
-        stops[:, YAW] += begin[YAW_ACCELERATION] * _TURN_DURATIONS_S**2 / 12
-        stop_s, _ = _gentle_turn(limits, begin, stops)
-        stop = stops[np.searchsorted(_TURN_DURATIONS_S, stop_s)]
-        duration_s, _ = _gentle_turn(limits, stop, end[None])
-        return cls(_turn_by(time_s, (0.0, begin), (stop_s, stop), (stop_s + duration_s, end)))
-
-    def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
-        """See `ReferenceSource.sample`."""
-        return self.way.sample(time_s, period_s, stages)
-
-    def finished(self, time_s: float) -> bool:
-        """See `ReferenceSource.finished`."""
-        return self.way.finished(time_s)
+    Parameters
+    ----------
+    position_m, yaw_rad
+        Place to hold from now on, shape (3,), and final heading [unwrapped].
+    present
+        Row of the present reference, shape (12,), from which the heading continues.
+    """
+    begin, end = np.zeros((2, COLUMNS))
+    begin[POSITION] = end[POSITION] = position_m
+    begin[YAW::4] = present[YAW::4]
+    end[YAW] = yaw_rad
+    duration_s, used = _gentle_turn(limits, begin, end[None])
+    if used <= 1.0:
+        return _through(time_s, (0.0, begin), (duration_s, end))
+    # The heading moves too fast, or the other way, for one turn: it comes to rest first.
+    stops = np.tile(begin, (len(_TURN_DURATIONS_S), 1))
+    stops[:, YAW_RATE] = stops[:, YAW_ACCELERATION] = 0.0
+    # Where a quintic that ends at rest loses its highest power, which is the gentlest place to stop.
+    stops[:, YAW] += begin[YAW_RATE] * _TURN_DURATIONS_S / 2
+    stops[:, YAW] += begin[YAW_ACCELERATION] * _TURN_DURATIONS_S**2 / 12
+    stop_s, _ = _gentle_turn(limits, begin, stops)
+    stop = stops[np.searchsorted(_TURN_DURATIONS_S, stop_s)]
+    duration_s, _ = _gentle_turn(limits, stop, end[None])
+    return _through(time_s, (0.0, begin), (stop_s, stop), (stop_s + duration_s, end))
 
 
 def _gentle_turn(limits: TurnLimits, begin: Array, ends: Array) -> tuple[float, float]:
@@ -181,5 +150,5 @@ def _gentle_turn(limits: TurnLimits, begin: Array, ends: Array) -> tuple[float, 
     return float(_TURN_DURATIONS_S[best]), float(used[best])
 
 
-def _turn_by(start_s: float, *knots: tuple[float, Array]) -> PathReference:
-    return PathReference(FlightPath(np.array([[time_s, *row] for time_s, row in knots])), start_s)
+def _through(start_s: float, *knots: tuple[float, Array]) -> Transition:
+    return Transition(FlightPath(np.array([[time_s, *row] for time_s, row in knots])), start_s)

@@ -180,7 +180,7 @@ def test_an_agent_that_restarted_in_flight_finds_a_floor_it_does_not_know() -> N
     path = guidance.source.sample(0.0, PERIOD_S, 500).position_m[:, 2]
     (touchdown_s,) = land(guidance, np.maximum(path, 0.12))
     assert guidance.phase is Phase.ARMED
-    assert touchdown_s < guidance.source.duration_s  # type: ignore[attr-defined]  # a SmoothMove
+    assert touchdown_s < guidance.source.path.duration_s  # type: ignore[attr-defined]  # a transition
 
 
 def test_a_vehicle_in_the_air_that_follows_its_descent_has_not_landed() -> None:

@@ -22,9 +22,9 @@ from rcopterx.control.references.set_points import (
     PathReference,
     ReferenceSource,
     SetPointReference,
-    SmoothMove,
-    SmoothTurn,
     TurnLimits,
+    smooth_move,
+    smooth_turn,
 )
 from rcopterx.control.references.trajectory import COLUMNS, YAW, Trajectory
 
@@ -42,13 +42,13 @@ def sources(draw: st.DrawFn) -> ReferenceSource:
     start_m, end_m, yaw_rad, begun_s = draw(places), draw(places), draw(headings), draw(times)
     present = np.zeros(COLUMNS)
     present[:3], present[YAW] = start_m, draw(headings)
-    turn = SmoothTurn.within(TurnLimits(1.0, 1.0), start_m, yaw_rad, present, begun_s)
+    turn = smooth_turn(TurnLimits(1.0, 1.0), start_m, yaw_rad, present, begun_s)
     knots = np.array([[0.0, *present], [draw(durations), *end_m, yaw_rad, *np.zeros(8)]])
     return draw(
         st.sampled_from(
             [
                 SetPointReference(end_m, yaw_rad),
-                SmoothMove(start_m, end_m, yaw_rad, begun_s, draw(durations)),
+                smooth_move(start_m, end_m, yaw_rad, begun_s, 1.0),
                 PathReference(FlightPath(knots), begun_s),
                 turn,
             ]
@@ -156,7 +156,7 @@ def test_a_task_of_before_the_flight_is_not_flown() -> None:
 
 
 def test_a_landing_goes_on_where_it_was() -> None:
-    descent = SmoothMove(np.array(UP), np.array([0.1, 0.2, -0.3]), 0.0, 2.0, 6.0)
+    descent = smooth_move(np.array(UP), np.array([0.1, 0.2, -0.3]), 0.0, 2.0, 0.4)
     task = Task(Phase.LANDING, descent, (), (), frozenset(), 0.0)
     guidance = Guidance()
     guidance.on_event(Event.RESUME, still(UP))
