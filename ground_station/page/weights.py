@@ -5,11 +5,12 @@ from typing import Final
 
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.vehicles.state import XD_BODY, YAW, YAW_RATE, YD_BODY, ZD_BODY, X, Y, Z
 
 _STATES: Final[Mapping[str, tuple[int, ...]]] = {
-    "position": (0, 1, 2),
-    "velocity": (4, 5, 6),
-    "heading": (3, 7),
+    "position": (X, Y, Z),
+    "velocity": (XD_BODY, YD_BODY, ZD_BODY),
+    "heading": (YAW, YAW_RATE),
 }
 EFFORT: Final = "sticks"
 GROUPS: Final = (*_STATES, EFFORT)

@@ -20,6 +20,7 @@ from rcopterx.deploy.roles.agent import pilot_of
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep, RecordedAgent
 from rcopterx.ground_station.replay.replay_bus import ReplayBus
+from rcopterx.vehicles.state import MOTION_SIZE
 
 TOLERANCE: Final = 1e-6
 """Largest allowed difference of inputs, positions [m] and speeds [m/s] on a different computer."""
@@ -93,7 +94,7 @@ def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) ->
         compared = _LifeComparison(life, result, errors, tolerance)
         for step, period in control_periods(recorded.vehicle, fleet, life, fleet == recorded.fleet):
             compared.period(step, period)
-        compared.end()
+        result.missing_inputs += compared.missing
         if life.steps:
             result.flown_s += life.steps[-1].time_s - life.steps[0].time_s
     result.took_s = time.perf_counter() - started_s
@@ -154,11 +155,12 @@ class _LifeComparison:
         self._result = result
         self._errors = errors
         self._tolerance = tolerance
-        self._missing = 0
+        self.missing = 0
+        """Inputs so far that the flight log does not have."""
 
     def period(self, step: AgentStep, period: ControlPeriod) -> None:
         result = self._result
-        self._missing = period.missing
+        self.missing = period.missing
         command, plan = period.command, period.plan
         if command is None or plan is None:
             result.unmatched += 1
@@ -204,7 +206,7 @@ class _LifeComparison:
 
     def _lost(self) -> str:
         """Note about missing inputs, which explain any difference; empty if there are none."""
-        return f"{self._missing} inputs so far are not in the flight log" if self._missing else ""
+        return f"{self.missing} inputs so far are not in the flight log" if self.missing else ""
 
     def _cause(
         self, step: AgentStep, period: ControlPeriod, plan: Plan, old: Plan, error: Any, gap: float
@@ -236,12 +238,9 @@ class _LifeComparison:
             time_s = step.time_s - self._life.steps[0].time_s
             self._result.first = Difference(time_s, frame, cause, detail)
 
-    def end(self) -> None:
-        self._result.missing_inputs += self._missing
-
 
 def _gap(one: Any, other: Any) -> float:
     """Largest difference of the positions and speeds of two plans; infinite for different lengths."""
     if one.shape != other.shape:
         return float("inf")
-    return float(np.abs(one[:, :8] - other[:, :8]).max())
+    return float(np.abs(one[:, :MOTION_SIZE] - other[:, :MOTION_SIZE]).max())

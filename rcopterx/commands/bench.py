@@ -51,7 +51,7 @@ def solver(
     ] = 0,
     plot: PlotOption = None,
 ) -> None:
-    """Whole control steps of the cascade, the paper's scheme and other solvers, on the same problems."""
+    """Time control steps of the cascade, the paper's scheme and other solvers on the same problems."""
     from rcopterx.benchmarks.solver import STEPS, run
     from rcopterx.benchmarks.solver_figure import draw_solver
     from rcopterx.experiments.figures import save_figure
@@ -72,10 +72,10 @@ def solver(
 @app.command()
 def restart(
     as_json: JsonOption = False,
-    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="How often each process is killed.")] = 5,
+    rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Kills of each process.")] = 5,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
-    """Kill agents, router and Vicon gateway in flight; how long until the vehicles are flown again?"""
+    """Kill agents, router and Vicon gateway in flight, and time how soon the vehicles are flown again."""
     from rcopterx.benchmarks.restart import run
     from rcopterx.fleet.shipped import fleet_path
 
@@ -103,9 +103,9 @@ def _restart_lines(document: dict[str, Any]) -> str:
 def gateway(
     as_json: JsonOption = False,
     transmitters: Annotated[int, typer.Option(metavar="N", min=1, max=32, help="Transmitters served.")] = 8,
-    seconds: Annotated[float, typer.Option(metavar="S", min=1, max=600, help="How long to measure.")] = 20.0,
+    seconds: Annotated[float, typer.Option(metavar="S", min=1, max=600, help="Duration.")] = 20.0,
 ) -> None:
-    """Load of one transmitter gateway process, and time from a command to its serial frame."""
+    """Measure the load of a transmitter gateway, and the time from a command to its serial frame."""
     from rcopterx.benchmarks.gateway import run
 
     document = run(transmitters, seconds, _progress("gateway"))
@@ -126,7 +126,7 @@ def requests(
     as_json: JsonOption = False,
     rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Requests of each kind.")] = 100,
 ) -> None:
-    """Round trips of requests to agents in flight, on the trio."""
+    """Time requests to agents in flight, on the trio."""
     from rcopterx.benchmarks.request_times import run
     from rcopterx.fleet.shipped import fleet_path
 
@@ -151,7 +151,7 @@ def scale(
     ] = "3,6,8,10,12,14,16",
     horizon: Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")] = 30,
     seconds: Annotated[
-        float, typer.Option(metavar="S", min=1, max=3600, help="How long each fleet is measured.")
+        float, typer.Option(metavar="S", min=1, max=3600, help="Duration of the flight of each fleet.")
     ] = 60.0,
     rate: Annotated[
         float,
@@ -161,7 +161,7 @@ def scale(
     ] = 50.0,
     plot: PlotOption = None,
 ) -> None:
-    """Fleets of growing size on this computer: missed control periods, pose to command, load."""
+    """Fly fleets of growing size on this computer: missed control periods, pose to command, load."""
     from rcopterx.benchmarks.scale import draw_scale, run, scale_table
     from rcopterx.experiments.figures import save_figure
 
@@ -183,10 +183,10 @@ def overload(
     ] = 1.5,
     horizon: Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")] = 30,
     seconds: Annotated[
-        float, typer.Option(metavar="S", min=1, max=3600, help="How long the flight is watched.")
+        float, typer.Option(metavar="S", min=1, max=3600, help="Duration of the flight.")
     ] = 60.0,
 ) -> None:
-    """A fleet too large for this computer: do all fly on, at a lower rate, and keep apart?"""
+    """Fly a fleet too large for this computer: control rate, distances, touchdowns."""
     from rcopterx.benchmarks.overload import run
 
     with user_errors():
@@ -241,10 +241,10 @@ def links(
     as_json: JsonOption = False,
     rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Cuts of each length.")] = 5,
     cuts: Annotated[
-        str, typer.Option("--cuts-ms", metavar="MS,MS,...", help="How long the link is cut, in milliseconds.")
+        str, typer.Option("--cuts-ms", metavar="MS,MS,...", help="Lengths of the cuts, in milliseconds.")
     ] = "100,300,1000,3000",
 ) -> None:
-    """Two hosts whose link is cut: how long until both directions carry data again? Needs root."""
+    """Cut the link of two hosts, and time how soon both directions carry data again. Needs root."""
     from rcopterx.benchmarks.links import run
 
     cuts_s = [cut_ms / 1e3 for cut_ms in different_numbers(cuts, "--cuts-ms", lowest=1, highest=60_000)]
@@ -271,10 +271,10 @@ def hosts(
     as_json: JsonOption = False,
     rounds: Annotated[int, typer.Option(metavar="N", min=1, help="Flights of each kind.")] = 2,
     seconds: Annotated[
-        float, typer.Option(metavar="S", min=1, max=600, help="How long each flight is measured.")
+        float, typer.Option(metavar="S", min=1, max=600, help="Duration of each flight.")
     ] = 20.0,
 ) -> None:
-    """From pose to command over four hosts with mutual TLS, against one host without. Needs root."""
+    """Time pose to command over four hosts with mutual TLS, against one host without. Needs root."""
     from rcopterx.benchmarks.hosts import run
 
     with user_errors(), _network_errors():
@@ -302,11 +302,11 @@ def _host_lines(document: dict[str, Any]) -> str:
 def kill(
     as_json: JsonOption = False,
     repeats: Annotated[
-        int, typer.Option("--presses", metavar="N", min=1, help="How often each way is tried.")
+        int, typer.Option("--presses", metavar="N", min=1, help="Kills by each of the two ways.")
     ] = 20,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
-    """KILL by a script and by the space bar of the page; how long until every radio gets throttle low?"""
+    """Time KILL, by a script and by the space bar of the page, until every radio gets throttle low."""
     from rcopterx.benchmarks.kill_times import run
     from rcopterx.fleet.shipped import fleet_path
 
@@ -326,13 +326,13 @@ def _kill_lines(document: dict[str, Any]) -> str:
 @app.command()
 def page(
     as_json: JsonOption = False,
-    runs: Annotated[int, typer.Option(metavar="N", min=1, help="How often the page is started.")] = 5,
+    runs: Annotated[int, typer.Option(metavar="N", min=1, help="Starts of the page.")] = 5,
     from_start: Annotated[
         bool, typer.Option("--from-start", help="Start the fleet together with the page, each time.")
     ] = False,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
-    """From the start of the web page of a fleet that is up until it can be used in a browser."""
+    """Time the start of the web page of a fleet until it can be used in a browser."""
     from rcopterx.benchmarks.browser import NEEDED, browser_there
     from rcopterx.benchmarks.page_times import run
     from rcopterx.fleet.shipped import fleet_path
@@ -358,7 +358,7 @@ def alarms(
     busy: Annotated[int, typer.Option(metavar="N", min=0, help="Busy processes beside it.")] = 2,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
-    """A long hover beside busy processes; does the watchdog end one that does not hang? Exit code 1 if so."""
+    """Hover beside busy processes. Exit code 1 if the watchdog ends a process that does not hang."""
     from rcopterx.benchmarks.false_alarms import run
     from rcopterx.fleet.shipped import fleet_path
 
@@ -373,7 +373,7 @@ def alarms(
 
 @contextmanager
 def _network_errors() -> Iterator[None]:
-    """End with the reason where no network namespaces can be made."""
+    """Report that network namespaces cannot be made, without a traceback."""
     from rcopterx.benchmarks.namespaces import NetworkUnavailableError
 
     try:

@@ -35,10 +35,8 @@ def _unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rcopterx.kill, "time", clock)
 
 
-def record(address: BusAddress, names: tuple[str, ...] = ("h1", "h2")) -> RunningFleet:
-    return RunningFleet(
-        address.fleet, "0", address.namespace, "main", list(address.endpoints), [], list(names), ""
-    )
+def record(address: BusAddress, fleet: str = "lab") -> RunningFleet:
+    return RunningFleet(fleet, "0", address.namespace, "main", list(address.endpoints), [], ["h1", "h2"], "")
 
 
 @pytest.fixture
@@ -94,7 +92,7 @@ def test_a_fleet_that_is_named_is_the_only_one_that_obeys(
     bus_address: BusAddress, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rcopterx.kill, "CONFIRM_S", 0.3)
-    other = record(bus_address)._replace(fleet="attic")
+    other = record(bus_address, "attic")
     reason = "its transmitter gateway does not respond"
     assert kill([other], only="attic") == [Verdict("attic", name, reason) for name in ("h1", "h2")]
     assert [vehicle.state for vehicle in vehicles.values()] == ["disarmed", "disarmed"]
