@@ -71,7 +71,7 @@ class LeaderChanges:
         """Refuse an impossible request at once; else decide as soon as the plans of the leaders arrive."""
         refusal = self._leaders_problem(request)
         if refusal is not None:
-            incoming.answer(reply_of(refusal, ""))
+            incoming.answer(reply_of(refusal))
             return
         waiting = _Waiting(incoming, request, self._clock() + FIRST_PLAN_LIMIT_S)
         if isinstance(request, Follow):
@@ -272,6 +272,6 @@ class LeaderChanges:
         return f"{self._vehicle} follows {', '.join(names)}{end}"
 
 
-def reply_of(refusal: str | None, accepted: str) -> Reply:
+def reply_of(refusal: str | None, accepted: str = "") -> Reply:
     """Return a reply with the reason of a refusal, or with what was accepted."""
     return Reply(accepted=refusal is None, reason=(accepted if refusal is None else refusal)[:400])

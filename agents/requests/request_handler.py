@@ -30,6 +30,7 @@ from rcopterx.bus.requests import (
     Lead,
     PrepareLeaders,
     ReleaseControl,
+    Reply,
     Request,
     TakeControl,
     TakeOff,
@@ -41,9 +42,6 @@ from rcopterx.bus.session import Incoming
 from rcopterx.control.identification.excitation import Excitation
 from rcopterx.control.interfaces import AvoidsObstacles
 from rcopterx.vehicles.state import Array
-
-Decision = tuple[str | None, str]
-"""Reason of a refusal, or None and a description of what happens."""
 
 MOST_IN_A_STEP: Final = 2
 """Requests that are handled in one step; control comes in between."""
@@ -76,27 +74,27 @@ class RequestHandler:
         self._room = room
         self._changes = changes
         self._peers = peers
-        self._at_once: dict[type[Request], Callable[[Any], Decision]] = {
+        self.trajectories = TrajectoryRequests(
+            settings, pilot, self._no_trajectory, self._formation_check, wake
+        )
+        """The trajectory that is being checked."""
+        self._at_once: dict[type[Request], Callable[[Any], Reply]] = {
             TakeOff: self._take_off,
             Land: self._land,
             GoTo: self._go_to,
             Lead: self._lead,
             Excite: self._excite,
             TakeControl: self._take_control,
-            ReleaseControl: lambda request: (self._external.release(request.source), ""),
-            CommitLeaders: lambda request: (self._changes.commit(request), ""),
+            ReleaseControl: lambda request: reply_of(self._external.release(request.source)),
+            CommitLeaders: lambda request: reply_of(self._changes.commit(request)),
             WithdrawLeaders: self._withdraw,
         }
         self._later: dict[type[Request], Callable[[Incoming, Any], None]] = {
             Follow: self._changes.wait,
             PrepareLeaders: self._changes.wait,
             Tune: self._tune,
-            Fly: self._fly,
+            Fly: self.trajectories.begin,
         }
-        self.trajectories = TrajectoryRequests(
-            settings, pilot, self._no_trajectory, self._formation_check, wake
-        )
-        """The trajectory that is being checked."""
         self.events: Counter[str] = Counter()
         """Events of requests, by kind."""
         self.waiting: deque[Incoming] = deque()
@@ -120,16 +118,16 @@ class RequestHandler:
         request = incoming.request
         kind = type(request)
         if kind in _NEEDS_POSE and not self._pilot.ready:
-            incoming.answer(reply_of("the motion capture has not seen the vehicle", ""))
+            incoming.answer(reply_of("the motion capture has not seen the vehicle"))
         elif kind in self._later:
             self._later[kind](incoming, request)
         elif kind in self._at_once:
-            refusal, accepted = self._at_once[kind](request)
-            if refusal is None and kind in _CHANGES_REFERENCE:
+            reply = self._at_once[kind](request)
+            if reply.accepted and kind in _CHANGES_REFERENCE:
                 self.trajectories.withdraw(incoming.verb)
-            incoming.answer(reply_of(refusal, accepted))
+            incoming.answer(reply)
         else:
-            incoming.answer(reply_of(f"an agent does not serve {incoming.verb}", ""))
+            incoming.answer(reply_of(f"an agent does not serve {incoming.verb}"))
 
     def finish_tuning(self) -> bool:
         """Apply a prepared change and reply to its request; return whether there was one."""
@@ -137,17 +135,15 @@ class RequestHandler:
         if outcome is None:
             return False
         if self._tuned_by is not None:
-            refused = isinstance(outcome, ValueError)
-            self._tuned_by.answer(
-                reply_of(str(outcome) if refused else None, "" if refused else str(outcome))
-            )
+            refusal = str(outcome) if isinstance(outcome, ValueError) else None
+            self._tuned_by.answer(reply_of(refusal, str(outcome)))
             self._tuned_by = None
         return True
 
     def _tune(self, incoming: Incoming, request: Tune) -> None:
         refusal = self._tuning_problem(request)
         if refusal is not None:
-            incoming.answer(reply_of(refusal, ""))
+            incoming.answer(reply_of(refusal))
         else:
             self._tuned_by = incoming
 
@@ -166,13 +162,12 @@ class RequestHandler:
         self._tuning.begin(wanted)
         return None
 
-    def _take_off(self, request: TakeOff) -> Decision:
+    def _take_off(self, request: TakeOff) -> Reply:
         floor_m = float(self._pilot.estimate.motion[2])
         top_m = self._settings.volume_max_m[2]
         if floor_m + request.height_m > top_m:
-            return (
-                f"height_m: {request.height_m:g} m is above the flight volume, which ends at {top_m:g} m",
-                "",
+            return reply_of(
+                f"height_m: {request.height_m:g} m is above the flight volume, which ends at {top_m:g} m"
             )
         guidance = self._pilot.guidance
         problem = guidance.take_off_problem() or take_off_problem(
@@ -183,12 +178,12 @@ class RequestHandler:
             self._peers.statuses(),
             self._room,
         )
-        return problem or self._pilot.take_off(request.height_m), ""
+        return reply_of(problem or self._pilot.take_off(request.height_m))
 
-    def _land(self, _: Land) -> Decision:
-        return self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s), ""
+    def _land(self, _: Land) -> Reply:
+        return reply_of(self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s))
 
-    def _go_to(self, request: GoTo) -> Decision:
+    def _go_to(self, request: GoTo) -> Reply:
         position_m, yaw_rad = np.array(request.set_point.position_m), request.set_point.yaw_rad
         problem = (
             self._changes.promised()
@@ -196,13 +191,10 @@ class RequestHandler:
             or self._formation_check()(np.array([[*position_m, yaw_rad]]))
         )
         if problem is not None:
-            return problem, ""
+            return reply_of(problem)
         vehicle, models = self._settings.vehicle, self._settings.models
         turn = turn_limits_of(self._formation()[0], {vehicle: self._pilot.model, **models}, vehicle)
-        return self._pilot.guidance.go_to(position_m, yaw_rad, self._pilot.clock.time_s, turn), ""
-
-    def _fly(self, incoming: Incoming, request: Fly) -> None:
-        self.trajectories.begin(incoming, request)
+        return reply_of(self._pilot.guidance.go_to(position_m, yaw_rad, self._pilot.clock.time_s, turn))
 
     def _no_trajectory(self) -> str | None:
         return self._changes.promised() or self._pilot.guidance.flight_problem()
@@ -221,19 +213,19 @@ class RequestHandler:
             others = {name: at for name, at in places(links, heads).items() if name not in moved}
         return partial(move_problem, own, links=links, room=self._room, unrelated=others)
 
-    def _lead(self, _: Lead) -> Decision:
+    def _lead(self, _: Lead) -> Reply:
         self._changes.lead()
-        return None, f"{self._settings.vehicle} follows nobody"
+        return reply_of(None, f"{self._settings.vehicle} follows nobody")
 
-    def _withdraw(self, request: WithdrawLeaders) -> Decision:
+    def _withdraw(self, request: WithdrawLeaders) -> Reply:
         self._changes.withdraw(request)
-        return None, ""
+        return reply_of(None)
 
-    def _excite(self, request: Excite) -> Decision:
+    def _excite(self, request: Excite) -> Reply:
         exciter, guidance, clock = self._pilot.exciter, self._pilot.guidance, self._pilot.clock
         if request.duration_s == 0.0:
             exciter.end("ended by request")
-            return None, ""
+            return reply_of(None)
         problem = guidance.flight_problem() or self._changes.promised()
         if self._external.client:
             problem = f"{self._external.client} flies it from outside"
@@ -247,11 +239,13 @@ class RequestHandler:
         except ValueError as error:
             problem = problem or str(error)
         if problem is not None:
-            return problem, ""
+            return reply_of(problem)
         exciter.begin(excitation, place_m, request.reach_m, clock.time_s)
-        return None, f"for {request.duration_s:g} s within {request.reach_m:g} m of its set point"
+        accepted = f"for {request.duration_s:g} s within {request.reach_m:g} m of its set point"
+        return reply_of(None, accepted)
 
-    def _take_control(self, request: TakeControl) -> Decision:
+    def _take_control(self, request: TakeControl) -> Reply:
         if self._tuning.busy:
-            return "another controller is being prepared", ""
-        return self._external.take(request), f"{request.source} flies {self._settings.vehicle}"
+            return reply_of("another controller is being prepared")
+        refusal = self._external.take(request)
+        return reply_of(refusal, f"{request.source} flies {self._settings.vehicle}")

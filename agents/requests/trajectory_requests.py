@@ -50,7 +50,7 @@ class TrajectoryRequests:
         if problem is None and self._work.busy:
             problem = "another trajectory is being checked"
         if problem is not None:
-            incoming.answer(reply_of(problem, ""))
+            incoming.answer(reply_of(problem))
             return
         path, formation = FlightPath(request.knots.to_numpy()), self._formation_check()
         self._incoming, self._path = incoming, path
@@ -63,7 +63,7 @@ class TrajectoryRequests:
     def withdraw(self, verb: str) -> None:
         """Refuse the trajectory that is being checked, because a later request was accepted."""
         if self._incoming is not None:
-            self._incoming.answer(reply_of(f"overtaken by a later request: {verb}", ""))
+            self._incoming.answer(reply_of(f"overtaken by a later request: {verb}"))
             self._incoming = None
 
     def finish(self) -> bool:
@@ -75,7 +75,7 @@ class TrajectoryRequests:
         self._incoming = self._path = None
         problem = result[0] or self._refusal()
         if problem is not None:
-            incoming.answer(reply_of(problem, ""))
+            incoming.answer(reply_of(problem))
             return True
         guidance, time_s = self._pilot.guidance, self._pilot.clock.time_s
         present = guidance.source.sample(time_s, 1.0, 1).samples[0]
