@@ -23,13 +23,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import msgspec
 from msgspec import structs
 
-from rcopterx.vicon_gateway.client import ClientLimits, ClientState, StateName
-from rcopterx.vicon_gateway.datastream import StreamCounters
+from rcopterx.vicon_gateway.client import ClientLimits, ClientState, FrameClient
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 from rcopterx.vicon_gateway.root_pose import MAX_POSITION_MM
 
@@ -157,7 +156,7 @@ class _Child:
         return found
 
 
-class BrandClient:
+class BrandClient(FrameClient):
     """Frames of a motion-capture system of another brand; the interface of `client.DataStreamClient`.
 
     Create and use it in one thread: the child dies with the thread that started it. The library reports
@@ -176,19 +175,13 @@ class BrandClient:
         limits: ClientLimits = DEFAULT_LIMITS,
     ) -> None:
         check_brand(brand, settings, rate_hz, latency_s)
+        super().__init__(clock, limits)
         self._brand, self._settings = brand, dict(settings)
         self._period_s = 1.0 / rate_hz
         self._samples = (("Configured", latency_s),) if latency_s else ()
-        self._clock = clock
-        self._limits = limits
-        self._counters = StreamCounters()
-        self._name: StateName = "waiting"
         self._child: _Child | None = None
         self._subjects: dict[str, None] = {}
         self._starts = 0
-        self._last_error: str | None = None
-        self._pause_s = limits.retry_min_s
-        self._deadline_s = clock()
 
     @property
     def state(self) -> ClientState:
@@ -206,34 +199,22 @@ class BrandClient:
         """Process id of the child, None while there is none."""
         return None if self._child is None else self._child.pid
 
-    def next_frame(self, timeout_s: float) -> CapturedFrame | None:
-        """Wait for the next frame and return the newest; None when `timeout_s` is over."""
-        give_up_s = self._clock() + timeout_s
-        while self._name != "closed":
-            try:
-                frame = self._step(give_up_s)
-            except (_ChildError, OSError) as error:
-                self._fail(str(error))
-                frame = None
-            if frame is not None:
-                return frame
-            if self._clock() >= give_up_s:
-                return None
-        return None
-
     def close(self) -> None:
         """End the child; `next_frame` returns None from now on."""
         self._kill()
         self._name = "closed"
 
-    def __enter__(self) -> Self:
-        return self
+    def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
+        try:
+            return self._wait(give_up_s, now_s)
+        except (_ChildError, OSError) as error:
+            self._last_error = f"{self._brand}: {error}"
+            self._kill()
+            self._pause()
+            return None
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def _step(self, give_up_s: float) -> CapturedFrame | None:
-        timeout_s = max(0.0, min(give_up_s, self._deadline_s) - self._clock())
+    def _wait(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
+        timeout_s = max(0.0, min(give_up_s, self._deadline_s) - now_s)
         if self._child is None:
             if timeout_s > 0.0:
                 time.sleep(timeout_s)
@@ -243,12 +224,14 @@ class BrandClient:
         seen = self._child.read(timeout_s)
         now_s = self._clock()
         if seen:
-            self._name = "up"
-            self._pause_s = self._limits.retry_min_s
-            self._deadline_s = now_s + self._silence_limit_s()
+            self._received(now_s, self._period_s)
             return self._frame(seen, now_s)
         if now_s >= self._deadline_s:
-            limit_s = self._limits.connect_s if self._name == "connecting" else self._silence_limit_s()
+            limit_s = (
+                self._limits.connect_s
+                if self._name == "connecting"
+                else self._silence_limit_s(self._period_s)
+            )
             raise _ChildError(f"no frame for {limit_s:.3g} s")
         return None
 
@@ -282,16 +265,6 @@ class BrandClient:
             return SubjectPose(name, True, None, None, None)
         scale = math.copysign(1.0 / norm, w)
         return SubjectPose(name, False, body.position_m, (x * scale, y * scale, z * scale, w * scale), None)
-
-    def _silence_limit_s(self) -> float:
-        return max(self._limits.silence_periods * self._period_s, self._limits.silence_min_s)
-
-    def _fail(self, reason: str) -> None:
-        self._last_error = f"{self._brand}: {reason}"
-        self._kill()
-        self._name = "waiting"
-        self._deadline_s = self._clock() + self._pause_s
-        self._pause_s = min(2.0 * self._pause_s, self._limits.retry_max_s)
 
     def _kill(self) -> None:
         if self._child is not None:

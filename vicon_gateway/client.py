@@ -1,7 +1,4 @@
-"""DataStream client over TCP that connects, watches and reconnects by itself.
-
-Non-blocking; `next_frame` never raises for trouble with the network, `state` describes it.
-"""
+"""DataStream client over TCP that connects, watches and reconnects by itself."""
 
 import contextlib
 import errno
@@ -11,6 +8,7 @@ import select
 import socket
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Literal, NamedTuple, Self
 
@@ -79,53 +77,25 @@ class _LinkError(Exception):
     """The connection has failed; the text is the reason."""
 
 
-class DataStreamClient:
-    """Frames of a Tracker, newest first, for as long as the caller wants.
+class FrameClient(ABC):
+    """A source of frames that connects and reconnects by itself.
 
-    A host name is looked up in a thread of its own, because the look-up has no time limit. `record_raw`
-    stores all received bytes (`recording`); the caller closes it.
+    `next_frame` never raises for trouble with the source; `state` describes it.
     """
 
-    def __init__(
-        self,
-        host: str,
-        port: int = DEFAULT_PORT,
-        *,
-        clock: Callable[[], float] = time.monotonic,
-        limits: ClientLimits | None = None,
-        record_raw: Sink | None = None,
-    ) -> None:
-        self._host, self._port = host, port
+    def __init__(self, clock: Callable[[], float], limits: ClientLimits) -> None:
         self._clock = clock
-        self._limits = ClientLimits() if limits is None else limits
-        self._recorder = None if record_raw is None else RawRecorder(record_raw, clock)
+        self._limits = limits
         self._counters = StreamCounters()
         self._name: StateName = "waiting"
-        self._socket: socket.socket | None = None
-        self._poller, self._events = select.poll(), 0
-        self._lookup: _Lookup | None = None
-        self._session = DataStreamSession()
-        self._unsent = b""
-        self._tries = 0
-        self._connects = 0
-        self._received_bytes = 0
         self._last_error: str | None = None
-        self._pause_s = self._limits.retry_min_s
+        self._pause_s = limits.retry_min_s
         self._deadline_s = clock()
 
     @property
+    @abstractmethod
     def state(self) -> ClientState:
         """State of the client now."""
-        return ClientState(
-            name=self._name,
-            doing=self._sentence(),
-            last_error=self._last_error,
-            connects=self._connects,
-            **structs.asdict(self._counters),
-            received_bytes=self._received_bytes,
-            recorded_bytes=0 if self._recorder is None else self._recorder.recorded_bytes,
-            recording_error=None if self._recorder is None else self._recorder.error,
-        )
 
     def next_frame(self, timeout_s: float) -> CapturedFrame | None:
         """Wait for the next frame and return the newest; None when `timeout_s` is over.
@@ -143,10 +113,13 @@ class DataStreamClient:
                 return None
         return None
 
+    @abstractmethod
+    def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
+        """Wait for one event at most until `give_up_s` and handle it."""
+
+    @abstractmethod
     def close(self) -> None:
         """End the connection; `next_frame` returns None from now on."""
-        self._hang_up("closed by the user")
-        self._name = "closed"
 
     def __enter__(self) -> Self:
         return self
@@ -154,8 +127,70 @@ class DataStreamClient:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _received(self, now_s: float, period_s: float) -> None:
+        """Note that a frame has been received."""
+        self._name = "up"
+        self._pause_s = self._limits.retry_min_s
+        self._deadline_s = now_s + self._silence_limit_s(period_s)
+
+    def _pause(self) -> None:
+        """Wait before the next try, longer each time."""
+        self._name = "waiting"
+        self._deadline_s = self._clock() + self._pause_s
+        self._pause_s = min(2.0 * self._pause_s, self._limits.retry_max_s)
+
+    def _silence_limit_s(self, period_s: float) -> float:
+        return max(self._limits.silence_periods * period_s, self._limits.silence_min_s)
+
+
+class DataStreamClient(FrameClient):
+    """Frames of a Tracker, newest first, for as long as the caller wants.
+
+    A host name is looked up in a thread of its own, because the look-up has no time limit. `record_raw`
+    stores all received bytes (`recording`); the caller closes it.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int = DEFAULT_PORT,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        limits: ClientLimits | None = None,
+        record_raw: Sink | None = None,
+    ) -> None:
+        self._host, self._port = host, port
+        super().__init__(clock, ClientLimits() if limits is None else limits)
+        self._recorder = None if record_raw is None else RawRecorder(record_raw, clock)
+        self._socket: socket.socket | None = None
+        self._poller, self._events = select.poll(), 0
+        self._lookup: _Lookup | None = None
+        self._session = DataStreamSession()
+        self._unsent = b""
+        self._tries = 0
+        self._connects = 0
+        self._received_bytes = 0
+
+    @property
+    def state(self) -> ClientState:
+        """State of the client now."""
+        return ClientState(
+            name=self._name,
+            doing=self._sentence(),
+            last_error=self._last_error,
+            connects=self._connects,
+            **structs.asdict(self._counters),
+            received_bytes=self._received_bytes,
+            recorded_bytes=0 if self._recorder is None else self._recorder.recorded_bytes,
+            recording_error=None if self._recorder is None else self._recorder.error,
+        )
+
+    def close(self) -> None:
+        """End the connection; `next_frame` returns None from now on."""
+        self._hang_up("closed by the user")
+        self._name = "closed"
+
     def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
-        """Wait for one event at most until `give_up_s` and handle it."""
         timeout_s = max(0.0, min(give_up_s, self._deadline_s) - now_s)
         try:
             if self._socket is not None and self._name != "connecting":
@@ -226,9 +261,7 @@ class DataStreamClient:
         self._send(link)
         frame = self._session.take_frame()
         if frame is not None:
-            self._name = "up"
-            self._pause_s = self._limits.retry_min_s
-            self._deadline_s = now_s + self._silence_limit_s(frame.period_s)
+            self._received(now_s, frame.period_s)
         elif self._session.offer is not None and not had_offer:
             self._deadline_s = now_s + self._limits.connect_s
         elif now_s >= self._deadline_s:
@@ -262,9 +295,6 @@ class DataStreamClient:
             with contextlib.suppress(BlockingIOError):
                 self._unsent = self._unsent[link.send(self._unsent) :]
 
-    def _silence_limit_s(self, period_s: float) -> float:
-        return max(self._limits.silence_periods * period_s, self._limits.silence_min_s)
-
     def _silence(self) -> str:
         if self._session.offer is None:
             return f"connected, but no offer within {self._limits.connect_s} s: not a DataStream server?"
@@ -277,9 +307,7 @@ class DataStreamClient:
             self._counters.rejected += 1
         self._last_error = (error.strerror if isinstance(error, OSError) else None) or str(error)
         self._hang_up(self._last_error)
-        self._name = "waiting"
-        self._deadline_s = self._clock() + self._pause_s
-        self._pause_s = min(2.0 * self._pause_s, self._limits.retry_max_s)
+        self._pause()
 
     def _hang_up(self, reason: str) -> None:
         if self._socket is not None:

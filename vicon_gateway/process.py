@@ -17,7 +17,7 @@ from rcopterx.bus.rounding import TIME_BITS, monotonic_s, rounded
 from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import UnitSubscriptions
 from rcopterx.vicon_gateway.brands import BrandClient, check_library
-from rcopterx.vicon_gateway.client import ClientState, DataStreamClient
+from rcopterx.vicon_gateway.client import ClientState, DataStreamClient, FrameClient
 from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 from rcopterx.vicon_gateway.mapping import SubjectMap
@@ -49,7 +49,7 @@ class TrackerGateway:
     def __init__(
         self,
         settings: TrackerSettings,
-        client: DataStreamClient | BrandClient,
+        client: FrameClient,
         session: Session,
         realtime: bool,
         recording: Path | None = None,
@@ -235,7 +235,7 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
         heartbeat.ending()
 
 
-def _client(settings: TrackerSettings, record_raw: RecordingFile | None) -> DataStreamClient | BrandClient:
+def _client(settings: TrackerSettings, record_raw: RecordingFile | None) -> FrameClient:
     brand = settings.brand
     if brand is None:
         return DataStreamClient(settings.host, settings.port, record_raw=record_raw, clock=monotonic_s)
