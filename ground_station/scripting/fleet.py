@@ -1,8 +1,7 @@
 """The scripting interface of a fleet: every call is a request on the bus."""
 
-import math
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -93,7 +92,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             self.land()
         except FLIGHT_ERRORS as problem:
             first, *others = lines_of(problem)
-            _add_notes(error, (f"landing failed as well: {first}", *others))
+            for note in (f"landing failed as well: {first}", *others):
+                error.add_note(note)
 
     def __getitem__(self, name: str) -> Vehicle:
         """Vehicle of this name."""
@@ -243,17 +243,9 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
     def _wait_for_capacity(self) -> None:
         """Wait a while until agents know whether they are too many and control at half rate."""
-        if not self._hosts_measure():
-            return
-        with suppress(NotReachedError):
-            self.wait_until(
-                lambda: not self._hosts_measure(),
-                MEASURING_S,
-                "it is not known how many vehicles the hosts serve",
-            )
-
-    def _hosts_measure(self) -> bool:
-        return any(status.measuring for status in self.launchers().values())
+        self._notifier.wait_until(
+            lambda: not any(status.measuring for status in self.launchers().values()), MEASURING_S
+        )
 
     def join(self, name: str, height_m: float = 1.0, timeout_s: float = 20.0) -> str:
         """Start a vehicle that does not take part yet, take off, and follow its leaders of the fleet file.
@@ -355,9 +347,9 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             lambda: not any(vehicle.state.phase == "armed" for vehicle in landing), DISARM_S
         )
         if problems:
-            first, *others = problems
-            _add_notes(first, map(str, others))
-            raise first
+            for other in problems[1:]:
+                problems[0].add_note(str(other))
+            raise problems[0]
 
     def kill(self, names: Iterable[str] = (), reason: str = "operator", timeout_s: float = 1.0) -> None:
         """Cut the motors of some or all vehicles until `Vehicle.reset`; repeated until all arbiters confirm.
@@ -371,7 +363,6 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         wanted = message.vehicles or tuple(self.file.vehicles)
         from_s = self.session.clock()
         deadline_s = from_s + timeout_s
-
         confirmed: set[str] = set()
 
         def missing() -> list[str]:
@@ -391,8 +382,11 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """Whether an arbiter has reported after a time that it is killed; earlier reports may be outdated."""
         state = self.state_of(name)
         age_s = state.transmitter_age_s
-        reported_s = -math.inf if age_s is None else self.session.clock() - age_s
-        return state.transmitter_state == "killed" and reported_s > from_s
+        return (
+            state.transmitter_state == "killed"
+            and age_s is not None
+            and self.session.clock() - age_s > from_s
+        )
 
 
 @contextmanager
@@ -402,8 +396,3 @@ def _collected(problems: list[Exception]) -> Iterator[None]:
         yield
     except FLIGHT_ERRORS as error:
         problems.append(error)
-
-
-def _add_notes(error: BaseException, notes: Iterable[str]) -> None:
-    for note in notes:
-        error.add_note(note)
