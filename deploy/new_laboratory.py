@@ -1,4 +1,4 @@
-"""The first fleet file of a laboratory: from a few answers to commented TOML."""
+"""Writes the first fleet file of a laboratory, with comments, from a few answers."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,11 +10,11 @@ from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
 
 FOLLOWER_OFFSETS_M = ((-0.5, 0.5, 0.0), (-0.5, -0.5, 0.0))
-"""Of the second and the third vehicle; further ones fly another row behind."""
+"""Offsets of the second and third vehicle; further ones fly in rows behind them."""
 
 
 class NewVehicle(NamedTuple):
-    """A vehicle as the laboratory knows it: its name here, its name in the Tracker, its serial device."""
+    """A vehicle: its name, its name in the Tracker, its serial device."""
 
     name: str
     subject: str
@@ -22,37 +22,28 @@ class NewVehicle(NamedTuple):
 
 
 class NewLaboratory(NamedTuple):
-    """What has to be known before the first flight.
-
-    Attributes
-    ----------
-    name : str
-        Of the fleet.
-    tracker : str
-        HOST:PORT of the Tracker's data stream.
-    volume_min_m, volume_max_m : (3,)
-        Corners of the flight volume in the Tracker's world.
-    protocol : str
-        What all radio modules speak.
-    vehicles : sequence of NewVehicle
-        The first one leads.
-    """
+    """The answers about a laboratory."""
 
     name: str
+    """Name of the fleet."""
     tracker: str
+    """HOST:PORT of the Tracker's data stream."""
     volume_min_m: tuple[float, float, float]
     volume_max_m: tuple[float, float, float]
+    """Corners of the flight volume in the Tracker's frame."""
     protocol: str
+    """Protocol of all radio modules."""
     vehicles: Sequence[NewVehicle]
+    """The first one leads."""
 
 
 def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
-    """Write a fleet file that has passed every check which needs no hardware; never overwrite one.
+    """Write a fleet file that passes every check without hardware.
 
     Raises
     ------
     FleetError
-        An answer cannot be used, or there is such a file already.
+        An answer cannot be used, or the file exists.
     """
     text = fleet_file_text(laboratory, path)
     fleet = parse_fleet(text)
@@ -65,7 +56,7 @@ def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
 
 
 def fleet_file_text(laboratory: NewLaboratory, path: Path) -> str:
-    """The file for this path, with comments that say what to do next."""
+    """Return the text of the file, with comments on the next steps."""
     parts = [
         f"""\
 # Fleet of our laboratory. Every key, its unit, its default and its limits: docs/fleet_file.md
@@ -94,7 +85,7 @@ address = {quoted(laboratory.tracker)}
 
 
 def quoted(text: str) -> str:
-    """A TOML basic string."""
+    """Return text as a TOML basic string."""
     escaped = "".join(
         f"\\{sign}" if sign in '"\\' else f"\\u{ord(sign):04x}" if ord(sign) < 32 or sign == "\x7f" else sign
         for sign in text
@@ -122,7 +113,7 @@ def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -
         f"port = {quoted(vehicle.port)}",
         f"protocol = {quoted(laboratory.protocol)}",
         f"model_match = {number + 1}    # binds the receiver to this transmitter: one for every vehicle",
-        "# low_power = true    # worth trying indoors",
+        "# low_power = true    # often enough indoors",
         "",
     ]
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Limits of the arbiters from the fleet file; whoever only asks for them need not import a gateway."""
+"""Limits of the arbiters, from the fleet file."""
 
 from typing import Final
 
@@ -9,11 +9,11 @@ from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLim
 from rcopterx.vehicles.model import Model
 
 SLOWEST_YAW_PER_S: Final = 1.0
-"""A vehicle without yaw damping turns as far in a second as this one."""
+"""Yaw damping that is assumed for vehicles with less: they turn as far in a second."""
 
 
 def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
-    """Limits the transmitter gateway enforces for a vehicle."""
+    """Return the limits that the transmitter gateway enforces for a vehicle."""
     table = dict(fleet.safety.settings)
     surveillance, landing = table.pop("surveillance", {}), table.pop("landing", {})
     for field, part in (("surveillance", surveillance), ("landing", landing)):
@@ -39,7 +39,7 @@ def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
 
 
 def landing_of(model: Model) -> LandingLimits:
-    """What a vehicle's nominal model tells the law that lands it."""
+    """Return the parameters of the landing law for a nominal model."""
     pitch, roll, thrust, yaw = model.input_gain
     return LandingLimits(
         input_gain=(pitch, roll, thrust), yaw_rate_gain_rad_s=yaw / max(-model.damping[3], SLOWEST_YAW_PER_S)

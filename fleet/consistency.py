@@ -1,4 +1,4 @@
-"""Checks that names, hosts, leaders and devices of a fleet file refer to each other correctly."""
+"""Checks that names, hosts, leaders and devices in a fleet file are consistent."""
 
 import ipaddress
 import os.path
@@ -14,7 +14,7 @@ def check_consistency(fleet: FleetFile) -> None:
     Raises
     ------
     FleetError
-        Names the path of the bad field and what is allowed.
+        Names the path of the wrong field and what is allowed.
     """
     _check_vehicles(fleet)
     _check_hosts(fleet)
@@ -124,7 +124,7 @@ def _check_security(fleet: FleetFile) -> None:
 
 
 def is_loopback(address: str) -> bool:
-    """Whether only this computer reaches an address."""
+    """Whether only this computer can reach an address."""
     try:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:

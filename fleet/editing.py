@@ -1,4 +1,4 @@
-"""Writes calibrations and models back into a fleet file: comments survive, and it is never half written."""
+"""Writes calibrations and models into a fleet file; comments stay, and the file is replaced as a whole."""
 
 import os
 import tempfile
@@ -34,26 +34,12 @@ CHANNELS = ("pitch", "roll", "throttle", "yaw")
 
 
 def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> list[str]:
-    """Replace what differs in the calibration of a vehicle.
-
-    Parameters
-    ----------
-    path
-        Fleet file; it keeps its comments, its order and its permissions.
-    vehicle
-        Name of the vehicle.
-    calibration
-        What the file shall say.
-
-    Returns
-    -------
-    list of str
-        What was changed, a line each: field, old and new value.
+    """Change the calibration of a vehicle; return a line for each changed field, with old and new value.
 
     Raises
     ------
     FleetError
-        The file cannot be used, or comes with the package and belongs to everybody; nothing was written.
+        The file cannot be used, or comes with the package; nothing was written.
     """
     path = _own(path)
     present = calibration_of(load_fleet(path).vehicles[vehicle], vehicle)
@@ -69,26 +55,14 @@ def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> lis
 
 
 def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
-    """Replace what differs in the model of a vehicle; numbers are rounded to `DIGITS` significant digits.
+    """Change the model of a vehicle; return a line for each changed field, with old and new value.
 
-    Parameters
-    ----------
-    path
-        Fleet file; it keeps its comments, its order and its permissions.
-    vehicle
-        Name of the vehicle.
-    model
-        What the file shall say; bounds of the position stay those of the volume.
-
-    Returns
-    -------
-    list of str
-        What was changed, a line each: field, old and new value.
+    Only the fields in `FITTED` are written, rounded to `DIGITS` significant digits.
 
     Raises
     ------
     FleetError
-        The file cannot be used, or comes with the package and belongs to everybody; nothing was written.
+        The file cannot be used, or comes with the package; nothing was written.
     """
     path = _own(path)
     before, after = _plain(model_of(load_fleet(path), vehicle)), _plain(model)
@@ -113,20 +87,14 @@ def _rewrite(
     edit: Callable[[Any], list[str]],
     reads_back: Callable[[FleetFile], bool],
 ) -> list[str]:
-    """Edit one table of a fleet file.
+    """Edit one table of a fleet file, created (on one line if `inline`) if missing.
 
     Parameters
     ----------
-    path
-        Of the user's own file.
-    keys
-        Of the table; made, inline or not, where there is none.
-    inline
-        Whether a table that is new stands on one line.
     edit
-        Changes the table; returns a line for each change. Without any the file stays untouched.
+        Changes the table and returns a line for each change. Without changes nothing is written.
     reads_back
-        Whether the changed file says what it shall.
+        Whether the changed file has the wanted values.
     """
     document = _document(path)
     lines = edit(_table(document, keys, inline))
@@ -140,7 +108,7 @@ def _rewrite(
 
 
 def _plain(model: Model) -> dict[str, Any]:
-    """Rounded numbers of a model, those that a fit may change."""
+    """Return the fields of a model in `FITTED`, rounded."""
     plain = msgspec.to_builtins(model)
     return {name: _rounded(plain[name]) for name in FITTED}
 
@@ -176,13 +144,7 @@ def _text(value: Any) -> str:
 
 
 def _own(path: Path) -> Path:
-    """Resolved path of a file that is the user's.
-
-    Raises
-    ------
-    FleetError
-        It comes with the package.
-    """
+    """Return the resolved path of a file that does not come with the package."""
     path = path.resolve()
     if path in (shipped.resolve() for shipped in shipped_fleets().values()):
         raise FleetError(f"{path}: comes with the package and is not changed; copy it and use the copy")
@@ -190,13 +152,7 @@ def _own(path: Path) -> Path:
 
 
 def check_own(path: Path) -> None:
-    """Make sure that a fleet file may be written to.
-
-    Raises
-    ------
-    FleetError
-        It comes with the package, or cannot be used.
-    """
+    """Check that a fleet file can be read and does not come with the package."""
     load_fleet(_own(path))
 
 
@@ -208,7 +164,7 @@ def _document(path: Path) -> tomlkit.TOMLDocument:
 
 
 def _table(document: tomlkit.TOMLDocument, keys: Sequence[str], inline: bool) -> Any:
-    """A table of a document, made where there is none."""
+    """Return a table of a document, created if missing."""
     table: Any = document
     for key in keys:
         if key not in table:
@@ -226,7 +182,7 @@ def _set_channel(
     lines = []
     for item in fields(after):
         old, new = getattr(before, item.name), getattr(after, item.name)
-        # A table that is new must repeat what differs from the defaults of a channel of any kind.
+        # A new table must state what differs from the defaults of its type.
         if old != new or (
             item.name not in table[channel] and (item.default is MISSING or new != item.default)
         ):

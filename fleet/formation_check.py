@@ -1,4 +1,4 @@
-"""Refuses a fleet file whose formation does not fit into its volume or brings vehicles too close together."""
+"""Refuses formations that do not fit into the flight volume or bring vehicles too close together."""
 
 from itertools import combinations
 
@@ -12,7 +12,7 @@ TOLERANCE_M = 1e-6
 
 
 def links_of(fleet: FleetFile) -> dict[str, tuple[LeaderLink, ...]]:
-    """Leaders of every vehicle by the file."""
+    """Return the leaders of every vehicle."""
     return {
         name: tuple(
             LeaderLink(
@@ -29,12 +29,12 @@ def links_of(fleet: FleetFile) -> dict[str, tuple[LeaderLink, ...]]:
 
 
 def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:
-    """Make sure that each formation of the file can be flown, its leader at heading zero.
+    """Check that each formation can be flown with its leader at heading zero.
 
     Raises
     ------
     FleetError
-        Names a vehicle that would be too close to another one, or too far away from one for the volume.
+        Two vehicles would be too close to each other, or too far apart for the volume.
     """
     links = links_of(fleet)
     where = places(links, {name: np.zeros(4) for name, own in links.items() if not own})

@@ -10,11 +10,11 @@ from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProt
 from rcopterx.transmitter_gateway.protocols.registry import create_protocol, default_line
 
 MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
-"""Option of each radio protocol that holds the number of the model match; the others send none."""
+"""Option for the number of the model match, by radio protocol; the others send none."""
 
 
 def calibration_of(vehicle: VehicleConfig, name: str) -> Calibration:
-    """Calibration of a vehicle's transmitter."""
+    """Return the calibration of a vehicle's transmitter."""
     return dataclass_from(
         Calibration, vehicle.transmitter.calibration, f"vehicles.{name}.transmitter.calibration"
     )

@@ -1,4 +1,4 @@
-"""Reads the fleet file: one TOML document, refused as a whole with the path of the bad field."""
+"""Reads a fleet file: a TOML document, refused as a whole with the path of the wrong field."""
 
 import math
 import re
@@ -22,22 +22,12 @@ _STEP = re.compile(r"\.(\w+)|\[")
 
 
 def load_fleet(path: Path) -> FleetFile:
-    """Read and validate a fleet file.
-
-    Parameters
-    ----------
-    path
-        A TOML file, or a snapshot of one (JSON).
-
-    Returns
-    -------
-    FleetFile
-        Consistent in itself: names, hosts, leaders and devices refer to each other correctly.
+    """Read and validate a fleet file (TOML), or a snapshot of one (JSON).
 
     Raises
     ------
     FleetError
-        Names the file, the path of the bad field, and what is allowed.
+        Names the file, the path of the wrong field, and what is allowed.
     """
     if path.is_dir():
         raise FleetError(f"{path}: cannot be read: a directory; name the fleet file in it")
@@ -71,7 +61,7 @@ def parse_fleet(text: str) -> FleetFile:
         }
     elif defaults:
         raise FleetError("defaults: must be a table of vehicle fields")
-    # One by one first, because a fault anywhere in a mapping is reported without its key.
+    # One by one first, because msgspec reports errors in a mapping without their key.
     for group, kind in (("vehicles", VehicleConfig), ("hosts", HostConfig), ("gateways", GatewayConfig)):
         tables = raw.get(group)
         for name, table in tables.items() if isinstance(tables, dict) else ():
@@ -83,36 +73,23 @@ def parse_fleet(text: str) -> FleetFile:
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables laid over each other, deeply; values of `over` win."""
+    """Merge two tables recursively; values of `over` win."""
     result = dict(base)
     for key, value in over.items():
         present = result.get(key)
-        both = isinstance(present, dict) and isinstance(value, dict)
-        result[key] = merged(present, value) if both and isinstance(present, dict) else value
+        if isinstance(present, Mapping) and isinstance(value, Mapping):
+            value = merged(present, value)
+        result[key] = value
     return result
 
 
 def converted(raw: object, kind: type[T], where: str) -> T:
-    """Typed object from a table of the file.
-
-    Parameters
-    ----------
-    raw
-        The table.
-    kind
-        Type wanted.
-    where
-        Path of the table in the file, empty for the whole file.
-
-    Returns
-    -------
-    T
-        The object.
+    """Convert a table at the path `where` of the file (empty for the whole file) to a type.
 
     Raises
     ------
     FleetError
-        Wrong type, missing or unknown field, or a value the type refuses; names the path of the field.
+        Wrong type, missing or unknown field, or a value that the type refuses; names the path of the field.
     """
     try:
         return msgspec.convert(raw, kind)
@@ -126,7 +103,7 @@ def converted(raw: object, kind: type[T], where: str) -> T:
 
 
 def _check_finite(value: object, where: str) -> None:
-    """TOML knows nan and inf; nothing in a fleet is either."""
+    """Refuse nan and inf, which TOML permits."""
     if isinstance(value, float) and not math.isfinite(value):
         raise FleetError(f"{where}: {value} is not a finite number")
     if isinstance(value, dict):
@@ -138,26 +115,12 @@ def _check_finite(value: object, where: str) -> None:
 
 
 def dataclass_from(kind: type[T], table: Mapping[str, Any], where: str) -> T:
-    """Build a dataclass from a table.
-
-    Parameters
-    ----------
-    kind
-        A dataclass type, possibly with dataclass fields.
-    table
-        Values by field name; tables for dataclass fields.
-    where
-        Path of the table in the fleet file.
-
-    Returns
-    -------
-    T
-        The object; fields that the table leaves out keep their defaults.
+    """Build a dataclass, possibly with dataclass fields, from a table at the path `where` of the file.
 
     Raises
     ------
     FleetError
-        Unknown field, wrong type, or a value the dataclass refuses.
+        Unknown field, wrong type, or a value that the dataclass refuses.
     """
     _refuse_unknown(kind, table, where)
     return converted(dict(table), kind, where)
@@ -176,35 +139,17 @@ def _refuse_unknown(kind: Any, table: Mapping[str, Any], where: str) -> None:
 
 
 def replaced(original: T, table: Mapping[str, Any], where: str) -> T:
-    """Copy of a dataclass object with some fields changed by a table; errors as in `dataclass_from`."""
-    _refuse_unknown(type(original), table, where)
-    return dataclass_from(type(original), _merged(msgspec.to_builtins(original), table), where)
-
-
-def _merged(values: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
-    """Values with those of a table in their place, tables inside tables likewise."""
-    merged = dict(values)
-    for name, value in table.items():
-        before = merged.get(name)
-        both = isinstance(value, Mapping) and isinstance(before, Mapping)
-        merged[name] = _merged(before, value) if both and before is not None else value
-    return merged
+    """Copy a dataclass object with fields changed by a table; errors as in `dataclass_from`."""
+    return dataclass_from(type(original), merged(msgspec.to_builtins(original), table), where)
 
 
 def _allowed_at(kind: Any, below: str) -> tuple[str, ...]:
-    """Names that a place of a file may have: fields of a table, or words of a choice.
+    """Return the fields of a table, or the words of a choice, at a place below a type.
 
     Parameters
     ----------
-    kind
-        Type of the table that `below` begins at.
     below
-        Path as msgspec tells it, for instance `.transmitter` or `.follow[0].frame`.
-
-    Returns
-    -------
-    tuple of str
-        Empty where neither names nor words are listed, for instance for a number.
+        Path as in errors of msgspec, for instance `.transmitter` or `.follow[0].frame`.
     """
     node: Any = inspect.type_info(kind)
     for step in _STEP.finditer(below):
@@ -216,7 +161,7 @@ def _allowed_at(kind: Any, below: str) -> tuple[str, ...]:
 
 
 def _inside(node: Any, name: str | None) -> Any:
-    """Type of a field of a table, or of the items of a mapping or an array."""
+    """Return the type of a field of a table, or of the items of a mapping or an array."""
     match node:
         case inspect.StructType():
             return next(field.type for field in node.fields if field.encode_name == name)

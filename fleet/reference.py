@@ -1,6 +1,6 @@
 """Writes the page of the fleet file: `python -m rcopterx.fleet.reference > docs/fleet_file.md`.
 
-Keys, types, defaults, limits and what they mean are read from the types that read the file.
+Keys, types, defaults, limits and meanings come from the types in `schema`.
 """
 
 import ast
@@ -55,7 +55,7 @@ Generated from the types that read the file by `python -m rcopterx.fleet.referen
 
 A fleet is one TOML file. Only `name` and one vehicle with `subject` and `transmitter.port` are needed;
 everything else has a default. A file with a wrong or unknown key is refused as a whole, with the path of the
-key and what is allowed, and nothing is started. This is a whole file:
+key and what is allowed, and nothing is started. A complete file:
 
 ```toml
 {example}```
@@ -95,12 +95,12 @@ UNITS: Final = {
     "_m": "m",
     "_s": "s",
 }
-"""Units by the end of a key; the first that fits counts."""
+"""Units by the end of a key; the first match counts."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """A table of the file: where it stands, the type that reads it, and what else is to be said."""
+    """A table of the file: its path and type, a note, and a default for all fields that the type lacks."""
 
     path: str
     kind: type
@@ -109,7 +109,7 @@ class Section:
 
 
 def sections() -> list[Section]:
-    """All tables of the fleet file, in the order of the page."""
+    """Return all tables of the fleet file, in the order of the page."""
     vehicle = "vehicles.NAME"
     control, transmitter = f"{vehicle}.control", f"{vehicle}.transmitter"
     calibration, model = f"{transmitter}.calibration", f"{vehicle}.model"
@@ -171,7 +171,7 @@ def sections() -> list[Section]:
         Section(
             model,
             Model,
-            "Written by `rcopterx identify`. What is left out is as the `type` says.",
+            "Written by `rcopterx identify`. The `type` gives the other values.",
             own_default="of the type",
         ),
         Section(f"{model}.tilt", TiltModel, own_default="of the type"),
@@ -188,7 +188,7 @@ PROTOCOLS: Final[dict[str, type]] = {
 
 
 def reference() -> str:
-    """Text of `docs/fleet_file.md`."""
+    """Return the text of `docs/fleet_file.md`."""
     lines = [HEAD.replace("{example}", EXAMPLE)]
     done: set[str] = set()
     for section in sections():
@@ -198,7 +198,7 @@ def reference() -> str:
 
 
 def _section(section: Section, first: bool) -> Iterator[str]:
-    """Heading, purpose, remark, and a row for every key."""
+    """Yield heading, purpose, note, and a row for every key."""
     if first:
         yield f"## {f'[{section.path}]' if section.path else 'Top level'}"
         yield ""
@@ -221,7 +221,7 @@ def _purpose(kind: type) -> str:
 
 
 def meanings_of(kind: type) -> dict[str, str]:
-    """What the source says of the fields of a type: strings below them, and parameters of its docstring."""
+    """Return the documentation of the fields of a type: strings below them, or its parameter section."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__[:-1]):
         if base.__module__.partition(".")[0] == "msgspec":
@@ -236,7 +236,7 @@ _PARAMETER: Final = re.compile(r"^(\w+(?:, \w+)*)(?: : [^\n]*)?\n((?: {4}[^\n]*\
 
 
 def _parameters(text: str) -> Iterator[tuple[str, str]]:
-    """Entries of the section Parameters or Attributes of a docstring."""
+    """Yield the entries of the section Parameters or Attributes of a docstring."""
     _, _, entries = text.partition("----\n")
     for names, meaning in _PARAMETER.findall(entries.partition("\n\n")[0] + "\n"):
         for name in names.split(", "):
@@ -263,7 +263,7 @@ def _holds_tables(value: Any) -> bool:
 
 
 def _type(kind: Any) -> str:
-    """A key's type as text."""
+    """Return the type of a key as text."""
     match kind:
         case types.BoolType():
             return "boolean"

@@ -1,4 +1,4 @@
-"""A snapshot of a fleet file: what the processes of a fleet go by for as long as the fleet is up."""
+"""Snapshots of a fleet file, which the processes of a fleet read while the fleet is up."""
 
 import hashlib
 from pathlib import Path
@@ -11,19 +11,19 @@ SUFFIX = ".json"
 
 
 def write_snapshot(fleet: FleetFile, path: Path) -> None:
-    """Write everything the file said, defaults included, so that later changes of the file change nothing."""
+    """Write a fleet file with its defaults, so that later changes of the file have no effect."""
     temporary = path.with_suffix(".new")
     temporary.write_bytes(encoded(fleet))
     temporary.replace(path)
 
 
 def encoded(fleet: FleetFile) -> bytes:
-    """What a snapshot holds."""
+    """Return the content of a snapshot."""
     return msgspec.json.encode(fleet)
 
 
 def read_snapshot(path: Path) -> FleetFile:
-    """Fleet of a snapshot.
+    """Return the fleet of a snapshot.
 
     Raises
     ------
@@ -39,12 +39,12 @@ def read_snapshot(path: Path) -> FleetFile:
 
 
 def snapshot_of(content: bytes) -> FleetFile:
-    """Fleet that was `encoded`.
+    """Return the fleet of the content of a snapshot.
 
     Raises
     ------
     FleetError
-        It was not.
+        It is no snapshot.
     """
     try:
         return msgspec.json.decode(content, type=FleetFile)
@@ -53,10 +53,10 @@ def snapshot_of(content: bytes) -> FleetFile:
 
 
 def digest_of(fleet: FleetFile) -> str:
-    """Short digest of a fleet file; two files with the same one mean the same fleet.
+    """Return a short digest that identifies a fleet.
 
-    Comments and order do not count. Neither do calibrations and models, which `rcopterx calibrate` and
-    `rcopterx identify` may write while the fleet is up: it goes on with those it was started with.
+    It ignores comments, order, calibrations and models: `rcopterx calibrate` and `rcopterx identify` may
+    change the file while the fleet is up.
     """
     plain = msgspec.to_builtins(fleet)
     for vehicle in plain["vehicles"].values():

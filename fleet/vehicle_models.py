@@ -9,12 +9,12 @@ from rcopterx.vehicles.types import TYPES
 
 
 def model_of(fleet: FleetFile, name: str) -> Model:
-    """Model of a vehicle: its type with the parameters the file changes and the volume's position bounds.
+    """Return the model of a vehicle: its type, the parameters in the file, and the volume as position bounds.
 
     Raises
     ------
     FleetError
-        Unknown type or parameter.
+        The type or a parameter is unknown.
     """
     vehicle = fleet.vehicles[name]
     where = f"vehicles.{name}"

@@ -1,1 +1,1 @@
-"""Certificates of a fleet: who has one, where they lie, how they are issued and checked."""
+"""Certificates of a fleet: names, files, issuing and checking."""

@@ -1,4 +1,4 @@
-"""Where the certificates of a fleet lie, and which of them this computer shows."""
+"""Files of the certificates of a fleet, and the certificate that this computer shows."""
 
 import os
 from dataclasses import astuple
@@ -11,27 +11,27 @@ from rcopterx.fleet.schema import FleetError, FleetFile
 
 AUTHORITY: Final = "authority"
 CHOICE: Final = "RCOPTERX_CERTIFICATE"
-"""Environment variable that names the certificate to show, for whoever has several."""
+"""Environment variable with the name of the certificate to show, where there are several."""
 
 
 def directory_of(fleet: FleetFile) -> Path | None:
-    """Directory of the certificates; None for a fleet without them."""
+    """Return the directory of the certificates; None for a fleet without them."""
     chosen = fleet.security.certificates
     return None if chosen is None else Path(chosen).expanduser()
 
 
 def certificate_path(directory: Path, name: str) -> Path:
-    """File of a certificate."""
+    """Return the file of a certificate."""
     return directory / f"{name}.pem"
 
 
 def key_path(directory: Path, name: str) -> Path:
-    """File of a private key."""
+    """Return the file of a private key."""
     return directory / f"{name}.key"
 
 
 def credentials(directory: Path, name: str) -> Credentials:
-    """Files by which a process shows a certificate."""
+    """Return the files that a process needs to show a certificate."""
     return Credentials(
         authority=str(certificate_path(directory, AUTHORITY)),
         certificate=str(certificate_path(directory, name)),
@@ -40,22 +40,15 @@ def credentials(directory: Path, name: str) -> Credentials:
 
 
 def own_name(fleet: FleetFile, host: str) -> str | None:
-    """Which certificate processes of this computer show to routers that ask for one.
+    """Return the name of the certificate that this computer shows to the router of a host, if it has one.
 
-    What `RCOPTERX_CERTIFICATE` names; else that of the host, or of the first operator, watcher, or other host
-    whose key can be read here.
-
-    Parameters
-    ----------
-    fleet
-        The fleet file.
-    host
-        Host whose router is looked for.
+    `RCOPTERX_CERTIFICATE` names it; else it is that of the host, or of the first operator, watcher, or other
+    host whose key is readable.
 
     Raises
     ------
     FleetError
-        What is named cannot be read.
+        The key of the certificate that `RCOPTERX_CERTIFICATE` names is not readable.
     """
     directory = directory_of(fleet)
     if directory is None:
@@ -70,25 +63,19 @@ def own_name(fleet: FleetFile, host: str) -> str | None:
 
 
 def readable(directory: Path, name: str) -> bool:
-    """Whether a certificate and its key are here, for this user."""
+    """Whether this user can read a certificate and its key."""
     return all(
         os.access(path, os.R_OK) for path in (certificate_path(directory, name), key_path(directory, name))
     )
 
 
 def own_credentials(fleet: FleetFile, host: str) -> Credentials | None:
-    """What processes of this computer show; None in a fleet without certificates, or where none is here.
-
-    Raises
-    ------
-    FleetError
-        See `own_name`.
-    """
+    """Return the files of the certificate `own_name`; None without one."""
     directory, name = directory_of(fleet), own_name(fleet, host)
     return None if directory is None or name is None else credentials(directory, name)
 
 
 def shown(fleet: FleetFile, host: str) -> list[str] | None:
-    """As `own_credentials`, for records of running fleets."""
+    """Return the fields of `own_credentials`, for records of running fleets."""
     own = own_credentials(fleet, host)
     return None if own is None else list(astuple(own))

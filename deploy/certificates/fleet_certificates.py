@@ -1,4 +1,4 @@
-"""All certificates of a fleet: which are made, kept or replaced."""
+"""Makes and renews all certificates of a fleet."""
 
 from datetime import datetime
 
@@ -9,36 +9,29 @@ from rcopterx.deploy.certificates.names import certificate_names, host_name
 from rcopterx.fleet.schema import FleetError, FleetFile
 
 LOCAL_NAMES = ("127.0.0.1", "localhost")
-"""By which processes of a host reach its router, too."""
+"""Further names by which processes of a host reach its router."""
 
 
 def make_certificates(
     fleet: FleetFile, now: datetime, days: float, *, renew: bool = False, new_authority: bool = False
 ) -> list[str]:
-    """Make what is missing, expires soon, or is for another address.
+    """Make the certificates that are missing, expire soon, or are for another address; report each.
 
     Parameters
     ----------
-    fleet
-        The fleet file, loaded.
     now
         Present time, with its zone.
     days
-        How long new certificates are valid.
+        Validity of new certificates.
     renew
         Issue every certificate again.
     new_authority
-        Begin with another authority, so that no certificate of before is accepted.
-
-    Returns
-    -------
-    list of str
-        A line for everything that was made.
+        Replace the authority, so that all earlier certificates become invalid.
 
     Raises
     ------
     FleetError
-        The fleet file names no directory, or what is in it is damaged.
+        The fleet file names no directory, or files in it are damaged.
     OSError
         Files cannot be read or written.
     """
@@ -72,7 +65,7 @@ def make_certificates(
 
 
 def _addresses(fleet: FleetFile, name: str) -> list[str]:
-    """Where the owner of a certificate is reached."""
+    """Return the addresses of the owner of a certificate."""
     for host, table in fleet.hosts.items():
         if name == host_name(host):
             return [*dict.fromkeys((table.address, *LOCAL_NAMES))]

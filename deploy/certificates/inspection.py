@@ -1,4 +1,4 @@
-"""Whether the certificates that are here can be used."""
+"""Checks of the certificates on this computer."""
 
 import os
 import stat
@@ -15,28 +15,12 @@ WARN_DAYS: Final = 14
 
 
 def read_certificate(path: Path) -> x509.Certificate:
-    """A certificate from its file.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    ValueError
-        It is damaged.
-    """
+    """Read a certificate; raises `OSError`, or `ValueError` if the file is damaged."""
     return x509.load_pem_x509_certificate(path.read_bytes())
 
 
 def problem(directory: Path, name: str, now: datetime) -> str | None:
-    """Why a certificate cannot be used; None if it can.
-
-    Parameters
-    ----------
-    directory, name
-        Where it lies, and whose it is.
-    now
-        Present time, with its zone.
-    """
+    """Return why a certificate cannot be used at the time `now`; None if it can."""
     path = certificate_path(directory, name)
     try:
         authority = read_certificate(certificate_path(directory, AUTHORITY))
@@ -62,7 +46,7 @@ def problem(directory: Path, name: str, now: datetime) -> str | None:
 
 
 def expiry_warning(directory: Path, name: str, now: datetime) -> str | None:
-    """That a usable certificate will soon expire; None if it will not."""
+    """Return a warning if a usable certificate expires soon."""
     left = read_certificate(certificate_path(directory, name)).not_valid_after_utc - now
     if left > timedelta(days=WARN_DAYS):
         return None

@@ -1,4 +1,4 @@
-"""Issues the certificates of a fleet: an authority of its own, and one for everybody who takes part."""
+"""Issues the certificates of a fleet by an authority of its own."""
 
 import ipaddress
 import os
@@ -18,21 +18,21 @@ from rcopterx.deploy.certificates.inspection import read_certificate
 
 AUTHORITY_DAYS: Final = 3650
 BACKDATED: Final = timedelta(hours=1)
-"""Certificates are valid a little earlier than they were made: clocks of hosts differ."""
+"""Certificates are valid from a little before they are made, because clocks of hosts differ."""
 RENEW_DAYS: Final = 30
-"""Certificates that are valid for less than that are issued again."""
+"""Certificates that expire earlier are issued again."""
 
 
 @dataclass(frozen=True)
 class Authority:
-    """Who issues certificates."""
+    """Certificate and key that sign certificates."""
 
     certificate: x509.Certificate
     key: ec.EllipticCurvePrivateKey
 
 
 def new_authority(fleet: str, directory: Path, now: datetime) -> Authority:
-    """Make an authority and keep it; certificates of an earlier one are worth nothing from then on."""
+    """Make an authority and write it; certificates of an earlier one become invalid."""
     key = ec.generate_private_key(ec.SECP256R1())
     name = _name(f"rcopterx {fleet}")
     certificate = (
@@ -46,15 +46,7 @@ def new_authority(fleet: str, directory: Path, now: datetime) -> Authority:
 
 
 def read_authority(directory: Path) -> Authority:
-    """The authority that is kept in a directory.
-
-    Raises
-    ------
-    OSError
-        A file cannot be read.
-    ValueError
-        A file is damaged.
-    """
+    """Read the authority in a directory; raises `OSError`, or `ValueError` if a file is damaged."""
     certificate = read_certificate(certificate_path(directory, AUTHORITY))
     key = serialization.load_pem_private_key(key_path(directory, AUTHORITY).read_bytes(), password=None)
     if not isinstance(key, ec.EllipticCurvePrivateKey):
@@ -65,22 +57,18 @@ def read_authority(directory: Path) -> Authority:
 def issue(
     authority: Authority, directory: Path, name: str, addresses: Collection[str], now: datetime, days: float
 ) -> None:
-    """Issue a certificate with a new key, and keep both.
+    """Issue a certificate with a new key, and write both into a directory; only their owner can read the key.
 
     Parameters
     ----------
-    authority
-        Who issues it.
-    directory
-        Where it is kept; the key is readable for its owner only.
     name
         Common name.
     addresses
-        Addresses and names at which its owner is reached; none for whoever only connects to others.
+        Addresses and names of its owner; none for owners that only connect to others.
     now
         Present time, with its zone.
     days
-        How long it is valid; below zero it has expired already, for tests.
+        Validity; a negative one has expired already, for tests.
     """
     key = ec.generate_private_key(ec.SECP256R1())
     names = [_address(address) for address in addresses]
@@ -103,14 +91,14 @@ def issue(
 def due(
     authority: Authority, directory: Path, name: str, addresses: Collection[str], now: datetime
 ) -> str | None:
-    """Why a certificate has to be issued, in a word or two; None if the one that is there will do."""
+    """Return why a certificate has to be issued, in a word or two; None if the present one is good."""
     path = certificate_path(directory, name)
     if not path.exists() or not key_path(directory, name).exists():
         return "new"
     try:
         present = read_certificate(path)
         present.verify_directly_issued_by(authority.certificate)
-    except Exception:  # noqa: BLE001 - whatever is wrong with it, it has to be issued again
+    except Exception:  # noqa: BLE001 - a damaged one is issued again as well
         return "not of this authority"
     if present.not_valid_after_utc - now < timedelta(days=RENEW_DAYS):
         return "expires soon"

@@ -1,4 +1,4 @@
-"""Who of a fleet has a certificate, and what it entitles to; the common name says it: `host.main`."""
+"""Common names of the certificates of a fleet, like `host.main`, and what they permit."""
 
 from rcopterx.bus.access import Seat, Subject
 from rcopterx.bus.channels import EXTERNAL_INPUT, KILL
@@ -6,17 +6,17 @@ from rcopterx.fleet.schema import FleetFile
 
 
 def host_name(host: str) -> str:
-    """Certificate of a host: its router and all of its processes."""
+    """Return the name of the certificate of a host: of its router and all of its processes."""
     return f"host.{host}"
 
 
 def agent_name(vehicle: str) -> str:
-    """Certificate of an agent that is no process of a host, for instance a program of your own."""
+    """Return the name of the certificate of an agent outside the hosts, for instance a user's program."""
     return f"agent.{vehicle}"
 
 
 def people(fleet: FleetFile) -> list[str]:
-    """Certificates of operators, then of watchers."""
+    """Return the names of the certificates of operators, then of watchers."""
     security = fleet.security
     return [f"operator.{name}" for name in security.operators] + [
         f"watcher.{name}" for name in security.watchers
@@ -24,12 +24,12 @@ def people(fleet: FleetFile) -> list[str]:
 
 
 def certificate_names(fleet: FleetFile) -> list[str]:
-    """Common names of all certificates of a fleet."""
+    """Return the names of all certificates of a fleet."""
     return [*map(host_name, fleet.hosts), *map(agent_name, fleet.vehicles), *people(fleet)]
 
 
 def subjects(fleet: FleetFile, here: str) -> list[Subject]:
-    """Everybody whom the router of the host `here` lets in, and what for."""
+    """Return all subjects that the router of the host `here` admits, with their permissions."""
     steering = operator_seats(fleet)
     found = [Subject(None, host_seats(fleet, here))]
     found += [Subject(host_name(host), host_seats(fleet, host)) for host in fleet.hosts]
@@ -39,13 +39,13 @@ def subjects(fleet: FleetFile, here: str) -> list[Subject]:
 
 
 def operator_seats(fleet: FleetFile) -> tuple[Seat, ...]:
-    """What operators do: steer, kill, and fly vehicles by programs of their own."""
+    """Return the permissions of operators: steer, kill, and fly vehicles by external programs."""
     vehicles = tuple(fleet.vehicles)
     return Seat(KILL.publisher, vehicles), Seat(EXTERNAL_INPUT.publisher, vehicles)
 
 
 def host_seats(fleet: FleetFile, host: str) -> tuple[Seat, ...]:
-    """Roles that the fleet file gives to a host."""
+    """Return the permissions of a host, by its roles in the fleet file."""
     agents = fleet.agents_on(host)
     transmitters = tuple(
         name

@@ -1,1 +1,1 @@
-"""What `rcopterx doctor` looks at: permissions, certificates, and what a running fleet refuses."""
+"""Checks of `rcopterx doctor`: permissions, certificates, and what a running fleet refuses."""

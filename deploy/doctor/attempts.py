@@ -1,6 +1,6 @@
-"""Tries on a running fleet what its routers must refuse; nothing of it would be obeyed if it got through.
+"""Attempts on a running fleet that its routers must refuse.
 
-Whatever is sent has no content, so that whoever receives it rejects and counts it.
+All messages are empty, so that receivers reject and count those that get through.
 """
 
 import threading
@@ -26,27 +26,17 @@ from rcopterx.deploy.doctor.examination import Result
 from rcopterx.fleet.schema import FleetFile
 
 REFUSED_S: Final = 0.5
-"""For a connection that must not come about."""
+"""Timeout of a connection that must fail."""
 ANSWER_S: Final = 2.0
 TRIES: Final = 3
-"""How often a request that is neither answered nor refused in time is made."""
+"""Number of attempts with a request that is neither answered nor refused in time."""
 TIMEOUT: Final = b"Timeout"
-"""What Zenoh answers in the place of whoever did not."""
+"""Error that Zenoh returns for a missing answer."""
 NOT_KNOWN: Final = "is not known: no answer in time; try again when this computer has less to do"
 
 
 def strangers(fleet: FleetFile, host: str, directory: Path, now: datetime) -> Iterator[Result]:
-    """Connect to the router of a host as nobody should be able to.
-
-    Parameters
-    ----------
-    fleet, host
-        The fleet file, and whose router is tried.
-    directory
-        Of the certificates.
-    now
-        Present time, with its zone.
-    """
+    """Try to connect to the router of a host without encryption, and with a foreign certificate."""
     endpoint = fleet.endpoint(host)
     plain = endpoint.replace("tls/", "tcp/", 1)
     yield _refused(plain, None, f"router of {host}: a connection without encryption")
@@ -61,21 +51,19 @@ def strangers(fleet: FleetFile, host: str, directory: Path, now: datetime) -> It
 
 
 def members(fleet: FleetFile, address: BusAddress, here: str, directory: Path) -> Iterator[Result]:
-    """Say and ask, with every certificate that is here, what it does not entitle to.
+    """Try to publish and request what is not permitted, with each readable certificate.
 
     Parameters
     ----------
-    fleet
-        The fleet file.
     address
-        Where the router of this computer is.
+        Router of this computer.
     here
         Which host this computer is.
     directory
-        Of the certificates.
+        Directory of the certificates.
     """
-    everybody = [seat for host in fleet.hosts for seat in host_seats(fleet, host)]
-    everybody += operator_seats(fleet)
+    seats = [seat for host in fleet.hosts for seat in host_seats(fleet, host)]
+    seats += operator_seats(fleet)
     with closing(opened(address, ANSWER_S)) as listener:
         for subject in subjects(fleet, here):
             if subject.certificate is None:
@@ -87,18 +75,18 @@ def members(fleet: FleetFile, address: BusAddress, here: str, directory: Path) -
             else:
                 continue
             with closing(rogue):
-                yield from _tried(fleet.name, subject.name, subject.seats, everybody, rogue, listener)
+                yield from _tried(fleet.name, subject.name, subject.seats, seats, rogue, listener)
 
 
 def _tried(
     fleet: str,
     name: str,
     own: Sequence[Seat],
-    everybody: Sequence[Seat],
+    seats: Sequence[Seat],
     rogue: zenoh.Session,
     listener: zenoh.Session,
 ) -> Iterator[Result]:
-    forbidden = _beyond(published_keys(fleet, everybody), published_keys(fleet, own))
+    forbidden = _beyond(published_keys(fleet, seats), published_keys(fleet, own))
     passed = _published(forbidden, rogue, listener)
     if passed is None:
         yield Result(False, f"{name}: whether it may publish what is not its own {NOT_KNOWN}")
@@ -106,7 +94,7 @@ def _tried(
         yield from (Result(False, f"{name}: may publish {key}, which is not its own") for key in passed)
         if not passed:
             yield Result(True, f"{name}: {len(forbidden)} keys that are not its own refused")
-    forbidden = _beyond(requested_keys(fleet, everybody), requested_keys(fleet, own))
+    forbidden = _beyond(requested_keys(fleet, seats), requested_keys(fleet, own))
     permitted = {key: _permitted(key, rogue) for key in forbidden}
     for key, known in permitted.items():
         if known is None:
@@ -118,56 +106,56 @@ def _tried(
 
 
 def _permitted(key: str, rogue: zenoh.Session) -> bool | None:
-    """Whether a request gets through; None if neither an answer nor a refusal comes in time."""
+    """Whether a request gets through; None if it is neither answered nor refused in time."""
     for _ in range(TRIES):
-        asked_s = time.monotonic()
+        sent_s = time.monotonic()
         replies = list(rogue.get(key, timeout=ANSWER_S))
         if any(reply.err is None or reply.err.payload.to_bytes() != TIMEOUT for reply in replies):
             return True
-        if not replies and _in_time(asked_s):
+        if not replies and _in_time(sent_s):
             return False
     return None
 
 
-def _in_time(asked_s: float) -> bool:
-    """Whether an end without an answer is no time-out; some of these come without an error."""
-    return time.monotonic() - asked_s < SILENT_SHARE * ANSWER_S
+def _in_time(sent_s: float) -> bool:
+    """Whether a request has ended before its timeout, which Zenoh does not always report as an error."""
+    return time.monotonic() - sent_s < SILENT_SHARE * ANSWER_S
 
 
 def _beyond(keys: Iterable[str], own: Iterable[str]) -> list[str]:
-    """Keys that none of one's own covers; these may have wildcards."""
+    """Return the keys that none of `own`, which may have wildcards, includes."""
     covering = [zenoh.KeyExpr(key) for key in own]
     return sorted(key for key in keys if not any(each.includes(zenoh.KeyExpr(key)) for each in covering))
 
 
 def _published(keys: Sequence[str], rogue: zenoh.Session, listener: zenoh.Session) -> list[str] | None:
-    """Which of these keys get through; None if routers take too long to tell."""
-    heard: set[str] = set()
+    """Return the keys that get through; None if routers take too long."""
+    received: set[str] = set()
     lock = threading.Lock()
 
-    def hear(sample: zenoh.Sample) -> None:
+    def receive(sample: zenoh.Sample) -> None:
         if not sample.payload.to_bytes():
             with lock:
-                heard.add(str(sample.key_expr))
+                received.add(str(sample.key_expr))
 
-    subscriber = listener.declare_subscriber(f"{ROOT}/**", Callback(hear, indirect=False))
+    subscriber = listener.declare_subscriber(f"{ROOT}/**", Callback(receive, indirect=False))
     _round_trip(listener)
     for key in keys:
         rogue.put(key, b"")
-    # A router answers after it has passed on what came before; then it answers the listener behind that.
+    # A router answers after it has forwarded earlier messages, so that the listener has received them then.
     passed_on = _round_trip(rogue) and _round_trip(listener)
     subscriber.undeclare()
     if not passed_on:
         return None
     with lock:
-        return sorted(heard & set(keys))
+        return sorted(received & set(keys))
 
 
 def _round_trip(session: zenoh.Session) -> bool:
-    """Ask every router something; whether all answered or refused in time."""
-    asked_s = time.monotonic()
+    """Send a request to every router; return whether all answered or refused in time."""
+    sent_s = time.monotonic()
     list(session.get(request_key("*", "*", "identify"), timeout=ANSWER_S, target=zenoh.QueryTarget.ALL))
-    return _in_time(asked_s)
+    return _in_time(sent_s)
 
 
 def _refused(endpoint: str, shown: Credentials | None, what: str) -> Result:

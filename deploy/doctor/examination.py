@@ -1,4 +1,4 @@
-"""Looks at this computer before a fleet flies from it: every finding says what to do about it."""
+"""Checks this computer before a fleet flies from it; every finding says what to do about it."""
 
 import os
 import resource
@@ -18,30 +18,14 @@ CAP_SYS_NICE: Final = 23
 
 
 class Result(NamedTuple):
-    """One thing that was looked at.
-
-    Attributes
-    ----------
-    good
-        False for a finding.
-    text
-        What was found, and what to do about it.
-    """
+    """Result of one check; a bad one says what to do about it."""
 
     good: bool
     text: str
 
 
 def examine(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
-    """Look at everything that needs no running fleet.
-
-    Parameters
-    ----------
-    fleet, host
-        The fleet file, and which host this computer is.
-    now
-        Present time, with its zone.
-    """
+    """Make all checks that need no running fleet; `host` is this computer, `now` has a time zone."""
     yield real_time(
         max(priority.of(fleet) for priority in Priority),
         resource.getrlimit(resource.RLIMIT_RTPRIO)[0],
@@ -55,16 +39,16 @@ def examine(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
 
 
 def real_time(priority: int, limit: int, capabilities: int) -> Result:
-    """Whether processes may take their real-time priorities.
+    """Check that processes may have their real-time priorities.
 
     Parameters
     ----------
     priority
-        Highest SCHED_FIFO priority the fleet asks for; 0 for none.
+        Highest SCHED_FIFO priority of the fleet; 0 for none.
     limit
-        `RLIMIT_RTPRIO`; -1 for none.
+        `RLIMIT_RTPRIO`; -1 for no limit.
     capabilities
-        Effective capabilities of this process, one bit for each.
+        Effective capabilities of this process, as bits.
     """
     if priority == 0:
         return Result(True, "the fleet file asks for no real-time priority")
@@ -79,7 +63,7 @@ def real_time(priority: int, limit: int, capabilities: int) -> Result:
 
 
 def certificates(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
-    """Whether the certificates that are here can be used, and whether they are needed."""
+    """Check the certificates on this computer, and whether the fleet needs any."""
     directory = directory_of(fleet)
     if directory is None:
         if fleet.security.insecure:
@@ -89,7 +73,7 @@ def certificates(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]
         else:
             yield Result(True, "no certificates: only this computer reaches the fleet")
         return
-    # The library takes its time to import, and fleets on one computer do without.
+    # The library imports slowly, and fleets on one computer do without.
     from rcopterx.deploy.certificates.inspection import expiry_warning, problem
 
     for name in certificate_names(fleet):

@@ -1,1 +1,1 @@
-"""Brings software, fleet file, certificates and the unit of systemd to the hosts of a fleet."""
+"""Installs software, fleet file, certificates and the systemd unit on the hosts of a fleet."""

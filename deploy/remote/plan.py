@@ -1,4 +1,4 @@
-"""What has to be on a host, as steps that can be looked at before they are taken, and repeated."""
+"""The installation of a host as steps, which can be shown before they are taken, and repeated."""
 
 import hashlib
 import shlex
@@ -12,7 +12,7 @@ from rcopterx.deploy.certificates.names import host_name
 from rcopterx.fleet.schema import FleetFile
 
 DIRECTORY: Final = "rcopterx"
-"""In the home of the user on the host."""
+"""Directory of the installation, in the home of the user."""
 UNIT: Final = """\
 [Unit]
 Description=Host {host} of the fleet {fleet}
@@ -36,53 +36,35 @@ WantedBy=multi-user.target
 
 @dataclass(frozen=True)
 class Step:
-    """One thing that has to be so on a host.
-
-    Attributes
-    ----------
-    what
-        For people.
-    done
-        Shell command that succeeds where it is so already.
-    make
-        Shell command that makes it so.
-    content
-        Standard input of `make`.
-    """
+    """One step of an installation."""
 
     what: str
+    """Description for the user."""
     done: str
+    """Shell command that succeeds if the step is done."""
     make: str
+    """Shell command that takes the step."""
     content: bytes = b""
+    """Standard input of `make`."""
 
 
 @dataclass(frozen=True)
 class Login:
-    """Who is logged in on a host.
-
-    Attributes
-    ----------
-    user, home
-        Name and home directory.
-    """
+    """User on a host, and its home directory."""
 
     user: str
     home: str
 
 
 def steps(fleet: FleetFile, fleet_text: bytes, host: str, login: Login, wheel: Path) -> Iterator[Step]:
-    """Everything a host needs, in order.
+    """Yield the steps of the installation of a host, in order.
 
     Parameters
     ----------
     fleet, fleet_text
-        The fleet file, loaded, and as it is.
-    host
-        Host of the fleet file.
-    login
-        Who is logged in there.
+        The fleet file, loaded and as text.
     wheel
-        The software.
+        File of the software.
 
     Raises
     ------
@@ -110,12 +92,12 @@ def steps(fleet: FleetFile, fleet_text: bytes, host: str, login: Login, wheel: P
 
 
 def unit_name(fleet: FleetFile) -> str:
-    """Name of the unit of systemd that keeps a host of this fleet ready."""
+    """Return the name of the systemd unit of a host of this fleet."""
     return f"rcopterx-{fleet.name}.service"
 
 
 def _file(path: str, content: bytes, mode: int) -> Step:
-    """A file with this content and mode; it is replaced as a whole."""
+    """Return the step that writes a file; it is replaced as a whole."""
     quoted, new = shlex.quote(path), shlex.quote(f"{path}.new")
     checksum = hashlib.sha256(content).hexdigest()
     return Step(

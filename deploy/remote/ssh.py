@@ -1,4 +1,4 @@
-"""Takes steps on a host by the ssh client of the system, with the user's own keys and settings."""
+"""Takes steps on a host through the ssh client of the system, with the user's keys and settings."""
 
 import subprocess
 from collections.abc import Callable, Iterable, Iterator
@@ -7,13 +7,13 @@ from typing import Final
 from rcopterx.deploy.remote.plan import Login, Step
 
 OPTIONS: Final = ("-o", "BatchMode=yes", "-o", "ConnectTimeout=10")
-"""Nobody is there to type a password; keys and agents do without."""
+"""Without prompts for passwords: keys and agents are needed."""
 UNREACHABLE: Final = 255
 """Exit code of ssh itself."""
 
 
 class RemoteError(RuntimeError):
-    """A host cannot be reached, or a command on it failed; says which, and what it said."""
+    """A host cannot be reached, or a command on it failed; contains its output."""
 
 
 Run = Callable[[str, bytes], "subprocess.CompletedProcess[bytes]"]
@@ -21,12 +21,12 @@ Run = Callable[[str, bytes], "subprocess.CompletedProcess[bytes]"]
 
 
 def on(target: str) -> Run:
-    """Runs commands on a host.
+    """Return a function that runs commands on a host.
 
     Parameters
     ----------
     target
-        What is given to ssh: `lab@192.168.0.11`, or a name of its configuration.
+        Argument of ssh: `lab@192.168.0.11`, or a name of its configuration.
     """
 
     def run(command: str, content: bytes) -> "subprocess.CompletedProcess[bytes]":
@@ -34,57 +34,37 @@ def on(target: str) -> Run:
             ["ssh", *OPTIONS, target, command], input=content, capture_output=True, check=False
         )
         if done.returncode == UNREACHABLE:
-            raise RemoteError(f"{target}: {_said(done)}")
+            raise RemoteError(f"{target}: {_output(done)}")
         return done
 
     return run
 
 
 def login(run: Run) -> Login:
-    """Who is logged in.
-
-    Raises
-    ------
-    RemoteError
-        The host cannot be reached.
-    """
+    """Return user and home directory; raises `RemoteError` if the host cannot be reached."""
     done = run("id -un && pwd", b"")
     user, _, home = done.stdout.decode().strip().partition("\n")
     if done.returncode or not home:
-        raise RemoteError(f"id -un && pwd: {_said(done)}")
+        raise RemoteError(f"id -un && pwd: {_output(done)}")
     return Login(user, home)
 
 
 def take(run: Run, steps: Iterable[Step], *, dry: bool) -> Iterator[tuple[Step, bool]]:
-    """Take the steps that are not done yet.
-
-    Parameters
-    ----------
-    run
-        Runs commands on the host.
-    steps
-        In order.
-    dry
-        Change nothing.
-
-    Yields
-    ------
-    step, done
-        Whether it was done before.
+    """Take the steps that are not done yet, none if `dry`; yield each step and whether it was done before.
 
     Raises
     ------
     RemoteError
-        A step failed; those after it are not taken.
+        A step failed; the following ones are not taken.
     """
     for step in steps:
         done = run(step.done, b"").returncode == 0
         if not (done or dry):
             made = run(step.make, step.content)
             if made.returncode:
-                raise RemoteError(f"{step.what}: {_said(made)}")
+                raise RemoteError(f"{step.what}: {_output(made)}")
         yield step, done
 
 
-def _said(done: "subprocess.CompletedProcess[bytes]") -> str:
+def _output(done: "subprocess.CompletedProcess[bytes]") -> str:
     return done.stderr.decode(errors="replace").strip() or f"exit code {done.returncode}"
