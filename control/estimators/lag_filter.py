@@ -4,7 +4,6 @@ Sixteen states: eight of the motion, four actuators, four disturbance accelerati
 estimated disturbance is what makes the predictive controllers free of offset.
 """
 
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -22,7 +21,6 @@ from rcopterx.control.estimators.linearization import (
 from rcopterx.control.estimators.model_noise import model_noise
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.linear import PERIOD_DIGITS
 from rcopterx.control.models.prediction import predict
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
@@ -49,7 +47,6 @@ class LagFilter:
         self._model = model
         self._densities = np.square(np.concatenate(densities))
         self._limit = np.array(settings.disturbance_limit or noise.disturbance_limit)
-        self._at_rest = lru_cache(maxsize=64)(jacobian_at_rest)
         self.x: Array = np.zeros(SIZE)
         self.x[ACTUATOR] = model.hover_input
 
@@ -88,7 +85,7 @@ class LagFilter:
         """Predict by one period: x = f(x, u), P = F P F' + Q."""
         before = self.estimate
         after = predict(self._model, before, applied_input, period_s)
-        F = jacobian(self._at_rest(self._model, round(period_s, PERIOD_DIGITS)), before.motion, after.motion)
+        F = jacobian(jacobian_at_rest(self._model, period_s), before.motion, after.motion)
         self.P = predict_covariance(self.P, F, np.diag(period_s * self._densities))
         self.x = np.concatenate(after[:3])
 

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import expm
 
+from rcopterx.control.models.linear import cached_by_period
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
     INPUT_SIZE,
@@ -41,6 +42,7 @@ _VELOCITIES: Final = (XD_BODY, YD_BODY, ZD_BODY, YAW_RATE)
 _COUPLED: Final = (U_THRUST, U_YAW)
 
 
+@cached_by_period
 def jacobian_at_rest(model: Model, period_s: float) -> Array:
     """Return the Jacobian of a vehicle at rest that heads along x, shape (16, 16)."""
     jacobian = np.eye(SIZE)

@@ -7,7 +7,6 @@ straight. It and the trim turn with the body; everything else but the servo is a
 dynamics know no heading, so only the columns of the body-fixed states turn.
 """
 
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -21,11 +20,10 @@ from rcopterx.control.models.lateral import (
     POSITION,
     VELOCITY,
     WIND_CORRELATION_S,
-    LateralSystem,
     demand_matrix,
     lateral_system,
 )
-from rcopterx.control.models.linear import PERIOD_DIGITS
+from rcopterx.control.models.linear import cached_by_period
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
 
@@ -58,17 +56,11 @@ class TiltFilter:
     """
 
     def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
-        noise = model_noise(model)
-        self._model = model
-        self._least_deviation = settings.position_noise_m, settings.tilt_noise
-        self._velocity_density = (settings.velocity_noise or noise.velocity)[0]
-        self._tilt_density = settings.tilt_density or noise.tilt
-        self._wind_rms_m_s2 = settings.wind_rms_m_s2
+        self._model, self._settings = model, settings
         self._layout = system = lateral_system(model, _ANY_PERIOD_S)
         self._trim = slice(system.size, system.size + 2)
         self._offset = slice(system.size + 2, system.size + 4)
         self._body = slice(system.size, system.size + 4)
-        self._process_noise = lru_cache(maxsize=64)(self._computed_process_noise)
         self.expect_noise(0.0, 0.0)
         size = system.size + 4
         self._limit = np.full(size, np.inf)
@@ -104,14 +96,14 @@ class TiltFilter:
     def estimate(self) -> TiltEstimate:
         """The estimated tilt."""
         system = self._layout
-        return TiltEstimate(
-            self.x[system.core], self.x[system.servo], self.x[system.wind], self.x[self._trim]
-        )
+        parts = (system.core, system.servo, system.wind, self._trim)
+        return TiltEstimate(*(self.x[part] for part in parts))
 
     def expect_noise(self, position_m: float, tilt: float) -> None:
         """Set the standard deviations of measured positions and tilts; at least those of the settings."""
-        least_m, least_tilt = self._least_deviation
-        self.R: Array = np.square(2 * [max(position_m, least_m)] + 2 * [max(tilt, least_tilt)])
+        position_m = max(position_m, self._settings.position_noise_m)
+        tilt = max(tilt, self._settings.tilt_noise)
+        self.R: Array = np.square((position_m, position_m, tilt, tilt))
 
     def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Start in the air at a position and velocity, shape (2,); trim and offset of the body are kept."""
@@ -126,7 +118,7 @@ class TiltFilter:
         deviation = np.zeros(len(x))
         deviation[POSITION], deviation[VELOCITY] = _START_POSITION_M, _START_VELOCITY_M_S
         deviation[system.core], deviation[system.tilt_rate] = _START_TILT, _START_RATE
-        deviation[system.servo], deviation[system.wind] = _START_SERVO, self._wind_rms_m_s2
+        deviation[system.servo], deviation[system.wind] = _START_SERVO, self._settings.wind_rms_m_s2
         self.x, self.P = x, np.diag(deviation**2)
         self.P[self._body, self._body] = P[self._body, self._body]
 
@@ -173,7 +165,7 @@ class TiltFilter:
         F[inertial, servo] = system.transition[inertial, servo] @ per_stick
         F[: system.size, self._trim] = B[: system.size]
         self.x = F @ self.x + B @ stick
-        self.P = predict_covariance(self.P, F, self._process_noise(round(period_s, PERIOD_DIGITS)))
+        self.P = predict_covariance(self.P, F, process_noise(self._model, self._settings, period_s))
 
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Correct by a measured position and tilt, inertial frame, shape (2,).
@@ -212,25 +204,24 @@ class TiltFilter:
         self.x[states] = self.P[states, :] = self.P[:, states] = 0.0
         self.P[states, states] = deviation**2 * np.eye(2)
 
-    def process_noise(self, period_s: float) -> Array:
-        """Return the covariance Q that a period adds, shape (n, n); the same for every heading."""
-        return self._process_noise(round(period_s, PERIOD_DIGITS))
 
-    def _computed_process_noise(self, period_s: float) -> Array:
-        """Van Loan's integral, and random walks of the body-fixed states."""
-        system: LateralSystem = lateral_system(self._model, period_s)
-        size = system.size
-        density = np.zeros(size)
-        density[VELOCITY] = self._velocity_density**2
-        density[system.tilt_rate] = self._tilt_density**2
-        density[system.wind] = 2.0 * self._wind_rms_m_s2**2 / WIND_CORRELATION_S
-        both = np.block(
-            [[-system.continuous, np.diag(density)], [np.zeros((size, size)), system.continuous.T]]
-        )
-        step = expm(period_s * both)
-        Q = np.zeros((size + 4, size + 4))
-        Q[:size, :size] = step[size:, size:].T @ step[:size, size:]
-        slow = (system.servo, _SERVO_DENSITY), (self._trim, _TRIM_DENSITY), (self._offset, _OFFSET_DENSITY)
-        for states, walk in slow:
-            Q[states, states] += period_s * walk**2 * np.eye(2)
-        return Q
+@cached_by_period
+def process_noise(model: Model, settings: ExtendedKalmanSettings, period_s: float) -> Array:
+    """Return the covariance Q that a period adds, shape (n, n); the same for every heading.
+
+    It is Van Loan's integral, plus random walks of servo, trim and offset.
+    """
+    noise, system = model_noise(model), lateral_system(model, period_s)
+    size = system.size
+    density = np.zeros(size)
+    density[VELOCITY] = (settings.velocity_noise or noise.velocity)[0] ** 2
+    density[system.tilt_rate] = (settings.tilt_density or noise.tilt) ** 2
+    density[system.wind] = 2.0 * settings.wind_rms_m_s2**2 / WIND_CORRELATION_S
+    a = system.continuous
+    step = expm(period_s * np.block([[-a, np.diag(density)], [np.zeros((size, size)), a.T]]))
+    Q = np.zeros((size + 4, size + 4))
+    Q[:size, :size] = step[size:, size:].T @ step[:size, size:]
+    trim, offset = slice(size, size + 2), slice(size + 2, size + 4)
+    for states, walk in ((system.servo, _SERVO_DENSITY), (trim, _TRIM_DENSITY), (offset, _OFFSET_DENSITY)):
+        Q[states, states] += period_s * walk**2 * np.eye(2)
+    return Q

@@ -12,7 +12,7 @@ import numpy as np
 
 from rcopterx.control.estimators.model_noise import model_noise
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
-from rcopterx.control.estimators.tilt_filter import TiltFilter
+from rcopterx.control.estimators.tilt_filter import process_noise
 from rcopterx.control.margins.loop import Dynamics, FeedbackLoop, regulator, steady_filter_gain
 from rcopterx.control.models.lateral import LateralSystem, lateral_system
 from rcopterx.control.models.linear import as_complex, zero_order_hold
@@ -67,11 +67,10 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
     b[servo] = 1.0 / tilt.servo_lag_s
     measured = np.zeros((2, offset + 1), dtype=complex)
     measured[0, 0] = measured[1, system.tilt.start // 2] = measured[1, offset] = 1.0
-    tilt_filter = TiltFilter(model, estimator)
     per_stick = np.ones(offset + 1)
     per_stick[[servo, trim]] = gain
-    process = as_complex(tilt_filter.process_noise(period_s)) * np.outer(per_stick, per_stick)
-    noise = tilt_filter.R[::2]
+    process = as_complex(process_noise(model, estimator, period_s)) * np.outer(per_stick, per_stick)
+    noise = np.square((estimator.position_noise_m, estimator.tilt_noise))
     if not estimator.measured_tilt:
         # The offset of the body frame is unknown then, and does not matter.
         a, b, process = a[:offset, :offset], b[:offset], process[:offset, :offset]

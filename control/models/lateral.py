@@ -9,12 +9,12 @@ prediction covers more than one period.
 """
 
 import math
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from rcopterx.control.models.linear import PERIOD_DIGITS, zero_order_hold
+from rcopterx.control.models.linear import cached_by_period, zero_order_hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
 
@@ -85,13 +85,9 @@ class LateralSystem:
         return zero_order_hold(self.continuous, self.continuous_demand, self.period_s)
 
 
+@cached_by_period
 def lateral_system(model: Model, period_s: float) -> LateralSystem:
     """Return the system of a model and a period, from a cache."""
-    return _cached_system(model, round(period_s, PERIOD_DIGITS))
-
-
-@lru_cache(maxsize=256)
-def _cached_system(model: Model, period_s: float) -> LateralSystem:
     return LateralSystem(model, period_s)
 
 

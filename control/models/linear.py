@@ -1,6 +1,8 @@
 """Linear systems x' = A x + B u with real or complex numbers."""
 
-from typing import Any, Final
+from collections.abc import Callable
+from functools import lru_cache, wraps
+from typing import Any, TypeVar, TypeVarTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +11,23 @@ from scipy.linalg import expm
 from rcopterx.vehicles.state import Array
 
 Complex = NDArray[np.complex128]
-PERIOD_DIGITS: Final = 6
-"""Discrete matrices are cached by period rounded to 1 us, because periods are sums with rounding errors."""
+T = TypeVar("T")
+Arguments = TypeVarTuple("Arguments")
+
+
+def cached_by_period(prepare: Callable[[*Arguments, float], T]) -> Callable[[*Arguments, float], T]:
+    """Cache the results of a function whose last argument is a period.
+
+    Periods are sums with rounding errors, so they are rounded to 1 us.
+    """
+    cached: Callable[..., T] = lru_cache(maxsize=256)(prepare)
+
+    @wraps(prepare)
+    def prepare_once(*arguments: *tuple[*Arguments, float]) -> T:
+        *others, period_s = arguments
+        return cached(*others, round(period_s, 6))
+
+    return prepare_once
 
 
 def zero_order_hold(a: NDArray[Any], b: NDArray[Any], time_s: float) -> tuple[NDArray[Any], NDArray[Any]]:
