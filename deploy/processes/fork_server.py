@@ -120,10 +120,11 @@ def _prepare(words: Sequence[str]) -> str:
     Processes are started in any case: they build for themselves what is not prepared, and report errors.
     """
     from rcopterx.deploy.processes.prepared import prepare
+    from rcopterx.deploy.roles.agent import pilot_of
 
     snapshot, host, *vehicles = words
     try:
-        prepare(Path(snapshot), host, vehicles)
+        prepare(Path(snapshot), host, vehicles, pilot_of)
     except Exception as error:  # noqa: BLE001 - no error in a pilot may end the fork server
         return str(error) or type(error).__name__
     return ""

@@ -5,7 +5,7 @@ nothing prepared and build for themselves. Controllers and estimators of other p
 in agents only.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,6 +19,9 @@ from rcopterx.fleet.snapshot import read_snapshot
 if TYPE_CHECKING:
     from rcopterx.agents.pilot import Pilot
     from rcopterx.agents.settings import AgentSettings
+
+
+PilotBuilder = Callable[[FleetFile, str, str], "tuple[AgentSettings, Pilot]"]
 
 
 class _Prepared(NamedTuple):
@@ -48,7 +51,7 @@ def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
     return list(dict.fromkeys(modules))
 
 
-def prepare(snapshot: Path, host: str, vehicles: Iterable[str]) -> None:
+def prepare(snapshot: Path, host: str, vehicles: Iterable[str], build: "PilotBuilder") -> None:
     """Build the pilots of vehicles on a host, in the place of those that were prepared before.
 
     Raises
@@ -56,14 +59,11 @@ def prepare(snapshot: Path, host: str, vehicles: Iterable[str]) -> None:
     FleetError
         The snapshot cannot be read, or a pilot cannot be built from it.
     """
-    # Imported here, because the launcher imports this module and needs no agents.
-    from rcopterx.deploy.roles.agent import pilot_of
-
     global _prepared
     _prepared = None
     fleet = read_snapshot(snapshot)
     pilots = {
-        (name, host): pilot_of(fleet, name, host) for name in vehicles if _is_built_in(fleet.vehicles[name])
+        (name, host): build(fleet, name, host) for name in vehicles if _is_built_in(fleet.vehicles[name])
     }
     _prepared = _Prepared(fleet, pilots)
 

@@ -26,7 +26,7 @@ def snapshot(tmp_path: Path) -> Path:
 
 
 def test_pilots_are_those_that_an_agent_would_build(snapshot: Path) -> None:
-    prepare(snapshot, "main", ["h1", "h2"])
+    prepare(snapshot, "main", ["h1", "h2"], pilot_of)
     fleet = load_fleet(snapshot)
     for name in fleet.vehicles:
         found = prepared_pilot(fleet, name)
@@ -47,7 +47,7 @@ def test_nothing_is_found_before_it_is_prepared(snapshot: Path) -> None:
 
 
 def test_nothing_is_found_for_a_file_that_has_changed(snapshot: Path) -> None:
-    prepare(snapshot, "main", ["h1"])
+    prepare(snapshot, "main", ["h1"], pilot_of)
     other = PAIR.replace("[simulator]", '[bus]\nnamespace = "another"\n[simulator]')
     write_snapshot(parse_fleet(other), snapshot)
     fleet = load_fleet(snapshot)
@@ -56,7 +56,7 @@ def test_nothing_is_found_for_a_file_that_has_changed(snapshot: Path) -> None:
 
 
 def test_a_pilot_on_another_host_is_another_one(snapshot: Path) -> None:
-    prepare(snapshot, "main", ["h1"])
+    prepare(snapshot, "main", ["h1"], pilot_of)
     assert prepared_pilot(load_fleet(snapshot), "h1", "elsewhere") is None
     assert prepared_pilot(load_fleet(snapshot), "h2") is None
 
@@ -65,17 +65,17 @@ def test_controllers_of_other_packages_are_not_built(tmp_path: Path) -> None:
     path = tmp_path / "fleet.json"
     text = PAIR + 'control = { controller = "another_packages" }'
     write_snapshot(parse_fleet(text), path)
-    prepare(path, "main", ["h1", "h2"])
+    prepare(path, "main", ["h1", "h2"], pilot_of)
     fleet = load_fleet(path)
     assert [name for name in fleet.vehicles if prepared_pilot(fleet, name) is None] == ["h2"]
 
 
 def test_what_cannot_be_prepared_leaves_nothing_prepared(snapshot: Path, tmp_path: Path) -> None:
-    prepare(snapshot, "main", ["h1"])
+    prepare(snapshot, "main", ["h1"], pilot_of)
     broken = tmp_path / "broken.json"
     broken.write_text("{}")
     with pytest.raises(FleetError):
-        prepare(broken, "main", ["h1"])
+        prepare(broken, "main", ["h1"], pilot_of)
     assert prepared_pilot(load_fleet(snapshot), "h1") is None
     with pytest.raises(FleetError, match="cannot be read"):
-        prepare(tmp_path / "nothing.json", "main", [])
+        prepare(tmp_path / "nothing.json", "main", [], pilot_of)
