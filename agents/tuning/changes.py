@@ -15,8 +15,7 @@ from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.work_ahead import WorkAhead
 from rcopterx.control.interfaces import Controller, Estimate, Estimator, LimitScale, NoSolutionError
 from rcopterx.control.references.trajectory import hold
-from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import YAW, Array
+from rcopterx.vehicles.state import YAW
 
 WARM_UP_STEPS = 3
 """Steps of a new controller or estimator; one step tries out new settings of the present one."""
@@ -29,47 +28,6 @@ class Replacement:
     configuration: Configuration
     controller: Controller | None
     estimator: Estimator | None
-
-
-@dataclass(frozen=True, slots=True)
-class Occasion:
-    """State of the vehicle at the request of a change, for the warm-up."""
-
-    estimate: Estimate
-    last_input: Array
-    frame_period_s: float
-
-
-def prepare(
-    present: Configuration,
-    wanted: Configuration,
-    model: Model,
-    period_s: float,
-    limit_scale: LimitScale,
-    occasion: Occasion,
-) -> Replacement:
-    """Build what differs between two configurations and let it run a few steps.
-
-    Raises
-    ------
-    ValueError
-        A name or a setting of the wanted configuration is not allowed; the message says what is.
-    """
-    controller = estimator = None
-    if (wanted.controller, wanted.controller_settings) != (present.controller, present.controller_settings):
-        controller = wanted.controller_for(model, period_s, limit_scale)
-        motion = occasion.estimate.motion
-        reference = hold(motion[:3], float(motion[YAW]), period_s, controller.horizon)
-        controller.reset(occasion.estimate, occasion.last_input)
-        for _ in range(WARM_UP_STEPS if wanted.controller != present.controller else 1):
-            with suppress(NoSolutionError):
-                controller.step(occasion.estimate, reference, occasion.last_input)
-    if (wanted.estimator, wanted.estimator_settings) != (present.estimator, present.estimator_settings):
-        estimator = wanted.estimator_for(model, period_s)
-        estimator.take_over(occasion.estimate)
-        for _ in range(WARM_UP_STEPS if wanted.estimator != present.estimator else 1):
-            estimator.predict(occasion.last_input, occasion.frame_period_s)
-    return Replacement(wanted, controller, estimator)
 
 
 class Tuning:
@@ -110,8 +68,7 @@ class Tuning:
         motion = np.zeros(8) if not pilot.clock.started else pilot.estimate.motion.copy()
         estimate = Estimate(motion, pilot.input_history.newest.copy(), np.zeros(4))
         frame_period_s = pilot.clock.period_s or self._period_s
-        occasion = Occasion(estimate, pilot.input_history.newest.copy(), frame_period_s)
-        self._work.begin(lambda: self._prepared(wanted, occasion))
+        self._work.begin(lambda: self._prepared(wanted, estimate, frame_period_s))
 
     def restore(self, configuration: Configuration) -> None:
         """Begin to go back to what a predecessor flew with, unless that is what flies."""
@@ -136,15 +93,38 @@ class Tuning:
             self.configuration = self.configuration.with_default_estimator()
         return self.configuration != before
 
-    def _prepared(self, wanted: Configuration, occasion: Occasion) -> Replacement | ValueError:
-        model = self._pilot.model
+    def _prepared(
+        self, wanted: Configuration, estimate: Estimate, frame_period_s: float
+    ) -> Replacement | ValueError:
         try:
-            return prepare(self.configuration, wanted, model, self._period_s, self._limit_scale, occasion)
+            return self._build(wanted, estimate, frame_period_s)
         except ValueError as error:
             return error
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
             reason = f"{type(error).__name__}: {error}"
             return ValueError(f"{wanted.controller}, {wanted.estimator} cannot be built: {reason}")
+
+    def _build(self, wanted: Configuration, estimate: Estimate, frame_period_s: float) -> Replacement:
+        """Build what differs from the present configuration, and let it run a few steps as a warm-up."""
+        present, model, last_input = self.configuration, self._pilot.model, estimate.actuator
+        controller = estimator = None
+        if (wanted.controller, wanted.controller_settings) != (
+            present.controller,
+            present.controller_settings,
+        ):
+            controller = wanted.controller_for(model, self._period_s, self._limit_scale)
+            motion = estimate.motion
+            reference = hold(motion[:3], float(motion[YAW]), self._period_s, controller.horizon)
+            controller.reset(estimate, last_input)
+            for _ in range(WARM_UP_STEPS if wanted.controller != present.controller else 1):
+                with suppress(NoSolutionError):
+                    controller.step(estimate, reference, last_input)
+        if (wanted.estimator, wanted.estimator_settings) != (present.estimator, present.estimator_settings):
+            estimator = wanted.estimator_for(model, self._period_s)
+            estimator.take_over(estimate)
+            for _ in range(WARM_UP_STEPS if wanted.estimator != present.estimator else 1):
+                estimator.predict(last_input, frame_period_s)
+        return Replacement(wanted, controller, estimator)
 
     def wait(self) -> None:
         """Wait for the end of the preparation."""
