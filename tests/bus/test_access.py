@@ -24,7 +24,7 @@ def seat(role: str) -> Seat:
     return Seat(role, ("h1", "h2"), "main")
 
 
-def test_every_channel_has_somebody_who_may_publish_it() -> None:
+def test_every_channel_has_a_publisher() -> None:
     keys = published_keys("lab", [seat(role) for role in {*ROLES, *SERVERS}])
     for channel in CHANNELS:
         unit = {"vehicle": "h1", "host": "main"}.get(channel.unit, channel.unit)
@@ -38,14 +38,14 @@ def test_a_role_publishes_its_own_channels_only(role: str) -> None:
     assert {name.rpartition("/")[2] for name in published_keys("lab", [seat(role)])} <= topics | extra
 
 
-def test_every_request_has_somebody_who_may_ask_and_answer_it() -> None:
-    asked = requested_keys("lab", [seat(verb.asker) for verb in VERBS.values()])
+def test_every_request_has_a_client_and_a_server() -> None:
+    requested = requested_keys("lab", [seat(verb.asker) for verb in VERBS.values()])
     served = served_keys("lab", [seat(role) for role in SERVERS])
     for verb in VERBS.values():
         unit = {"vehicle": "h1", "host": "main"}.get(verb.unit, verb.unit)
         assert request_key("lab", unit, verb.name) in served
         everyone = request_key("*", "*", verb.name)
-        assert (everyone if verb.asker == ANYBODY else request_key("lab", unit, verb.name)) in asked
+        assert (everyone if verb.asker == ANYBODY else request_key("lab", unit, verb.name)) in requested
 
 
 def test_a_seat_is_for_its_own_vehicles_only() -> None:
@@ -56,7 +56,7 @@ def test_a_seat_is_for_its_own_vehicles_only() -> None:
 
 
 @pytest.mark.parametrize("role", sorted({*ROLES, *SERVERS, *ALIVE_AS} - {"operator"}))
-def test_nobody_but_operators_may_kill_or_steer(role: str) -> None:
+def test_only_operators_may_kill_or_steer(role: str) -> None:
     killing = {key(fleet, FLEET_UNIT, KILL.topic) for fleet in ("lab", EVERY_FLEET)}
     assert not killing & published_keys("lab", [seat(role)])
     assert killing <= published_keys("lab", [seat("operator")])

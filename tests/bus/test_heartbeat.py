@@ -48,7 +48,7 @@ def test_a_supervisor_sees_the_beats_and_the_phase_of_a_process() -> None:
     assert (page.beats, page.phase) == (3, Phase.ENDING)
 
 
-def test_a_process_without_a_supervisor_beats_for_nobody() -> None:
+def test_a_process_without_a_supervisor_may_beat() -> None:
     own_heartbeat().beat()
 
 

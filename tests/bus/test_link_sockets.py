@@ -55,7 +55,7 @@ def test_a_link_still_carries_data_after_it_was_hastened(connections: tuple[Conn
     assert link.far.recv(1) == b"x"
 
 
-def test_an_attempt_to_connect_that_nobody_answers_is_ended_after_its_time() -> None:
+def test_an_attempt_to_connect_without_an_answer_is_ended_after_its_time() -> None:
     with ExitStack() as stack:
         listener = stack.enter_context(socket.socket())
         listener.bind(("127.0.0.1", 0))

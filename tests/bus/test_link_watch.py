@@ -35,12 +35,12 @@ class Pair:
         self._answered = (0.0, 0.0)
 
     def step(
-        self, *, hears: bool = True, is_heard: bool = True, links: tuple[RouterLink, ...] = (LINK,)
+        self, *, receives: bool = True, is_received: bool = True, links: tuple[RouterLink, ...] = (LINK,)
     ) -> None:
         self.now_s += BEAT_S
-        if is_heard:
+        if is_received:
             self._answered = (self.now_s - BEAT_S, self.now_s - 0.001)
-        if hears:
+        if receives:
             sent_s, arrived_s = self._answered
             echo = Echo(router="a0", sent_s=sent_s, held_s=self.now_s - arrived_s)
             beat = Beat(router=LINK.router, sent_s=self.now_s + 7000.0, time_of_day_s=0.0, echoes={"a": echo})
@@ -63,12 +63,12 @@ def test_a_link_that_carries_both_directions_stays() -> None:
     assert pair.linked
 
 
-@pytest.mark.parametrize(("hears", "is_heard"), [(False, False), (False, True), (True, False)])
-def test_a_link_is_closed_when_one_direction_is_silent(hears: bool, is_heard: bool) -> None:
+@pytest.mark.parametrize(("receives", "is_received"), [(False, False), (False, True), (True, False)])
+def test_a_link_is_closed_when_one_direction_is_silent(receives: bool, is_received: bool) -> None:
     pair = Pair()
     pair.steps(20)
     silent_s = pair.now_s
-    pair.steps(16, hears=hears, is_heard=is_heard)
+    pair.steps(16, receives=receives, is_received=is_received)
     assert pair.closed
     assert SILENCE_S < pair.closed[0][0] - silent_s < 2 * SILENCE_S + 2 * BEAT_S
     assert not pair.linked
@@ -78,7 +78,7 @@ def test_a_link_is_closed_when_one_direction_is_silent(hears: bool, is_heard: bo
 def test_a_silence_that_is_shorter_than_the_limit_closes_nothing() -> None:
     pair = Pair()
     pair.steps(20)
-    pair.steps(2, hears=False, is_heard=False)
+    pair.steps(2, receives=False, is_received=False)
     pair.steps(20)
     assert pair.closed == []
 
@@ -97,7 +97,7 @@ def test_all_links_to_a_silent_router_are_closed_together_and_count_as_one_redia
     for _ in range(20):
         pair.step(links=(LINK, SECOND))
     for _ in range(8):
-        pair.step(hears=False, is_heard=False, links=(LINK, SECOND))
+        pair.step(receives=False, is_received=False, links=(LINK, SECOND))
     assert {link for _, link in pair.closed} == {LINK, SECOND}
     assert len({at_s for at_s, _ in pair.closed}) == 1
     assert pair.watch.states(["b"], pair.now_s, 0.0)["b"].redials == 1
@@ -133,10 +133,10 @@ def test_a_new_link_is_not_blamed_for_the_silence_before_it() -> None:
     pair = Pair()
     pair.steps(20)
     for _ in range(40):
-        pair.step(hears=False, is_heard=False, links=())
+        pair.step(receives=False, is_received=False, links=())
     new = LINK._replace(remote=("10.0.0.2", 50001))
     for _ in range(3):
-        pair.step(hears=False, is_heard=False, links=(new,))
+        pair.step(receives=False, is_received=False, links=(new,))
     for _ in range(40):
         pair.step(links=(new,))
     assert pair.closed == []
@@ -145,14 +145,14 @@ def test_a_new_link_is_not_blamed_for_the_silence_before_it() -> None:
 def test_redialling_in_vain_becomes_rare_and_begins_anew_when_it_helped() -> None:
     pair = Pair()
     pair.steps(20)
-    pair.steps(600, hears=False, is_heard=False)
+    pair.steps(600, receives=False, is_received=False)
     times_s = [at_s for at_s, _ in pair.closed]
     pauses_s = [later - earlier for earlier, later in pairwise(times_s)]
     assert all(pause_s <= LONGEST_PATIENCE_S + 2 * BEAT_S for pause_s in pauses_s)
     assert pauses_s[-1] >= LONGEST_PATIENCE_S
     pair.steps(5)
     pair.closed.clear()
-    pair.steps(8, hears=False, is_heard=False)
+    pair.steps(8, receives=False, is_received=False)
     assert len(pair.closed) == 1
 
 
@@ -165,7 +165,7 @@ def test_a_watch_that_was_asleep_closes_nothing_before_it_has_listened() -> None
     assert pair.closed == []
 
 
-def test_a_neighbour_that_started_again_has_to_hear_this_router_anew() -> None:
+def test_a_neighbour_that_started_again_has_to_receive_beats_of_this_router_again() -> None:
     pair = Pair()
     pair.steps(20)
     again = LINK._replace(router="b1")
@@ -201,7 +201,7 @@ def test_the_round_trip_leaves_out_how_long_the_other_host_held_the_beat() -> No
     assert watch.states(["b"], 1.05, 0.0)["b"].round_trip_s == pytest.approx(0.003)
 
 
-def test_clocks_of_another_host_are_told_apart_from_ours() -> None:
+def test_offsets_of_clocks_of_another_host_are_measured() -> None:
     watch = LinkWatch("a", "a0", 0.0)
     # Its monotonic clock is 7000 s ahead of ours, its time of day 0.25 s; the way takes 1 ms each time.
     echo = Echo(router="a0", sent_s=10.0, held_s=0.02)
@@ -223,27 +223,27 @@ def test_a_beat_echoes_the_newest_of_every_host_and_how_long_it_was_held() -> No
     assert beat.echoes["c"].held_s == pytest.approx(0.03)
 
 
-def test_a_host_that_was_never_heard_is_not_linked() -> None:
+def test_a_host_without_beats_is_not_linked() -> None:
     state = LinkWatch("a", "a0", 0.0).states(["b"], 1.0, 0.0)["b"]
     assert (state.linked, state.redials, state.late, state.round_trip_s) == (False, 0, 0, None)
 
 
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=120))
-def test_whatever_is_heard_a_silent_link_is_closed_in_time_and_a_live_one_never(
-    heard: list[tuple[bool, bool]],
+def test_whatever_arrives_a_silent_link_is_closed_in_time_and_a_live_one_never(
+    received: list[tuple[bool, bool]],
 ) -> None:
     pair = Pair()
     pair.steps(20)
     good = 0
-    for hears, is_heard in heard:
+    for receives, is_received in received:
         before = len(pair.closed)
-        pair.step(hears=hears, is_heard=is_heard)
-        good = good + 1 if hears and is_heard else 0
-        # Two good beats in a row: one to hear, one to be told that one is heard.
+        pair.step(receives=receives, is_received=is_received)
+        good = good + 1 if receives and is_received else 0
+        # Two good beats in a row: the second one contains the echo of the first.
         if good >= 2:
             assert len(pair.closed) == before
             assert pair.linked
-    pair.steps(int((2 * LONGEST_PATIENCE_S) / BEAT_S) + 2, hears=False, is_heard=False)
+    pair.steps(int((2 * LONGEST_PATIENCE_S) / BEAT_S) + 2, receives=False, is_received=False)
     assert pair.closed
 
 
@@ -265,18 +265,18 @@ def test_the_stall_limit_leaves_room_for_late_turns() -> None:
     assert 2 * BEAT_S < STALL_S < SILENCE_S
 
 
-def test_the_watch_tells_when_a_silent_link_is_to_be_closed() -> None:
+def test_the_watch_knows_when_a_silent_link_is_to_be_closed() -> None:
     pair = Pair()
     pair.steps(20)
-    heard_s = pair.now_s
-    pair.step(hears=False, is_heard=False)
-    assert pair.watch.due_s == pytest.approx(heard_s + SILENCE_S)
+    received_s = pair.now_s
+    pair.step(receives=False, is_received=False)
+    assert pair.watch.due_s == pytest.approx(received_s + SILENCE_S)
     assert pair.watch.broken((LINK,), pair.watch.due_s - 1e-6) == []
     assert pair.watch.broken((LINK,), pair.watch.due_s + 1e-6) == [LINK]
     assert pair.watch.due_s == math.inf
 
 
-def test_a_router_that_is_never_heard_is_dialled_for_hours() -> None:
+def test_a_router_without_beats_is_dialled_for_hours() -> None:
     watch = LinkWatch("a", "a0", 0.0)
     closed = sum(bool(watch.broken((LINK,), 0.2 * turn)) for turn in range(30_000))
     assert closed > 2000

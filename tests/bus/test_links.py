@@ -101,8 +101,8 @@ class Linked:
             host: self.sessions[other].subscribe(channels.ROUTER_STATUS, host) for host, other in ("ab", "ba")
         }
 
-    def told(self, host: str, other: str) -> tuple[bool, int]:
-        """What the other host is told of the link: whether it is linked, and how often it was redialled."""
+    def state(self, host: str, other: str) -> tuple[bool, int]:
+        """State of the link as the other host receives it: linked, and the number of redials."""
         received = self._status[host].latest()
         if received is None:
             return False, 0
@@ -113,8 +113,8 @@ class Linked:
         """Wait until the watch of a host has looked at all links that are open now."""
         # The one that looks while this is called may have begun before.
         for _ in range(2):
-            told = self._status[host].latest()
-            wait_for(lambda told=told: self._status[host].latest() is not told, "nothing is told of links")
+            before = self._status[host].latest()
+            wait_for(lambda before=before: self._status[host].latest() is not before, "no status of links")
 
 
 @pytest.fixture
@@ -125,11 +125,11 @@ def linked() -> Iterator[Linked]:
 
 
 def test_a_link_that_carries_one_direction_only_is_opened_again(linked: Linked) -> None:
-    wait_for(lambda: linked.told("a", "b")[0] and linked.told("b", "a")[0], "the routers are not linked")
+    wait_for(lambda: linked.state("a", "b")[0] and linked.state("b", "a")[0], "the routers are not linked")
     assert linked.line.silence_answers() > 0
-    # Each status has to cross the link to be heard here, so both directions carry again.
-    wait_for(lambda: linked.told("a", "b")[1] + linked.told("b", "a")[1] > 0, "nobody closed the link")
-    wait_for(lambda: linked.told("a", "b")[0] and linked.told("b", "a")[0], "the link was not opened again")
+    # Each status crosses the link, so both directions carry again.
+    wait_for(lambda: linked.state("a", "b")[1] + linked.state("b", "a")[1] > 0, "the link was not closed")
+    wait_for(lambda: linked.state("a", "b")[0] and linked.state("b", "a")[0], "the link was not opened again")
 
 
 def test_clients_of_a_router_are_no_links_to_other_routers(linked: Linked) -> None:
@@ -147,4 +147,4 @@ def test_both_links_are_opened_again_when_one_of_them_ends(linked: Linked) -> No
         lambda: len(open_links(router)) == LINKS_PER_ROUTER and not open_links(router) & before,
         "the other link was not closed, or they were not opened again",
     )
-    wait_for(lambda: linked.told("a", "b")[0] and linked.told("b", "a")[0], "the link does not carry")
+    wait_for(lambda: linked.state("a", "b")[0] and linked.state("b", "a")[0], "the link does not carry")

@@ -16,8 +16,8 @@ def test_rounded_numbers_are_near_and_whole_units(value: float, bits: int) -> No
     assert all_rounded((value, near), bits) == (near, near)
 
 
-def test_the_clock_tells_whole_ticks_and_is_never_ahead() -> None:
+def test_the_clock_has_whole_ticks_and_is_never_ahead() -> None:
     before_s = time.monotonic()
-    told_s = monotonic_s()
-    assert before_s - 2.0**-TIME_BITS <= told_s <= time.monotonic()
-    assert (told_s * 2.0**TIME_BITS).is_integer()
+    now_s = monotonic_s()
+    assert before_s - 2.0**-TIME_BITS <= now_s <= time.monotonic()
+    assert (now_s * 2.0**TIME_BITS).is_integer()

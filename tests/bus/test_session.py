@@ -1,4 +1,4 @@
-"""Promises of the bus over a real router: what is published arrives, what is asked is answered."""
+"""Promises of the bus over a real router: what is published arrives, requests are answered."""
 
 import json
 import signal
@@ -68,11 +68,11 @@ def arrives(sender: Session, inbox: Inbox[Pose], frame: int) -> None:
 
 
 def answer_of(asker: Session, unit: str, request: Lead | Land | GoTo | Recall | Arm) -> Reply:
-    """Ask as soon as somebody serves the request."""
+    """Send a request as soon as it is served."""
     replies: list[Reply] = []
     problems: list[str] = []
 
-    def asked() -> bool:
+    def answered() -> bool:
         try:
             replies.append(asker.request(unit, request, timeout_s=DEADLINE_S))
         except RequestFailedError as error:
@@ -80,7 +80,7 @@ def answer_of(asker: Session, unit: str, request: Lead | Land | GoTo | Recall | 
             return False
         return True
 
-    wait_for(asked, "nobody answers")
+    wait_for(answered, "no answer")
     assert all("no process serves" in problem for problem in problems)
     return replies[0]
 
@@ -117,12 +117,12 @@ def test_a_subscription_can_leave_out_what_its_own_session_publishes(join: Join)
     session.publish(channels.KILL, "fleet", Kill(source="session", reason="test"))
     wait_for(lambda: everything.latest() is not None, "its own message comes back")
 
-    def heard() -> bool:
+    def arrived() -> bool:
         # Its own messages come back without the router, which may not know the subscriptions yet.
         other.publish(channels.KILL, "fleet", Kill(source="other", reason="test"))
         return from_others.waiting_since_s() is not None
 
-    wait_for(heard, "a message of the other session arrives")
+    wait_for(arrived, "a message of the other session arrives")
     assert {received.message.source for received in from_others.drain()} == {"other"}
 
 
@@ -158,12 +158,12 @@ def test_what_the_tracker_says_of_itself_is_no_status_of_a_vehicle(join: Join) -
     tracker = receiver.subscribe(channels.TRACKER_STATUS, channels.TRACKER_UNIT)
     message = TrackerStatus(state="streaming", trying="", address="")
 
-    def both_heard() -> bool:
+    def both_arrived() -> bool:
         sender.publish(channels.TRACKER_STATUS, channels.TRACKER_UNIT, message)
         sender.publish(channels.AGENT_STATUS, "h1", flying_status())
         return tracker.latest() is not None and len(statuses.inboxes) > 0
 
-    wait_for(both_heard, "not both statuses are heard")
+    wait_for(both_arrived, "not both statuses arrive")
     assert set(statuses.inboxes) == {"h1"}
 
 
@@ -211,22 +211,22 @@ def test_malformed_messages_from_the_bus_are_counted_and_the_last_good_one_stays
     assert received.message.frame == 1
 
 
-def test_a_tap_hears_every_unit_undecoded_and_survives_strange_keys(
+def test_a_tap_receives_every_unit_undecoded_and_survives_strange_keys(
     join: Join, bus_address: BusAddress
 ) -> None:
-    heard: list[tuple[str, str, bytes]] = []
+    received_raw: list[tuple[str, str, bytes]] = []
     recorder, sender = join(), join()
-    recorder.tap(lambda message: heard.append((message.unit, message.topic, message.payload)))
+    recorder.tap(lambda message: received_raw.append((message.unit, message.topic, message.payload)))
     for key in ("rcopterx/**", "rcopterx/lab/*/pose", "rcopterx/lab/h1/request/land"):
         raw_put(bus_address, key, b"x")
 
-    def both_heard() -> bool:
+    def both_arrived() -> bool:
         sender.publish(channels.POSE, "h1", pose(1))
         raw_put(bus_address, "rcopterx/lab/h2/plan", b"\xc1")
-        return {("h1", "pose", encode(pose(1))), ("h2", "plan", b"\xc1")} <= set(heard)
+        return {("h1", "pose", encode(pose(1))), ("h2", "plan", b"\xc1")} <= set(received_raw)
 
-    wait_for(both_heard, "not everything is heard")
-    assert {unit for unit, _, _ in heard} == {"h1", "h2"}
+    wait_for(both_arrived, "not everything arrives")
+    assert {unit for unit, _, _ in received_raw} == {"h1", "h2"}
 
 
 def test_namespaces_keep_fleets_apart(join: Join, bus_address: BusAddress) -> None:
@@ -283,7 +283,7 @@ def test_a_session_serves_several_units_and_verbs(join: Join) -> None:
     assert seen == ["Lead", "Land"]
 
 
-def test_a_request_nobody_serves_fails_at_once_and_says_so(join: Join) -> None:
+def test_a_request_without_a_server_fails_at_once_and_says_so(join: Join) -> None:
     with pytest.raises(RequestFailedError, match="no process serves land for h9"):
         join().request("h9", Land(), timeout_s=DEADLINE_S)
 
@@ -444,7 +444,7 @@ def test_sessions_see_each_other_again_after_the_router_was_killed() -> None:
         router.end()
 
 
-def test_a_router_ends_cleanly_when_it_is_asked_to() -> None:
+def test_a_router_ends_cleanly_on_sigterm() -> None:
     address = own_address()
     router = RouterProcess(address)
     try:

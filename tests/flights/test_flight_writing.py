@@ -31,7 +31,7 @@ def chunk(number: int) -> list[LoggedMessage]:
     return [LoggedMessage("h1/pose", os.urandom(500), 1_000 * number, number)]
 
 
-def test_a_flight_goes_on_in_another_part_and_each_tells_what_it_belongs_to(tmp_path: Path) -> None:
+def test_a_flight_continues_in_another_part_and_each_names_its_flight(tmp_path: Path) -> None:
     flight = writer(tmp_path / "flights", part_bytes=1200)
     for number in range(4):
         flight.write(chunk(number))

@@ -50,7 +50,7 @@ def pose(frame: int) -> Pose:
     return Pose(epoch=1, frame=frame, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=True)
 
 
-def heard(number: int, arrived_s: float = 0.0, size: int = 10) -> RawMessage:
+def raw(number: int, arrived_s: float = 0.0, size: int = 10) -> RawMessage:
     return RawMessage("h1", "pose", bytes(size), arrived_s, number)
 
 
@@ -96,7 +96,7 @@ def test_a_killed_recorder_leaves_everything_that_is_older_than_its_last_chunk(
 
 
 def test_the_recorder_listens_before_it_prepares_its_flight_log(monkeypatch: pytest.MonkeyPatch) -> None:
-    heard_from: list[tuple[str, ...]] = []
+    taps: list[tuple[str, ...]] = []
 
     class Listening:
         def __enter__(self) -> "Listening":
@@ -106,7 +106,7 @@ def test_the_recorder_listens_before_it_prepares_its_flight_log(monkeypatch: pyt
             pass
 
         def tap(self, _store: object, *words: str) -> None:
-            heard_from.append(words)
+            taps.append(words)
 
     class PreparedError(Exception):
         pass
@@ -118,23 +118,23 @@ def test_the_recorder_listens_before_it_prepares_its_flight_log(monkeypatch: pyt
     monkeypatch.setattr("rcopterx.flights.recorder.signal.signal", lambda *_: None)
     with pytest.raises(PreparedError):
         run_recorder(RecorderSettings(BusAddress((), "lab", ""), "main", prepare, 0), print)
-    assert heard_from == [(), (channels.KILL.topic, channels.EVERY_FLEET)]
+    assert taps == [(), (channels.KILL.topic, channels.EVERY_FLEET)]
 
 
-def test_a_recorder_that_is_asked_to_end_completes_its_file_and_tells_its_state(
+def test_a_recorder_completes_its_file_on_sigterm_and_publishes_its_state(
     process: Child, join: Join, tmp_path: Path
 ) -> None:
     listener = join()
     statuses = listener.subscribe(channels.RECORDER, "main")
 
-    def told() -> RecorderStatus | None:
+    def published() -> RecorderStatus | None:
         listener.publish(channels.POSE, "h1", pose(1))
         received = statuses.latest()
         return None if received is None or not received.message.messages else received.message
 
     try:
-        wait_for(lambda: told() is not None, "the recorder does not tell its state")
-        status = told()
+        wait_for(lambda: published() is not None, "the recorder does not publish its state")
+        status = published()
     finally:
         code = process.end(signal.SIGTERM)
     assert code == 0
@@ -164,7 +164,7 @@ def test_times_are_those_of_the_monotonic_clock_whatever_the_wall_clock_does(tmp
     waiting = Waiting()
     log = recorder(tmp_path, waiting, wall_ns=1_000 * NANO)
     for number, arrived_s in ((1, 5.0), (2, 5.25)):
-        waiting.store(heard(number, arrived_s))
+        waiting.store(raw(number, arrived_s))
     log.flush()
     times_ns = [message.time_ns for message in recorded(tmp_path)]
     assert times_ns == pytest.approx([1_005 * NANO, 1_005 * NANO + NANO // 4], abs=1023, rel=0)
@@ -174,7 +174,7 @@ def test_channels_that_are_not_of_the_table_are_not_recorded(tmp_path: Path) -> 
     waiting = Waiting()
     log = recorder(tmp_path, waiting)
     waiting.store(RawMessage("h1", "gossip", b"x", 0.0, 1))
-    waiting.store(heard(1))
+    waiting.store(raw(1))
     log.flush()
     assert [m.topic for m in recorded(tmp_path)] == ["h1/pose"]
     assert log.status().messages == 1
@@ -184,10 +184,10 @@ def test_a_slow_disk_loses_messages_that_are_counted_and_never_memory(tmp_path: 
     waiting = Waiting(limit_bytes=1000)
     log = recorder(tmp_path, waiting)
     for number in range(1, 41):
-        waiting.store(heard(number, size=100))
+        waiting.store(raw(number, size=100))
     log.flush()
     assert log.status().lost == waiting.dropped == 29
-    waiting.store(heard(41))
+    waiting.store(raw(41))
     log.flush()
     assert recorded(tmp_path)[-1].number == 41
 
@@ -199,7 +199,7 @@ def test_memory_stays_flat_over_many_messages(tmp_path: Path) -> None:
     def flown(count: int) -> int:
         for first in range(0, count, 50):
             for number in range(50):
-                waiting.store(heard(first + number, size=300))
+                waiting.store(raw(first + number, size=300))
             log.flush()
         return tracemalloc.get_traced_memory()[0]
 

@@ -13,7 +13,7 @@ import pytest
 from support.bus import Child
 from support.traffic import Traffic
 from support.waiting import wait_for
-from test_recorder import RECORDER_CODE, heard, recorded, recorder
+from test_recorder import RECORDER_CODE, raw, recorded, recorder
 
 from rcopterx.benchmarks.processes import cpu_s
 from rcopterx.bus import channels
@@ -105,9 +105,9 @@ def test_a_full_file_system_ends_the_recording_and_not_the_recorder(
         wait_for(lambda: status() is not None, "no recorder")
         traffic.start()
         wait_for(lambda: (now := status()) is not None and now.state == "stopped", "it goes on", 60.0)
-        told = status()
-        assert told is not None
-        assert "64 MiB" in told.reason
+        stopped = status()
+        assert stopped is not None
+        assert "64 MiB" in stopped.reason
         assert shutil.disk_usage(small_disk).free > FREE_BYTES - 2_000_000
         sent = traffic.sent
         wait_for(lambda: traffic.sent > sent + 25, "the bus does not go on")
@@ -124,7 +124,7 @@ def test_memory_stays_flat_over_a_million_messages(tmp_path: Path) -> None:
     def flown_through(count: int) -> int:
         for first in range(0, count, 500):
             for number in range(first, first + 500):
-                waiting.store(heard(number, size=30))
+                waiting.store(raw(number, size=30))
             log.flush()
         return tracemalloc.get_traced_memory()[0]
 
