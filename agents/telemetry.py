@@ -76,7 +76,7 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, l
         epoch=pilot.clock.epoch,
         frame=pilot.clock.current_frame,
         source=settings.vehicle,
-        ancestors=leaders.ancestors(link.leader for link in pilot.guidance.followed),
+        ancestors=leaders.ancestors(pilot.guidance.leaders),
         period_s=flight.plan.period_s,
         start_s=flight.start_s,
         airborne=pilot.guidance.rotor_on,

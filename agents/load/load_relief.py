@@ -64,7 +64,7 @@ class LoadRelief:
         if not self.relief:
             return ""
         reason = "more agents run on this computer than it serves" if self._planned else TOO_SLOW
-        return f"{reason}: {self.relief.words}"
+        return f"{reason}: {self.relief.description}"
 
     def watch(self, late_s: float, flying: bool) -> None:
         """Process a control period, which took `late_s` from the arrival of its pose to its command."""

@@ -42,13 +42,13 @@ class Relief(IntEnum):
         return _EVERY.get(self, 1)
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """For people; empty for none."""
-        return _WORDS[self]
+        return _DESCRIPTIONS[self]
 
 
 _EVERY: Final = {Relief.HALF_RATE: 2, Relief.QUARTER_RATE: 4}
-_WORDS: Final = {
+_DESCRIPTIONS: Final = {
     Relief.NONE: "",
     Relief.STATUSES: "fewer statuses",
     Relief.TELEMETRY: "fewer statuses, no replay",
