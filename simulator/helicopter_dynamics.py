@@ -142,39 +142,22 @@ _THREE: Final = together(*3 * [NUMBER])
 _PLAIN_SURROUNDINGS: Final = together(*5 * [NUMBER], _THREE, _THREE)
 
 
-def airframe_of(parameters: HelicopterParameters) -> Airframe:
+def airframe_of(vehicle: HelicopterParameters) -> Airframe:
     """Parameters of the equations of motion of a vehicle."""
     return Airframe(
         Rotor(
-            parameters.thrust_upper,
-            parameters.torque_upper,
-            parameters.rotor_lag_upper_s,
-            *parameters.phase_upper,
-            parameters.link_upper,
-            parameters.arm_upper_m,
-            2 * parameters.spring_upper_n_m,
+            vehicle.thrust_upper, vehicle.torque_upper, vehicle.rotor_lag_upper_s, *vehicle.phase_upper,
+            vehicle.link_upper, vehicle.arm_upper_m, 2 * vehicle.spring_upper_n_m,
         ),
         Rotor(
-            parameters.thrust_lower,
-            parameters.torque_lower,
-            parameters.rotor_lag_lower_s,
-            *parameters.phase_lower,
-            parameters.link_lower,
-            parameters.arm_lower_m,
-            2 * parameters.spring_lower_n_m,
+            vehicle.thrust_lower, vehicle.torque_lower, vehicle.rotor_lag_lower_s, *vehicle.phase_lower,
+            vehicle.link_lower, vehicle.arm_lower_m, 2 * vehicle.spring_lower_n_m,
         ),
-        parameters.mass_kg,
-        *parameters.inertia_kg_m2,
-        *parameters.drag_per_s,
-        *parameters.damping_n_m_s,
-        parameters.bar_time_constant_s,
-        *parameters.servo_lag_s,
-        parameters.thrust_gain_m_s2,
-        parameters.yaw_rate_gain_rad_s,
-        parameters.yaw_gyro_gain_per_s,
-        parameters.ground_effect,
-        parameters.ground_effect_height_m,
-    )
+        vehicle.mass_kg, *vehicle.inertia_kg_m2, *vehicle.drag_per_s, *vehicle.damping_n_m_s,
+        vehicle.bar_time_constant_s, *vehicle.servo_lag_s, vehicle.thrust_gain_m_s2,
+        vehicle.yaw_rate_gain_rad_s, vehicle.yaw_gyro_gain_per_s,
+        vehicle.ground_effect, vehicle.ground_effect_height_m,
+    )  # fmt: skip
 
 
 def swash_target(parameters: HelicopterParameters, pitch: float, roll: float) -> tuple[float, float]:
