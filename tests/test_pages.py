@@ -107,6 +107,10 @@ def test_the_documentation_site_has_every_page_once() -> None:
 DECISIONS = ROOT / "docs" / "decisions"
 
 
+def test_decisions_are_short_enough_to_read() -> None:
+    assert sum(len(page.read_text(encoding="utf-8").split()) for page in DECISIONS.glob("*.md")) <= 8000
+
+
 def test_the_index_names_every_decision_once() -> None:
     named = re.findall(r"\]\(([^)]+)\)", (DECISIONS / "index.md").read_text(encoding="utf-8"))
     assert sorted(named) == sorted(page.name for page in DECISIONS.glob("*.md") if page.name != "index.md")
