@@ -57,7 +57,7 @@ class Gateway:
         }
         self._transmitters = {name: station.transmitter for name, station in self.stations.items()}
         self._poses: dict[str, Subscription[Pose]] = {
-            name: session.subscribe(channels.POSE, name, depth=POSES_KEPT, wake=lambda: None)
+            name: session.subscribe(channels.POSE, name, depth=POSES_KEPT, waking=False)
             for name in settings.vehicles
         }
         self._kills = [

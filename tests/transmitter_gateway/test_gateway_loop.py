@@ -57,10 +57,11 @@ class OwnBus:
         unit: str,
         depth: int = 1,
         wake: Callable[[], None] = lambda: None,
+        waking: bool = True,
         fleet: str = "lab",
     ) -> Inbox[Any]:
         inbox: Inbox[Any] = Inbox(channel, depth)
-        self.inboxes[channel.topic, unit, fleet] = (inbox, wake)
+        self.inboxes[channel.topic, unit, fleet] = (inbox, wake if waking else lambda: None)
         return inbox
 
     def arrive(self, topic: str, unit: str, message: Message, fleet: str = "lab") -> None:
