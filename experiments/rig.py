@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from typing import Final
 
 import numpy as np
@@ -348,29 +349,17 @@ class Rig:
 
 
 def flying_order(leaders: Mapping[str, Sequence[str]]) -> list[str]:
-    """Order vehicles so that leaders come before their followers, otherwise as given.
+    """Order vehicles so that leaders come before their followers.
 
     Raises
     ------
     RigError
         An unknown leader or a cycle.
     """
-    order: list[str] = []
-    open_names: list[str] = []
-
-    def visit(name: str) -> None:
-        if name in order:
-            return
-        if name in open_names:
-            raise RigError(f"a cycle of leaders: {' follows '.join([*open_names, name])}")
-        if name not in leaders:
-            raise RigError(f"unknown leader {name!r}; there are {', '.join(leaders)}")
-        open_names.append(name)
-        for leader in leaders[name]:
-            visit(leader)
-        open_names.pop()
-        order.append(name)
-
-    for name in leaders:
-        visit(name)
-    return order
+    unknown = [leader for own in leaders.values() for leader in own if leader not in leaders]
+    if unknown:
+        raise RigError(f"unknown leader {unknown[0]!r}; there are {', '.join(leaders)}")
+    try:
+        return list(TopologicalSorter(leaders).static_order())
+    except CycleError as error:
+        raise RigError(f"a cycle of leaders: {' follows '.join(reversed(error.args[1]))}") from None
