@@ -44,8 +44,6 @@ class Receiver:
         Time to find a module on new radio channels; 2 to 6 s are typical.
     answers_bind
         Newer receivers answer a bind, old DSM2 ones do not.
-    in_range_check_reach
-        False: too far away for range-check power.
     """
 
     def __init__(

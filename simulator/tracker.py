@@ -64,18 +64,14 @@ class TrackerState(NamedTuple):
 
 
 class TrackerServer:
-    """A Tracker that shows the frames it is given.
+    """A Tracker that shows the frames given to `publish`; clients that read too slowly lose frames.
 
     Parameters
     ----------
     profile
         Age of the Tracker, which determines its offer: tracker1, tracker2 or tracker3.
-    rate_hz
-        Capture rate reported to the clients; the pace itself is that of `publish`.
     compact
         Leave unchanged dynamic objects out as well.
-    max_backlog_bytes
-        A client with more unread bytes than this loses frames.
     replay
         Play these recordings, one connection each and so on in a circle, instead of published frames.
 

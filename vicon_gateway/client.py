@@ -28,15 +28,13 @@ StateName = Literal["waiting", "resolving", "connecting", "negotiating", "up", "
 
 
 class ClientState(NamedTuple):
-    """State of a client, for people and for status messages.
+    """State of a client, for status messages, and as a sentence in `doing`.
 
     Attributes
     ----------
     name
         waiting (pause before the next try), resolving (host name), connecting (TCP), negotiating (offer and
         first frame), up (frames with segments arrive), closed (by the caller).
-    doing
-        The same as a sentence with addresses and times.
     last_error, recording_error
         Why the last connection failed or ended, and the raw recording ended.
     frames, skipped, lost, repeated, restarts, rejected

@@ -81,8 +81,6 @@ class StreamCounters(Struct):
         Missing frame ids within a connection.
     repeated
         Frames with the id of the frame before; not delivered.
-    restarts
-        Jumps of the frame id back.
     rejected
         Malformed packets, and values refused: not finite, out of range, not a rotation.
     """
