@@ -15,13 +15,7 @@ _ENCODER: Final = msgspec.msgpack.Encoder()
 
 
 class RejectedError(ValueError):
-    """A payload that is not a valid message of its channel.
-
-    Attributes
-    ----------
-    kind
-        Name of its counter: `size`, `malformed`, `type`, `value`.
-    """
+    """A payload that is not a valid message; `kind` is `size`, `malformed`, `type` or `value`."""
 
     def __init__(self, kind: str, detail: str) -> None:
         super().__init__(detail)

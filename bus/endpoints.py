@@ -44,10 +44,7 @@ class Protection:
 def open_session(config: zenoh.Config) -> zenoh.Session:
     """Open a Zenoh session; all sessions of a process are opened here, because they share their threads.
 
-    Raises
-    ------
-    zenoh.ZError
-        No router answers, or a router cannot listen.
+    Raises `zenoh.ZError` if no router answers, or a router cannot listen.
     """
     os.environ.setdefault(*_THREADS)
     return zenoh.open(config)

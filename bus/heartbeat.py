@@ -56,13 +56,7 @@ class Heartbeat:
 
 
 class HeartbeatPage:
-    """The supervisor's side; created before the process.
-
-    Raises
-    ------
-    OSError
-        No descriptors or no memory left.
-    """
+    """The supervisor's side; created before the process. Raises OSError without descriptors or memory."""
 
     def __init__(self) -> None:
         self.descriptor = os.memfd_create("rcopterx-heartbeat")

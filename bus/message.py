@@ -62,13 +62,7 @@ class FloatArray(Struct, frozen=True):
         return list(struct.iter_unpack(f"<{self.shape[1]}d", self.data))
 
     def check(self, field: str, columns: int, max_rows: int, min_rows: int = 0) -> None:
-        """Reject wrong shapes, and values that are not finite or too large.
-
-        Raises
-        ------
-        InvalidMessageError
-            Names `field` and what is allowed.
-        """
+        """Reject wrong shapes, and values that are not finite or too large; see `Message.check`."""
         rows, actual_columns = self.shape
         if actual_columns != columns or not min_rows <= rows <= max_rows:
             raise InvalidMessageError(

@@ -385,13 +385,7 @@ VERBS: Final = {
 
 
 def verb_of(kind: type[Request]) -> Verb:
-    """Return the row of a type of requests.
-
-    Raises
-    ------
-    InvalidMessageError
-        The type is not in the table.
-    """
+    """Return the row of a type of requests; raises `InvalidMessageError` for an unknown type."""
     for verb in VERBS.values():
         if verb.request is kind:
             return verb

@@ -102,14 +102,9 @@ class RawMessage(NamedTuple):
 
 
 def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
-    """Open a Zenoh client of the router at the first endpoint that answers.
+    """Open a Zenoh client of the router at the first endpoint that answers, else raise `BusUnreachableError`.
 
     Zenoh spends its whole time-out on the first endpoint of a list, so they are tried in turn.
-
-    Raises
-    ------
-    BusUnreachableError
-        No router answered within the time-out.
     """
     give_up_s = time.monotonic() + timeout_s
     attempt_s = FIRST_ATTEMPT_S
@@ -132,21 +127,9 @@ def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
 
 
 class Session:
-    """One open connection to the bus.
+    """One open connection to the bus; raises `BusUnreachableError` if no router answers within `timeout_s`.
 
-    Parameters
-    ----------
-    wake
-        Called on receive threads when a message or request arrived.
-    clock
-        Monotonic clock [s].
-    timeout_s
-        Limit for reaching a router.
-
-    Raises
-    ------
-    BusUnreachableError
-        No router answered.
+    `wake` is called on receive threads when a message or request arrived, `clock` is a monotonic clock [s].
     """
 
     def __init__(
@@ -320,12 +303,10 @@ class Session:
         return incoming
 
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
-        """Send a request to a unit and wait for the typed reply.
+        """Send a request to a unit and wait for the reply; the type of the request determines the verb.
 
         Parameters
         ----------
-        unit, request
-            The verb follows from the type of the request.
         timeout_s
             For the reply of a process that serves the verb.
         patience_s

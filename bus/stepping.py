@@ -44,12 +44,8 @@ class Inboxes(Protocol[M]):
 class StepBus(Protocol):
     """The bus as a process sees it that works in steps; methods without details are those of `Session`.
 
-    Attributes
-    ----------
-    life
-        Random number that identifies the process.
-    requests
-        Requests of this and earlier steps; the code that removes one must answer it.
+    `life` is a random number that identifies the process, `requests` are those of this and earlier steps;
+    the code that removes one must answer it.
     """
 
     life: int
@@ -71,16 +67,10 @@ class StepBus(Protocol):
     def end_step(
         self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
     ) -> None:
-        """Publish the inputs of the steps since the last publication.
+        """Publish the inputs of the steps since the last publication, under the name of the vehicle.
 
-        Parameters
-        ----------
-        vehicle
-            Unit under which the steps are published.
-        estimate
-            The 16 values of `RoundedEstimate` after a control period, else None.
-        overtime
-            Calls that the step gave up for time, see `AgentSteps.overtime`.
+        `estimate` are the 16 values of `RoundedEstimate` after a control period, else None; `overtime` are
+        calls given up for time, see `AgentSteps.overtime`.
         """
         ...
 

@@ -47,19 +47,8 @@ class Rejections:
 class Inbox(Generic[M]):
     """Messages of one channel of one unit; independent of the bus.
 
-    Parameters
-    ----------
-    depth
-        How many undecoded payloads are kept; older ones are dropped and counted as `overrun`.
-    unit
-        Sender, where it is known.
-
-    Attributes
-    ----------
-    unread
-        Payloads that have not been read, with the times of their arrival.
-    reason
-        Why the last message was rejected.
+    It keeps `depth` undecoded payloads with the times of their arrival in `unread`; older ones are dropped
+    and counted as `overrun`. `reason` says why the last message was rejected.
     """
 
     def __init__(self, channel: Channel[M], depth: int = 1, unit: str = "") -> None:

@@ -56,13 +56,7 @@ class TrajectoryArray(Struct, frozen=True):
         return np.ascontiguousarray(counts * np.array(self.scale) + np.array(self.offset))
 
     def check(self, field: str, max_stages: int, min_stages: int) -> None:
-        """Reject wrong lengths, and scales and offsets that allow absurd samples.
-
-        Raises
-        ------
-        InvalidMessageError
-            Names `field` and what is allowed.
-        """
+        """Reject wrong lengths, and scales and offsets that allow absurd samples; see `Message.check`."""
         stages, rest = divmod(len(self.data), _BYTES)
         if rest or not min_stages <= stages <= max_stages:
             raise InvalidMessageError(

@@ -17,15 +17,8 @@ def export_csv(parts: Sequence[Path], directory: Path) -> list[Path]:
     """Write the messages of a flight as CSV files, named for instance `h1-pose.csv`, and return their paths.
 
     Columns are the fields of the messages, nested ones with dots (`diagnostics.ticks`), items of lists
-    with their number (`position_m.0`). Matrices are left out. The directory is created, files of the same
-    names are replaced.
-
-    Raises
-    ------
-    FlightLogError
-        The flight cannot be read.
-    OSError
-        A table cannot be written.
+    with their number (`position_m.0`). Matrices are left out. Files of the same names are replaced. Raises
+    `FlightLogError` if the flight cannot be read, OSError if a table cannot be written.
     """
     columns = columns_of(parts)
     directory.mkdir(parents=True, exist_ok=True)

@@ -83,13 +83,7 @@ def _started(name: str) -> tuple[str, str]:
 
 
 def found_flight(name: str, directory: Path) -> Flight:
-    """Return the flight of a file, of a name, or the newest one for `latest`.
-
-    Raises
-    ------
-    NoFlightError
-        There is none.
-    """
+    """Return the flight of a file, of a name, or the newest one for `latest`; raises `NoFlightError`."""
     path = Path(name)
     if path.is_file():
         return Flight(path.name.removesuffix(SUFFIX), (path,))

@@ -72,12 +72,7 @@ class Mended:
 def mend(path: Path, target: Path, schemas: dict[str, tuple[str, bytes]]) -> Mended:
     """Copy everything readable of a file into a new, complete one; `schemas` as in `McapFile`.
 
-    Raises
-    ------
-    FlightLogError
-        The file is no flight log, or cannot be read.
-    OSError
-        The new one cannot be written.
+    Raises `FlightLogError` if the file is no flight log, OSError if the new one cannot be written.
     """
     contents = contents_of(path)
     read = Contents()

@@ -31,12 +31,7 @@ class FlightLogError(ValueError):
 class Contents:
     """Metadata and attachments of a file by name, known once its messages have been read.
 
-    Attributes
-    ----------
-    complete
-        The file ends with a summary.
-    damaged_chunks
-        Chunks whose checksum is wrong; they are left out.
+    `complete` files end with a summary; `damaged_chunks` had wrong checksums and are left out.
     """
 
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -46,13 +41,7 @@ class Contents:
 
 
 def records_of(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Yield opcode and bytes of every whole record of a file, up to where it is cut off.
-
-    Raises
-    ------
-    FlightLogError
-        It is not an MCAP file.
-    """
+    """Yield opcode and bytes of every whole record of an MCAP file, up to where it is cut off."""
     if file.read(len(MAGIC)) != MAGIC:
         raise FlightLogError("not an MCAP file")
     while len(head := file.read(_HEAD.size)) == _HEAD.size:
@@ -86,13 +75,7 @@ def messages_of(path: Path, contents: Contents | None = None) -> Iterator[Logged
 
 
 def contents_of(path: Path) -> Contents:
-    """Return metadata and attachments of a file without decompressing its messages.
-
-    Raises
-    ------
-    FlightLogError
-        See `messages_of`.
-    """
+    """Return metadata and attachments of a file without reading messages; errors as in `messages_of`."""
     contents = Contents()
     with _opened(path) as file:
         for opcode, body in records_of(file):
@@ -145,13 +128,7 @@ def _messages(body: bytes, channels: dict[int, str], contents: Contents) -> Iter
 
 
 def chunk_data(body: bytes) -> bytes | None:
-    """Return the records of a chunk; None where its checksum is wrong.
-
-    Raises
-    ------
-    FlightLogError
-        It has another compression than ours.
-    """
+    """Return the records of a chunk; None where its checksum is wrong."""
     chunk = Chunk.read(_stream(body))
     if chunk.compression not in ("", COMPRESSION):
         raise FlightLogError(f"compression {chunk.compression!r}, ours is {COMPRESSION!r}")

@@ -45,16 +45,8 @@ _FOOTER_CHECKED: Final = Struct("<BQQQ")
 class LoggedMessage(NamedTuple):
     """One message of a flight log.
 
-    Attributes
-    ----------
-    topic
-        Unit and topic of the channel, for instance `h1/pose`.
-    payload
-        Its bytes as on the bus.
-    time_ns
-        Arrival at the recorder: wall clock at its start plus monotonic time since.
-    number
-        Counter of its sender; 0 where it does not count.
+    `topic` is unit and topic of the channel, for instance `h1/pose`, `time_ns` the arrival at the recorder
+    (wall clock at its start plus monotonic time since), `number` the counter of the sender or 0.
     """
 
     topic: str
@@ -118,13 +110,7 @@ class McapFile:
         )
 
     def add_chunk(self, messages: Sequence[LoggedMessage]) -> None:
-        """Write messages as one compressed chunk.
-
-        Raises
-        ------
-        OSError
-            It could not be written; `written_bytes` is the end of the whole records.
-        """
+        """Write one compressed chunk; after an OSError `written_bytes` is the end of the whole records."""
         if not messages:
             return
         builder = RecordBuilder()

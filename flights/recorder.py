@@ -140,12 +140,7 @@ class RecorderSettings:
 def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) -> None:
     """Record until SIGTERM or SIGINT; a failure of the disk ends the recording, not the process.
 
-    `announce` is called with a line when the recording ends early.
-
-    Raises
-    ------
-    BusUnreachableError
-        No router answers.
+    `announce` is called with a line when the recording ends early. Raises `BusUnreachableError`.
     """
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):

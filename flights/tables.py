@@ -19,13 +19,7 @@ Columns = dict[str, set[type]]
 
 
 def table_messages(parts: Sequence[Path]) -> Iterator[LoggedMessage]:
-    """Yield the messages of a flight that are rows of tables, in order.
-
-    Raises
-    ------
-    FlightLogError
-        The flight cannot be read.
-    """
+    """Yield the messages of a flight that are rows of tables, in order."""
     for path in parts:
         for message in messages_of(path):
             if message.topic.rpartition("/")[2] not in LEFT_OUT:

@@ -30,17 +30,10 @@ YAW_RATE_RAD_S: Final = 0.4
 
 @dataclass(frozen=True)
 class Excitation:
-    """A multisine on every stick; it fades in and out within `FADE_S`.
+    """A multisine on every stick, of root mean square `amplitude`; it fades in and out within `FADE_S`.
 
-    Parameters
-    ----------
-    amplitude
-        Root mean square of pitch, roll, thrust and yaw.
-
-    Raises
-    ------
-    ValueError
-        An amplitude outside 0 to 1, or a duration too short to separate the tones of two axes.
+    Raises ValueError for an amplitude outside 0 to 1, or a duration too short to separate the tones of two
+    axes.
     """
 
     amplitude: tuple[float, ...]

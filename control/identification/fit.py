@@ -107,10 +107,7 @@ class Identification:
 def identify(recording: FlightRecording, model: Model) -> Identification:
     """Fit a model to a flight of at least `SHORTEST_S` with all sticks excited.
 
-    Raises
-    ------
-    ValueError
-        The recording is too short, or of another type of vehicle.
+    Raises ValueError for a shorter recording, or one of another type of vehicle.
     """
     if recording.duration_s < SHORTEST_S:
         raise ValueError(

@@ -22,7 +22,7 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True)
 class FlightRecording:
-    """Measured poses and commanded sticks at a fixed period, K rows without gaps.
+    """Measured poses and commanded sticks at a fixed period, K rows without gaps; raises `RecordingError`.
 
     Attributes
     ----------
@@ -36,11 +36,6 @@ class FlightRecording:
         Horizontal components of the body's upward axis, inertial frame, shape (K, 2); None if not measured.
     inputs
         Sticks sent to the vehicle on these poses, shape (K, 4); they act a transport delay later.
-
-    Raises
-    ------
-    RecordingError
-        Shapes do not match, or numbers are not finite.
     """
 
     kind: str
@@ -98,13 +93,7 @@ class FlightRecording:
 
 
 def load_recording(path: Path) -> FlightRecording:
-    """Read a file of `FlightRecording.save`.
-
-    Raises
-    ------
-    RecordingError
-        No such file, or not a recording.
-    """
+    """Read a file of `FlightRecording.save`; raises `RecordingError` if it is missing or not a recording."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             found = {name: stored[name] for name in stored.files}
@@ -147,10 +136,8 @@ class FlightLog:
     def recording(self) -> FlightRecording:
         """Return the rows between the first and the last period of which both are known.
 
-        Raises
-        ------
-        RecordingError
-            Poses or sticks are missing for longer than `LONGEST_GAP_S`, or altogether.
+        Raises `RecordingError` where poses or sticks are missing for longer than `LONGEST_GAP_S`, or
+        altogether.
         """
         common = self._poses.keys() & self._inputs.keys()
         if len(common) < 2:

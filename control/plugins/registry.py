@@ -57,10 +57,7 @@ class Registry(Generic[Part]):
     def load(self, name: str) -> PartClass[Part]:
         """Import the class of a name.
 
-        Raises
-        ------
-        SettingsError
-            Unknown name (the message lists what is allowed), or its package cannot be imported.
+        Raises `SettingsError` for an unknown name (the message lists what is allowed), or a failed import.
         """
         path = self.built_in.get(name)
         if path is not None:
@@ -81,10 +78,7 @@ class Registry(Generic[Part]):
     def build(self, name: str, model: Model, period_s: float, settings: Mapping[str, object]) -> Part:
         """Build the part of one vehicle; `settings` that are left out keep their defaults.
 
-        Raises
-        ------
-        SettingsError
-            Unknown name, or a setting that is not allowed.
+        Raises `SettingsError` for an unknown name, or a setting that is not allowed.
         """
         part_class = self.load(name)
         lowest, highest = PERIOD_RANGE_S

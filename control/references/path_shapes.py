@@ -1,7 +1,7 @@
 """Paths of a shape: circle, figure-eight, spiral, and smooth curves through timed waypoints.
 
-All of them start and end at rest. The client builds them; agents receive only their knots and need no
-splines.
+All of them start and end at rest, and raise `PathError` for parameters out of range. The client builds them;
+agents receive only their knots and need no splines.
 """
 
 import math
@@ -40,19 +40,12 @@ def spiral(
     ----------
     radii_m
         Radius at the start and at the end.
-    climb_m
-        Height gained.
     period_s
         Time of a turn at full speed.
     turns
         Number of turns, not zero.
     heading
         `fixed` at zero, `along` the path or towards the `center`.
-
-    Raises
-    ------
-    PathError
-        A parameter is out of range.
     """
     _positive(radius_m=max(radii_m), period_s=period_s)
     whole = math.tau * turns
@@ -74,13 +67,7 @@ def spiral(
 def figure_eight(
     center_m: Three, size_m: tuple[float, float], period_s: float, turns: float = 1.0, heading: str = "fixed"
 ) -> FlightPath:
-    """Return a figure-eight (Gerono's lemniscate); `size_m` is its half-width along x and y.
-
-    Raises
-    ------
-    PathError
-        A parameter is out of range.
-    """
+    """Return a figure-eight (Gerono's lemniscate); `size_m` is its half-width along x and y."""
     _positive(size_m=min(size_m), period_s=period_s)
 
     def curve(angle: Array) -> Array:
@@ -98,15 +85,7 @@ def figure_eight(
 def through(waypoints: Sequence[Sequence[float]]) -> FlightPath:
     """Return a quintic spline through timed waypoints, at rest at both ends.
 
-    Parameters
-    ----------
-    waypoints
-        Rows of time [s], x, y, z [m] and yaw [rad]; times increase.
-
-    Raises
-    ------
-    PathError
-        Fewer than two rows, wrong columns, numbers that are not finite, or times that do not increase.
+    Rows of `waypoints` are time [s], x, y, z [m] and yaw [rad]; times increase.
     """
     table = np.array([list(row) for row in waypoints], dtype=float) if len(waypoints) else np.zeros((0, 5))
     if table.ndim != 2 or table.shape[1] != 5 or len(table) < 2:
