@@ -135,10 +135,7 @@ def remove_unused(base: Path, now_s: float) -> None:
 def compile_all() -> None:
     """Compile all kernels in another process, which prints its progress, unless the cache holds them.
 
-    Raises
-    ------
-    OSError
-        Compiling failed; the other process has printed why.
+    Raises `OSError`: compiling failed; the other process has printed why.
     """
     path = directory()
     if path is not None and (path / COMPLETE).exists():

@@ -20,10 +20,7 @@ EXIT_WRONG: Final = 3
 def check_fleet(fleet: FleetFile, directory: Path) -> None:
     """Build the settings of every process of a fleet with this run directory.
 
-    Raises
-    ------
-    FleetError
-        Names the field that is wrong.
+    Raises `FleetError`: names the field that is wrong.
     """
     # Imported here: the launcher imports this module, and needs none of the libraries of agents.
     from rcopterx.deploy.roles.agent import check_period, pilot_of

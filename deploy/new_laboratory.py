@@ -40,10 +40,7 @@ class NewLaboratory(NamedTuple):
 def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
     """Write a fleet file that passes every check without hardware.
 
-    Raises
-    ------
-    FleetError
-        An answer cannot be used, or the file exists.
+    Raises `FleetError`: an answer cannot be used, or the file exists.
     """
     text = fleet_file_text(laboratory, path)
     fleet = parse_fleet(text)

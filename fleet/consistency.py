@@ -11,10 +11,7 @@ from rcopterx.fleet.schema import RESERVED_PROCESSES, RESERVED_UNITS, FleetError
 def check_consistency(fleet: FleetFile) -> None:
     """Refuse a file whose tables contradict each other.
 
-    Raises
-    ------
-    FleetError
-        Names the path of the wrong field and what is allowed.
+    Raises `FleetError`: names the path of the wrong field and what is allowed.
     """
     _check_vehicles(fleet)
     _check_hosts(fleet)
@@ -118,7 +115,7 @@ def _check_security(fleet: FleetFile) -> None:
         if not (security.insecure or is_loopback(host.address)):
             raise FleetError(
                 f"hosts.{name}.address: {host.address} can be reached by others, and without certificates "
-                "whoever reaches it can steer the fleet; name a directory in security.certificates and make "
+                "any program there can steer the fleet; name a directory in security.certificates and make "
                 "them by rcopterx certs, or write insecure = true under [security]"
             )
 

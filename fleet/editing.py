@@ -36,10 +36,7 @@ CHANNELS = ("pitch", "roll", "throttle", "yaw")
 def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> list[str]:
     """Change the calibration of a vehicle; return a line for each changed field, with old and new value.
 
-    Raises
-    ------
-    FleetError
-        The file cannot be used, or comes with the package; nothing was written.
+    Raises `FleetError`: the file cannot be used, or comes with the package; nothing was written.
     """
     path = _own(path)
     present = calibration_of(load_fleet(path).vehicles[vehicle], vehicle)
@@ -59,10 +56,7 @@ def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
 
     Only the fields in `FITTED` are written, rounded to `DIGITS` significant digits.
 
-    Raises
-    ------
-    FleetError
-        The file cannot be used, or comes with the package; nothing was written.
+    Raises `FleetError`: the file cannot be used, or comes with the package; nothing was written.
     """
     path = _own(path)
     before, after = _plain(model_of(load_fleet(path), vehicle)), _plain(model)

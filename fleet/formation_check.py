@@ -31,10 +31,7 @@ def links_of(fleet: FleetFile) -> dict[str, tuple[LeaderLink, ...]]:
 def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:
     """Check that each formation can be flown with its leader at heading zero.
 
-    Raises
-    ------
-    FleetError
-        Two vehicles would be too close to each other, or too far apart for the volume.
+    Raises `FleetError`: two vehicles would be too close to each other, or too far apart for the volume.
     """
     links = links_of(fleet)
     where = places(links, {name: np.zeros(4) for name, own in links.items() if not own})

@@ -24,10 +24,7 @@ _STEP = re.compile(r"\.(\w+)|\[")
 def load_fleet(path: Path) -> FleetFile:
     """Read and validate a fleet file (TOML), or a snapshot of one (JSON).
 
-    Raises
-    ------
-    FleetError
-        Names the file, the path of the wrong field, and what is allowed.
+    Raises `FleetError`: names the file, the path of the wrong field, and what is allowed.
     """
     if path.is_dir():
         raise FleetError(f"{path}: cannot be read: a directory; name the fleet file in it")
@@ -86,10 +83,8 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 def converted(raw: object, kind: type[T], where: str) -> T:
     """Convert a table at the path `where` of the file (empty for the whole file) to a type.
 
-    Raises
-    ------
-    FleetError
-        Wrong type, missing or unknown field, or a value that the type refuses; names the path of the field.
+    Raises `FleetError`: wrong type, missing or unknown field, or a value that the type refuses; names the
+    path of the field.
     """
     try:
         return msgspec.convert(raw, kind)
@@ -117,10 +112,7 @@ def _check_finite(value: object, where: str) -> None:
 def dataclass_from(kind: type[T], table: Mapping[str, Any], where: str) -> T:
     """Build a dataclass, possibly with dataclass fields, from a table at the path `where` of the file.
 
-    Raises
-    ------
-    FleetError
-        Unknown field, wrong type, or a value that the dataclass refuses.
+    Raises `FleetError`: unknown field, wrong type, or a value that the dataclass refuses.
     """
     _refuse_unknown(kind, table, where)
     return converted(dict(table), kind, where)

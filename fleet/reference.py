@@ -18,26 +18,7 @@ from msgspec import inspect as types
 from rcopterx.bus.reference import bounds, documented, one_line
 from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.control.estimators.registry import ESTIMATORS
-from rcopterx.fleet.schema import (
-    AvoidanceConfig,
-    BatteryConfig,
-    BusConfig,
-    ControlConfig,
-    FleetFile,
-    GatewayConfig,
-    HostConfig,
-    LeaderConfig,
-    LeaderLostConfig,
-    LogConfig,
-    SafetyConfig,
-    SecurityConfig,
-    SimulatorConfig,
-    TrackerConfig,
-    TransmitterConfig,
-    VehicleConfig,
-    VolumeConfig,
-    WatchdogConfig,
-)
+from rcopterx.fleet import schema
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
@@ -114,17 +95,17 @@ def sections() -> list[Section]:
     control, transmitter = f"{vehicle}.control", f"{vehicle}.transmitter"
     calibration, model = f"{transmitter}.calibration", f"{vehicle}.model"
     return [
-        Section("", FleetFile),
-        Section("volume", VolumeConfig),
-        Section("tracker", TrackerConfig, "See [motion_capture.md](motion_capture.md)."),
-        Section("simulator", SimulatorConfig),
+        Section("", schema.FleetFile),
+        Section("volume", schema.VolumeConfig),
+        Section("tracker", schema.TrackerConfig, "See [motion_capture.md](motion_capture.md)."),
+        Section("simulator", schema.SimulatorConfig),
         Section("simulator.condition_overrides", Conditions, "A default is that of the preset `ideal`."),
-        Section("hosts.NAME", HostConfig, "See [multi-host.md](multi-host.md)."),
-        Section("bus", BusConfig),
-        Section("security", SecurityConfig, "See [security.md](security.md)."),
-        Section("gateways.NAME", GatewayConfig),
-        Section("avoidance", AvoidanceConfig, "See [avoidance.md](avoidance.md)."),
-        Section("safety", SafetyConfig, "See [safety.md](safety.md)."),
+        Section("hosts.NAME", schema.HostConfig, "See [multi-host.md](multi-host.md)."),
+        Section("bus", schema.BusConfig),
+        Section("security", schema.SecurityConfig, "See [security.md](security.md)."),
+        Section("gateways.NAME", schema.GatewayConfig),
+        Section("avoidance", schema.AvoidanceConfig, "See [avoidance.md](avoidance.md)."),
+        Section("safety", schema.SafetyConfig, "See [safety.md](safety.md)."),
         Section(
             "safety.settings",
             ArbiterLimits,
@@ -141,13 +122,13 @@ def sections() -> list[Section]:
             LandingLimits,
             "Gains come from the vehicle's model unless they are given.",
         ),
-        Section("log", LogConfig, "See [logs.md](logs.md)."),
-        Section("watchdog", WatchdogConfig, "See [safety.md](safety.md#processes-that-hang)."),
-        Section(vehicle, VehicleConfig),
-        Section(f"{vehicle}.follow", LeaderConfig, "A list of such tables."),
-        Section(f"{vehicle}.leader_lost", LeaderLostConfig, "See [formation.md](formation.md)."),
-        Section(f"{vehicle}.battery", BatteryConfig, "See [safety.md](safety.md)."),
-        Section(control, ControlConfig, "See [control.md](control.md)."),
+        Section("log", schema.LogConfig, "See [logs.md](logs.md)."),
+        Section("watchdog", schema.WatchdogConfig, "See [safety.md](safety.md#processes-that-hang)."),
+        Section(vehicle, schema.VehicleConfig),
+        Section(f"{vehicle}.follow", schema.LeaderConfig, "A list of such tables."),
+        Section(f"{vehicle}.leader_lost", schema.LeaderLostConfig, "See [formation.md](formation.md)."),
+        Section(f"{vehicle}.battery", schema.BatteryConfig, "See [safety.md](safety.md)."),
+        Section(control, schema.ControlConfig, "See [control.md](control.md)."),
         *(
             Section(f"{control}.settings", CONTROLLERS.load(name).Settings, f'With `controller = "{name}"`.')
             for name in CONTROLLERS.built_in
@@ -160,7 +141,7 @@ def sections() -> list[Section]:
             )
             for name in ESTIMATORS.built_in
         ),
-        Section(transmitter, TransmitterConfig, "See [hardware.md](hardware.md)."),
+        Section(transmitter, schema.TransmitterConfig, "See [hardware.md](hardware.md)."),
         *(
             Section(f"{transmitter}.settings", kind, f'With `protocol = "{protocol}"`.')
             for protocol, kind in PROTOCOLS.items()

@@ -15,10 +15,7 @@ def shipped_fleets() -> dict[str, Path]:
 def fleet_path(name: str) -> Path:
     """Return the path of a fleet file, or of a shipped fleet by its name.
 
-    Raises
-    ------
-    FleetError
-        There is neither such a file nor such a shipped fleet.
+    Raises `FleetError`: there is neither such a file nor such a shipped fleet.
     """
     path = Path(name)
     if path.exists():

@@ -25,10 +25,7 @@ def encoded(fleet: FleetFile) -> bytes:
 def read_snapshot(path: Path) -> FleetFile:
     """Return the fleet of a snapshot.
 
-    Raises
-    ------
-    FleetError
-        The file cannot be read or is no snapshot.
+    Raises `FleetError`: the file cannot be read or is no snapshot.
     """
     try:
         return snapshot_of(path.read_bytes())
@@ -41,10 +38,7 @@ def read_snapshot(path: Path) -> FleetFile:
 def snapshot_of(content: bytes) -> FleetFile:
     """Return the fleet of the content of a snapshot.
 
-    Raises
-    ------
-    FleetError
-        It is no snapshot.
+    Raises `FleetError`: it is no snapshot.
     """
     try:
         return msgspec.json.decode(content, type=FleetFile)

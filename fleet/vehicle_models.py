@@ -11,10 +11,7 @@ from rcopterx.vehicles.types import TYPES
 def model_of(fleet: FleetFile, name: str) -> Model:
     """Return the model of a vehicle: its type, the parameters in the file, and the volume as position bounds.
 
-    Raises
-    ------
-    FleetError
-        The type or a parameter is unknown.
+    Raises `FleetError`: the type or a parameter is unknown.
     """
     vehicle = fleet.vehicles[name]
     where = f"vehicles.{name}"

@@ -45,10 +45,7 @@ def own_name(fleet: FleetFile, host: str) -> str | None:
     `RCOPTERX_CERTIFICATE` names it; else it is that of the host, or of the first operator, watcher, or other
     host whose key is readable.
 
-    Raises
-    ------
-    FleetError
-        The key of the certificate that `RCOPTERX_CERTIFICATE` names is not readable.
+    Raises `FleetError`: the key of the certificate that `RCOPTERX_CERTIFICATE` names is not readable.
     """
     directory = directory_of(fleet)
     if directory is None:

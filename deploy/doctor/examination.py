@@ -68,7 +68,8 @@ def certificates(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]
     if directory is None:
         if fleet.security.insecure:
             yield Result(
-                False, "security.insecure: whoever reaches a host can steer the fleet; rcopterx certs helps"
+                False,
+                "security.insecure: any program that reaches a host can steer; rcopterx certs helps",
             )
         else:
             yield Result(True, "no certificates: only this computer reaches the fleet")

@@ -89,11 +89,8 @@ class Launcher(AbstractContextManager["Launcher"]):
     idle
         Whether only the router runs until the rest is requested: the daemon of a host.
 
-    Raises
-    ------
-    FleetError
-        Something in the file is wrong, an address is in use, no vehicle that takes part has its device;
-        no process of the fleet was started.
+    Raises `FleetError`: something in the file is wrong, an address is in use, no vehicle that takes part has
+    its device; no process of the fleet was started.
     """
 
     def __init__(

@@ -31,10 +31,7 @@ def check_resources(fleet: FleetFile, host: str, directory: Path, without: Colle
     list of str
         A line for every vehicle whose device is missing while others have theirs.
 
-    Raises
-    ------
-    FleetError
-        Names the field and the address or device.
+    Raises `FleetError`: names the field and the address or device.
     """
     place = fleet.hosts[host]
     check_free(place.address, place.router_port, f"hosts.{host}.router_port")
@@ -68,10 +65,7 @@ def check_resources(fleet: FleetFile, host: str, directory: Path, without: Colle
 def check_without(fleet: FleetFile, without: Collection[str]) -> None:
     """Check the vehicles that shall not take part.
 
-    Raises
-    ------
-    FleetError
-        One is unknown, or none is left.
+    Raises `FleetError`: one is unknown, or none is left.
     """
     for name in without:
         if name not in fleet.vehicles:
@@ -83,10 +77,7 @@ def check_without(fleet: FleetFile, without: Collection[str]) -> None:
 def check_free(address: str, port: int, where: str) -> None:
     """Check that no other program listens at an address.
 
-    Raises
-    ------
-    FleetError
-        Begins with `where`, the field of the fleet file.
+    Raises `FleetError`: begins with `where`, the field of the fleet file.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -101,10 +92,7 @@ def check_free(address: str, port: int, where: str) -> None:
 def check_certificate(fleet: FleetFile, host: str) -> None:
     """Check the certificate of this host, in a fleet with certificates.
 
-    Raises
-    ------
-    FleetError
-        Says what is wrong with it.
+    Raises `FleetError`: says what is wrong with it.
     """
     directory = directory_of(fleet)
     if directory is None:

@@ -29,10 +29,7 @@ def run_directory(fleet_name: str, namespace: str | None) -> Path:
 
     Only its owner has access: any program that reaches the router's socket in it can steer.
 
-    Raises
-    ------
-    OSError
-        It cannot be created or belongs to another user; says how to choose another place.
+    Raises `OSError`: it cannot be created or belongs to another user; says how to choose another place.
     """
     path = base_directory() / (fleet_name if namespace is None else f"{fleet_name}-{namespace}")
     try:
@@ -50,10 +47,7 @@ def run_directory(fleet_name: str, namespace: str | None) -> Path:
 def check_owner(path: Path) -> None:
     """Refuse a directory that another user has put in the place of ours, for instance in `/tmp`.
 
-    Raises
-    ------
-    OSError
-        It belongs to another user, or it is a link.
+    Raises `OSError`: it belongs to another user, or it is a link.
     """
     status = path.lstat()
     if not stat.S_ISDIR(status.st_mode):

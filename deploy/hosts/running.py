@@ -45,10 +45,7 @@ class RunningFleet(NamedTuple):
 def recorded(directory: Path, running: RunningFleet) -> Iterator[None]:
     """Keep the record of a running fleet in its run directory while the context lasts.
 
-    Raises
-    ------
-    OSError
-        Another router of this fleet is running.
+    Raises `OSError`: another router of this fleet is running.
     """
     path = directory / f"up-{running.host}.json"
     descriptor = _locked(path)

@@ -16,10 +16,7 @@ NICE: Final = 5
 def start_in_background(command: Sequence[str]) -> "subprocess.Popen[bytes]":
     """Start a program with pipes for its standard streams, in a session of its own: Ctrl-C does not end it.
 
-    Raises
-    ------
-    OSError
-        It cannot be started.
+    Raises `OSError`: it cannot be started.
     """
     pipe = subprocess.PIPE
     process = subprocess.Popen(

@@ -133,10 +133,7 @@ def _prepare(words: Sequence[str]) -> str:
 def _fork_twice() -> int | None:
     """Return the process id of a forked process that is no child of this one; None in that process.
 
-    Raises
-    ------
-    OSError
-        There are no processes or descriptors left.
+    Raises `OSError`: there are no processes or descriptors left.
     """
     reading, writing = os.pipe()
     try:

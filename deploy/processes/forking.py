@@ -48,10 +48,7 @@ class ForkedProcess:
     stdin
         Writing end of its standard input, if that is a pipe.
 
-    Raises
-    ------
-    OSError
-        No descriptor is left to watch it; it was killed.
+    Raises `OSError`: no descriptor is left to watch it; it was killed.
     """
 
     def __init__(self, pid: int, page: HeartbeatPage, stdin: IO[bytes] | None = None) -> None:
@@ -137,10 +134,7 @@ class ForkServer:
     def ensure_running(self) -> bool:
         """Start it if it does not run and was not started a moment ago; return whether it is a successor.
 
-        Raises
-        ------
-        OSError
-            It cannot be started.
+        Raises `OSError`: it cannot be started.
         """
         if self._process is not None and self._process.poll() is None:
             return False
@@ -177,11 +171,8 @@ class ForkServer:
         piped
             Whether its standard input is a pipe; empty otherwise.
 
-        Raises
-        ------
-        OSError
-            It cannot be started: no descriptors are left, or the fork server has just ended and its
-            successor is not ready.
+        Raises `OSError`: it cannot be started: no descriptors are left, or the fork server has just ended and
+        its successor is not ready.
         """
         self.ensure_running()
         self._wait_until_ready()
@@ -210,10 +201,7 @@ class ForkServer:
 
         This takes its time: call it before vehicles fly.
 
-        Raises
-        ------
-        OSError
-            It cannot build them; the agents will do so themselves.
+        Raises `OSError`: it cannot build them; the agents will do so themselves.
         """
         self.ensure_running()
         self._wait_until_ready()
@@ -238,10 +226,8 @@ class ForkServer:
     def _answer(self, limit_s: float) -> Answer:
         """Return the next answer.
 
-        Raises
-        ------
-        OSError
-            The answer is an error; it has ended or is not ready; it does not answer, and was killed.
+        Raises `OSError`: the answer is an error; it has ended or is not ready; it does not answer, and was
+        killed.
         """
         if self._connection is None:
             raise OSError(errno.EAGAIN, "the fork server has ended, its successor is started soon")

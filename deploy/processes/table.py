@@ -46,10 +46,7 @@ def recording_host(fleet: FleetFile) -> str:
 def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     """Return the processes of a host in starting order.
 
-    Raises
-    ------
-    FleetError
-        The host is unknown.
+    Raises `FleetError`: the host is unknown.
     """
     if host not in fleet.hosts:
         raise FleetError(f"hosts: unknown host {host!r}, known are {', '.join(fleet.hosts)}")

@@ -66,10 +66,7 @@ def steps(fleet: FleetFile, fleet_text: bytes, host: str, login: Login, wheel: P
     wheel
         File of the software.
 
-    Raises
-    ------
-    OSError
-        The wheel or a certificate cannot be read.
+    Raises `OSError`: the wheel or a certificate cannot be read.
     """
     software = wheel.read_bytes()
     yield _file(f"{DIRECTORY}/{wheel.name}", software, 0o644)

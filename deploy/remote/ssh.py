@@ -52,10 +52,7 @@ def login(run: Run) -> Login:
 def take(run: Run, steps: Iterable[Step], *, dry: bool) -> Iterator[tuple[Step, bool]]:
     """Take the steps that are not done yet, none if `dry`; yield each step and whether it was done before.
 
-    Raises
-    ------
-    RemoteError
-        A step failed; the following ones are not taken.
+    Raises `RemoteError`: a step failed; the following ones are not taken.
     """
     for step in steps:
         done = run(step.done, b"").returncode == 0

@@ -42,10 +42,8 @@ def ready_pilot(fleet: FleetFile, name: str, host: str | None = None) -> tuple[A
 def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:
     """Build settings and pilot of a vehicle's agent on a host, by default that of the fleet file.
 
-    Raises
-    ------
-    FleetError
-        A field of the vehicle is wrong: controllers and estimators check their settings when they are built.
+    Raises `FleetError`: a field of the vehicle is wrong: controllers and estimators check their settings when
+    they are built.
     """
     settings = agent_settings(fleet, name, host)
     try:
@@ -94,10 +92,7 @@ def separation_of(fleet: FleetFile) -> SeparationEllipsoid | None:
 def hover_thrust_limits_of(fleet: FleetFile, name: str) -> HoverThrustLimits:
     """Return the limits of the thrust to hover, which show an empty battery.
 
-    Raises
-    ------
-    FleetError
-        The vehicle would land before it warns.
+    Raises `FleetError`: the vehicle would land before it warns.
     """
     battery = fleet.vehicles[name].battery
     try:

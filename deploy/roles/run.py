@@ -82,10 +82,7 @@ def name_process(*words: str) -> None:
 def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
     """Refuse unknown roles and units that the file does not name.
 
-    Raises
-    ------
-    FleetError
-        Names what is allowed.
+    Raises `FleetError`: names what is allowed.
     """
     known: dict[str, Mapping[str, object]] = {
         "router": fleet.hosts, "recorder": fleet.hosts, "simulator": fleet.hosts, "tracker": fleet.hosts,

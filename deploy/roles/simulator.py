@@ -25,10 +25,7 @@ def run(fleet: FleetFile, _host: str) -> None:
 def conditions_of(fleet: FleetFile) -> Conditions:
     """Return the conditions of the simulated laboratory.
 
-    Raises
-    ------
-    FleetError
-        There is no simulator, or a preset or field is unknown.
+    Raises `FleetError`: there is no simulator, or a preset or field is unknown.
     """
     if fleet.simulator is None:
         raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")

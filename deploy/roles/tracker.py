@@ -31,10 +31,7 @@ def run(fleet: FleetFile, _host: str, record_raw: Path | None = None) -> None:
     record_raw
         File for the raw stream, instead of that of the fleet file.
 
-    Raises
-    ------
-    FleetError
-        The recording cannot be created, or the library of the brand is missing.
+    Raises `FleetError`: the recording cannot be created, or the library of the brand is missing.
     """
     settings = tracker_settings(fleet)
     if record_raw is not None and settings.brand is not None:
@@ -65,10 +62,7 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
 def tracker_address(fleet: FleetFile) -> tuple[str, int]:
     """Return host and port of the Tracker.
 
-    Raises
-    ------
-    FleetError
-        The address is not of the form HOST:PORT.
+    Raises `FleetError`: the address is not of the form HOST:PORT.
     """
     host, separator, port = fleet.tracker.address.rpartition(":")
     if not separator or not host or not port.isdecimal() or not 0 < int(port) < 65536:
@@ -79,10 +73,7 @@ def tracker_address(fleet: FleetFile) -> tuple[str, int]:
 def brand_of(fleet: FleetFile) -> BrandSettings | None:
     """Return the settings of another brand; None for a Vicon Tracker, which our own client reads.
 
-    Raises
-    ------
-    FleetError
-        This brand does not have a field, or needs one that is missing.
+    Raises `FleetError`: this brand does not have a field, or needs one that is missing.
     """
     tracker = fleet.tracker
     brand = tracker.brand
@@ -137,10 +128,7 @@ def raw_recording(fleet: FleetFile) -> Path | None:
 def check_motion_capture(fleet: FleetFile) -> None:
     """Check that the library of the brand is installed and that the recording can be created.
 
-    Raises
-    ------
-    FleetError
-        Names the field.
+    Raises `FleetError`: names the field.
     """
     try:
         if brand_of(fleet) is not None:

@@ -86,10 +86,7 @@ class Spares:
     def prepare(self) -> None:
         """Start the spares that are missing, one after the other: the next one once all others are ready.
 
-        Raises
-        ------
-        OSError
-            One cannot be started.
+        Raises `OSError`: one cannot be started.
         """
         for spare in [spare for spare in self._spares if spare.process.poll() is not None]:
             spare.end()

@@ -1,4 +1,4 @@
-"""Promises of a fleet file's formation: it fits into the volume, and nobody is too close to anybody."""
+"""Promises of a fleet file's formation: it fits into the volume, and vehicles keep their distance."""
 
 import pytest
 from support.fleets import PAIR

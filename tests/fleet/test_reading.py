@@ -237,7 +237,7 @@ def test_an_address_only_this_computer_reaches_needs_no_certificates(address: st
         ('operators = ["a", "b", "a"]', "security.operators[2]: 'a' is named twice"),
     ],
 )
-def test_contradictions_about_who_is_let_in_are_refused(table: str, message: str) -> None:
+def test_contradictions_about_access_are_refused(table: str, message: str) -> None:
     with pytest.raises(FleetError, match=re.escape(message)):
         parse_fleet(f"{PAIR}[security]\n{table}")
 

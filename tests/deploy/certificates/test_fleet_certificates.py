@@ -32,7 +32,7 @@ def made(directory: Path, now: datetime = NOW) -> FleetFile:
     return fleet
 
 
-def test_everybody_of_the_fleet_file_gets_a_certificate(tmp_path: Path) -> None:
+def test_every_name_of_the_fleet_file_gets_a_certificate(tmp_path: Path) -> None:
     directory = tmp_path / "new" / "certificates"
     made(directory)
     assert {path.stem for path in directory.glob("*.pem")} == {*NAMES, "authority"}
@@ -90,7 +90,7 @@ def test_certificates_from_elsewhere_are_not_overwritten(tmp_path: Path) -> None
         make_certificates(fleet, NOW, 365)
 
 
-def test_a_fleet_file_without_a_directory_is_told_what_to_add() -> None:
+def test_a_fleet_file_without_a_directory_is_refused_with_what_to_add() -> None:
     with pytest.raises(
         FleetError, match=r'^security\.certificates: .* certificates = "~/\.config/rcopterx/lab"'
     ):
@@ -104,7 +104,7 @@ def test_a_fleet_file_without_a_directory_is_told_what_to_add() -> None:
         (timedelta(days=-1), "valid from"),
     ],
 )
-def test_a_certificate_out_of_its_time_is_told(tmp_path: Path, later: timedelta, message: str) -> None:
+def test_a_certificate_out_of_its_time_is_reported(tmp_path: Path, later: timedelta, message: str) -> None:
     made(tmp_path)
     assert message in str(problem(tmp_path, "host.main", NOW + later))
 
@@ -116,7 +116,7 @@ def test_a_certificate_that_soon_expires_is_warned_of(tmp_path: Path) -> None:
     assert warning == f"{tmp_path}/host.main.pem: expires in 5 days"
 
 
-def test_damaged_missing_and_exposed_files_are_told(tmp_path: Path) -> None:
+def test_damaged_missing_and_exposed_files_are_reported(tmp_path: Path) -> None:
     made(tmp_path)
     (tmp_path / "host.main.key").chmod(0o644)
     assert "others can read it; chmod 600" in str(problem(tmp_path, "host.main", NOW))

@@ -44,7 +44,7 @@ def test_whoever_shows_a_certificate_of_the_fleet_is_let_in(bus: SecuredBus) -> 
     assert len(identified(bus.remote("watcher.lab"))) == 2
 
 
-def test_nobody_is_let_in_without_encryption(bus: SecuredBus) -> None:
+def test_no_connection_is_admitted_without_encryption(bus: SecuredBus) -> None:
     not_let_in(bus, bus.fleet.endpoint("main").replace("tls/", "tcp/"), None)
 
 
@@ -62,14 +62,14 @@ def test_an_expired_certificate_is_refused(bus: SecuredBus) -> None:
     not_let_in(bus, bus.fleet.endpoint("main"), bus.certificate("operator.gone"))
 
 
-def test_a_certificate_of_nobody_in_the_fleet_file_entitles_to_nothing(bus: SecuredBus) -> None:
+def test_a_certificate_with_a_name_that_is_not_in_the_fleet_file_permits_nothing(bus: SecuredBus) -> None:
     directory = bus.directory / "certificates"
     issue(read_authority(directory), directory, "operator.fired", [], datetime.now(UTC), days=10)
     assert identified(bus.remote("operator.fired")) == []
 
 
 @pytest.mark.parametrize("name", ["operator.lab", "host.second"])
-def test_nobody_else_adds_a_link_to_those_of_a_router(bus: SecuredBus, name: str) -> None:
+def test_no_other_member_adds_a_link_to_those_of_a_router(bus: SecuredBus, name: str) -> None:
     (router,) = bus.local["second"].info.routers_zid()
     config = client_config([bus.fleet.endpoint("main")], None, REFUSED_S, bus.certificate(name))
     config.insert_json5("mode", json.dumps("router"))
@@ -92,7 +92,7 @@ def test_nobody_else_adds_a_link_to_those_of_a_router(bus: SecuredBus, name: str
         ("operator.lab", key("lab", "h2", EXTERNAL_INPUT.topic)),
     ],
 )
-def test_everybody_may_say_what_is_his_to_say(bus: SecuredBus, sender: str, on_key: str) -> None:
+def test_members_may_publish_what_is_permitted(bus: SecuredBus, sender: str, on_key: str) -> None:
     assert bus.passes(bus.remote(sender), on_key)
 
 
@@ -114,7 +114,7 @@ FORBIDDEN = [
 
 
 @pytest.mark.parametrize(("sender", "on_key"), FORBIDDEN)
-def test_what_is_not_his_to_say_reaches_nobody(bus: SecuredBus, sender: str, on_key: str) -> None:
+def test_what_is_not_permitted_reaches_no_other_member(bus: SecuredBus, sender: str, on_key: str) -> None:
     assert not bus.passes(bus.remote(sender), on_key)
 
 

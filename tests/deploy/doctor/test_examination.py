@@ -32,7 +32,7 @@ def test_a_fleet_that_only_this_computer_reaches_needs_no_certificates() -> None
     assert [result.good for result in certificates(parse_fleet(PAIR), "main", NOW)] == [True]
 
 
-def test_a_fleet_that_everybody_may_steer_is_a_finding() -> None:
+def test_a_fleet_that_any_program_may_steer_is_a_finding() -> None:
     fleet = parse_fleet(f"{PAIR}[security]\ninsecure = true")
     assert [result.good for result in certificates(fleet, "main", NOW)] == [False]
 

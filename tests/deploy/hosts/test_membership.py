@@ -47,22 +47,22 @@ def membership(
     service.close()
 
 
-def told(session: Session, condition: Callable[[LauncherStatus], bool]) -> LauncherStatus:
+def status_of(session: Session, condition: Callable[[LauncherStatus], bool]) -> LauncherStatus:
     inbox = session.subscribe(channels.LAUNCHER, "main")
     statuses: list[LauncherStatus] = []
 
-    def heard() -> bool:
+    def received_it() -> bool:
         received = inbox.latest()
         if received is not None and condition(received.message):
             statuses.append(received.message)
         return bool(statuses)
 
-    wait_for(heard, "the launcher does not say so")
+    wait_for(received_it, "there is no such status")
     return statuses[0]
 
 
 def test_the_launcher_says_who_takes_part(membership: MembershipService, join: Join) -> None:
-    status = told(join(), lambda _: True)
+    status = status_of(join(), lambda _: True)
     assert (status.running, status.absent) == (("h1",), ("h2",))
     assert status.restarts == {"router": 0, "agent-h1": 0, "agent-h2": 0}
     assert not status.spare_ready
@@ -74,11 +74,11 @@ def test_the_launcher_says_while_it_measures_what_the_host_flies(
     membership: MembershipService, join: Join
 ) -> None:
     session = join()
-    assert told(session, lambda _: True).crowding == 0.0
+    assert status_of(session, lambda _: True).crowding == 0.0
     membership.measuring = True
-    assert told(session, lambda status: status.measuring).flies is None
+    assert status_of(session, lambda status: status.measuring).flies is None
     membership.measuring, membership.flies = False, 2
-    status = told(session, lambda status: not status.measuring)
+    status = status_of(session, lambda status: not status.measuring)
     assert (status.flies, status.crowding) == (2, 0.5)
 
 
@@ -93,12 +93,12 @@ def test_that_it_is_not_known_what_the_host_flies_is_said_from_the_first_status_
     inbox = join().subscribe(channels.LAUNCHER, "main", depth=64)
     service = MembershipService(bus_address, "main", supervisor, deque(), ["h1", "h2"], tmp_path)
     try:
-        heard: list[bool] = []
+        measuring: list[bool] = []
         wait_for(
-            lambda: heard.extend(told.message.measuring for told in inbox.drain()) or heard,
+            lambda: measuring.extend(status.message.measuring for status in inbox.drain()) or measuring,
             "no status arrives",
         )
-        assert heard[0]
+        assert measuring[0]
     finally:
         service.close()
 
@@ -108,7 +108,7 @@ def test_the_launcher_says_what_hung(
 ) -> None:
     supervisor.children["agent-h1"].hung = 2
     supervisor.spares_hung = 1
-    assert told(join(), lambda status: bool(status.hung)).hung == {"agent-h1": 2, "spare": 1}
+    assert status_of(join(), lambda status: bool(status.hung)).hung == {"agent-h1": 2, "spare": 1}
 
 
 @pytest.fixture
@@ -187,12 +187,12 @@ def test_a_vehicle_takes_part_and_leaves_by_request(
     reply = asked(session, "main", StartVehicle(vehicle="h2"))
     assert (reply.accepted, reply.reason) == (True, "h2 is started")
     assert supervisor.children["agent-h2"].wanted
-    assert told(session, lambda status: not status.absent).running == ("h1", "h2")
+    assert status_of(session, lambda status: not status.absent).running == ("h1", "h2")
     assert asked(session, "main", StartVehicle(vehicle="h2")).reason == "h2 takes part already"
     reply = asked(session, "main", StopVehicle(vehicle="h2"))
     assert (reply.accepted, reply.reason) == (True, "h2 leaves")
     assert not supervisor.children["agent-h2"].wanted
-    told(session, lambda status: status.absent == ("h2",))
+    status_of(session, lambda status: status.absent == ("h2",))
 
 
 def test_a_vehicle_in_the_air_keeps_its_agent(
@@ -223,7 +223,7 @@ def spare_host(
 def test_an_agent_that_may_run_here_but_does_not_is_not_absent(
     spare_host: MembershipService, join: Join
 ) -> None:
-    status = told(join(), lambda _: True)
+    status = status_of(join(), lambda _: True)
     assert (status.running, status.absent) == (("h1",), ())
 
 

@@ -1,4 +1,4 @@
-"""The run directory of a fleet belongs to its user, and nobody else looks into it."""
+"""The run directory of a fleet belongs to its user, and no other user can read it."""
 
 import os
 import stat
@@ -35,7 +35,7 @@ def test_a_link_in_the_place_of_the_run_directory_is_refused(base: Path, tmp_pat
 def test_a_directory_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
     if tmp_path.stat().st_uid == 0:
-        # What belongs to root, nobody else can have put there.
+        # Only root can have put there what belongs to root.
         check_owner(tmp_path)
         os.chown(tmp_path, 12345, -1)
     with pytest.raises(OSError, match="belongs to another user"):

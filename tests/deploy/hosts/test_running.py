@@ -1,4 +1,4 @@
-"""Promises of the records of running fleets: there while a router runs, and misleading nobody afterwards."""
+"""Promises of the records of running fleets: there while a router runs, and ignored afterwards."""
 
 import json
 import os

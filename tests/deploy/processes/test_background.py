@@ -39,9 +39,9 @@ def test_a_process_moves_itself_to_the_background() -> None:
 def test_sessions_of_others_come_first_where_the_kernel_shares_by_session() -> None:
     def group() -> str:
         with start_in_background([sys.executable, "-c", ECHO]) as process:
-            told = Path(f"/proc/{process.pid}/autogroup").read_text(encoding="ascii")
+            content = Path(f"/proc/{process.pid}/autogroup").read_text(encoding="ascii")
             process.communicate(b"")
-        return told.split()[-1]
+        return content.split()[-1]
 
     # The kernel grants it to those without privileges ten times a second at most.
     wait_for(lambda: group() == str(NICE), "the session is not set back")

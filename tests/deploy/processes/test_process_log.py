@@ -98,7 +98,7 @@ def test_a_large_log_is_put_aside_and_a_small_one_left(
     assert (directory / "tracker.log.1").read_text() == "x" * 101
 
 
-def test_what_a_launcher_sees_is_logged_with_its_time_and_a_full_disk_is_nobodys_end(tmp_path: Path) -> None:
+def test_events_of_a_launcher_are_logged_with_their_time_and_a_full_disk_is_ignored(tmp_path: Path) -> None:
     append(tmp_path / "launcher.log", ["agent-h1: killed by SIGKILL"])
     append(tmp_path / "nowhere" / "launcher.log", ["lost"])
     (line,) = ProcessLogs(tmp_path).new_lines()
@@ -107,7 +107,7 @@ def test_what_a_launcher_sees_is_logged_with_its_time_and_a_full_disk_is_nobodys
 
 
 def sent_pages(directory: Path, *names: str) -> list[ReadLogsReply]:
-    """Everything a host has logged, as it is asked for and answered on the bus."""
+    """Everything a host has logged, as it is requested and sent on the bus."""
     pages, positions = [], dict[str, int]()
     while not pages or pages[-1].more:
         assert len(pages) < 100

@@ -90,7 +90,7 @@ def kill(supervisor: Supervisor, name: str, number: signal.Signals = signal.SIGK
 
 
 def may_be_real_time() -> bool:
-    """Whether processes started here may have real-time priorities, and leave somebody a processor."""
+    """Whether processes started here may have real-time priorities, and leave other processes a processor."""
     code = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))"
     tried = subprocess.run([sys.executable, "-c", code], check=False, stderr=subprocess.DEVNULL)
     return tried.returncode == 0 and len(os.sched_getaffinity(0)) > 1
@@ -117,7 +117,7 @@ def test_processes_are_started_in_the_order_of_the_list(supervise: Supervise, tm
     assert started == sorted(started)
 
 
-def test_a_process_that_dies_is_back_at_once_and_the_user_is_told(supervise: Supervise) -> None:
+def test_a_process_that_dies_is_back_at_once_and_that_is_reported(supervise: Supervise) -> None:
     supervisor = supervise(fake("one"), fake("two"))
     supervisor.start_all()
     other, before = supervisor.pid("two"), kill(supervisor, "one")
@@ -130,7 +130,7 @@ def test_a_process_that_dies_is_back_at_once_and_the_user_is_told(supervise: Sup
     assert lines[1] == "one: started again (restart 1)"
 
 
-def test_the_exit_code_of_a_process_is_told(supervise: Supervise) -> None:
+def test_the_exit_code_of_a_process_is_reported(supervise: Supervise) -> None:
     supervisor = supervise(fake("one", DIES))
     supervisor.start_all()
     lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts, "not restarted")
@@ -249,7 +249,7 @@ def test_output_is_appended_to_a_log_and_the_environment_is_set(supervise: Super
     assert (tmp_path / "one.log").read_text().startswith(2 * line)
 
 
-def test_the_supervisor_tells_which_role_each_process_has() -> None:
+def test_a_command_line_names_the_role_of_its_process() -> None:
     command = ProcessSpec("agent-h1", "agent", "h1", 0).command(Path("/x/lab.toml"))
     assert command == [sys.executable, "-m", "rcopterx.deploy.roles", "agent", "h1", "/x/lab.toml"]
     moved = ProcessSpec("agent-h1", "agent", "h1", 0, "second").command(Path("/x/lab.toml"), take_over=True)
@@ -392,7 +392,7 @@ def beats_of(supervisor: Supervisor, name: str) -> int:
     return 0 if process is None else process.page.beats
 
 
-def test_a_process_that_is_stopped_is_replaced_and_told_and_counted(supervise: Supervise) -> None:
+def test_a_process_that_is_stopped_is_replaced_reported_and_counted(supervise: Supervise) -> None:
     clock = FakeClock()
     supervisor = supervise(beating("one"), beating("two"), watchdog=LIMITS, clock=clock)
     supervisor.start_all()
@@ -421,7 +421,7 @@ def test_a_process_that_is_stopped_is_replaced_and_told_and_counted(supervise: S
 def test_a_process_that_spins_is_replaced(supervise: Supervise, how: tuple[str, ...]) -> None:
     if how and not may_be_real_time():
         pytest.skip("no right to real-time priorities")
-    # A supervisor that gets no processor itself forgives everybody.
+    # A supervisor that gets no processor itself forgives all processes.
     clock = PatientClock(READING_S)
     supervisor = supervise(beating("one", "spins", *how), watchdog=LIMITS, clock=clock)
     supervisor.start_all()

@@ -82,7 +82,7 @@ def test_only_what_has_changed_is_brought_again(lab: Path, home: Path) -> None:
     assert done == ["main: done: rcopterx/lab.toml", "main: done: certs/host.main.key"]
 
 
-def test_a_host_that_cannot_be_reached_is_told_and_the_others_go_on(lab: Path) -> None:
+def test_a_host_that_cannot_be_reached_is_reported_and_the_others_go_on(lab: Path) -> None:
     lab.write_text(lab.read_text() + '[hosts.far]\naddress = "192.0.2.9"\n[hosts.main]\n')
     result = deploy(lab)
     assert result.exit_code == 1

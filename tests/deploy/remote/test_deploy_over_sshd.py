@@ -46,7 +46,7 @@ PROGRAMS = {
     "sudo": 'shift; exec "$@"',
     "systemctl": 'echo "$*" >> "$HOME/systemctl.log"',
 }
-"""Of the hosts: nobody asks for a password, and there is no systemd."""
+"""Stand-ins on the hosts: sudo needs no password, and there is no systemd."""
 
 
 class Hosts:

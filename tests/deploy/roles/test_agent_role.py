@@ -1,4 +1,4 @@
-"""Promises of what agents are told by the fleet file."""
+"""Promises of the settings that agents get from the fleet file."""
 
 from pathlib import Path
 

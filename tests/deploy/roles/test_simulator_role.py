@@ -1,4 +1,4 @@
-"""Promises of what the simulated laboratory is told by the fleet file."""
+"""Promises of the settings that the simulated laboratory gets from the fleet file."""
 
 import math
 from pathlib import Path

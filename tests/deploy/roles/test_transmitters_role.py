@@ -1,4 +1,4 @@
-"""Promises of what transmitter gateways are told by the fleet file."""
+"""Promises of the settings that transmitter gateways get from the fleet file."""
 
 from dataclasses import replace
 from pathlib import Path

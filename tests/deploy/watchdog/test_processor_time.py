@@ -44,7 +44,7 @@ def test_the_name_of_a_program_may_contain_anything(tmp_path: Path) -> None:
         ("D", Excuse()),
     ],
 )
-def test_the_main_thread_tells_whether_a_process_is_stopped_or_in_a_debugger(
+def test_the_main_thread_shows_whether_a_process_is_stopped_or_in_a_debugger(
     state: str, excuse: Excuse
 ) -> None:
     now = {MAIN: ThreadTime(state, 1.0, 2.0), HELPER: ThreadTime("S", 0.0, 0.0)}
@@ -73,7 +73,7 @@ def test_a_thread_that_was_not_there_before_excuses_nothing() -> None:
 
 
 @given(st.dictionaries(st.integers(1, 4), times), st.dictionaries(st.integers(1, 4), times), st.floats(0, 1))
-def test_nobody_waits_for_less_than_nothing_or_longer_than_the_time_that_passed(
+def test_no_wait_is_negative_or_longer_than_the_time_that_passed(
     before: dict[int, ThreadTime], now: dict[int, ThreadTime], elapsed_s: float
 ) -> None:
     assert 0 <= excuse_of(1, before, now, elapsed_s).waited_s <= elapsed_s

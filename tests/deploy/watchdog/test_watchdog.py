@@ -32,7 +32,7 @@ def no_excuse(_: int) -> Excuse:
 
 
 class Host:
-    """Processes that beat at every look, but for those that are told not to."""
+    """Processes that beat at every check, except for silent ones."""
 
     def __init__(self, *phases: Phase, duty: Duty = Duty.FLIGHT, blind: bool = False) -> None:
         self.watchdog = Watchdog(LIMITS, blind)
@@ -72,7 +72,7 @@ class Host:
         (partial(Host, Phase.WORKING, Phase.FLYING, Phase.WORKING, duty=Duty.BACKGROUND), 30.0),
     ],
     ids=[
-        "another-flies", "itself-flies", "nobody-flies", "nobody-knows", "starting", "ending", "spare",
+        "another-flies", "itself-flies", "none-flies", "none-knows", "starting", "ending", "spare",
         "background",
     ],
 )  # fmt: skip
@@ -111,7 +111,7 @@ def test_a_change_of_phase_is_progress() -> None:
     assert host.found_after_s(DEAF, limit_s=10.0) is None
 
 
-def test_take_off_shortens_the_patience_with_who_is_silent_already() -> None:
+def test_take_off_shortens_the_limit_of_a_process_that_is_silent_already() -> None:
     host = Host(Phase.WORKING, Phase.WORKING, Phase.WORKING)
     assert host.found_after_s(DEAF, limit_s=0.3) is None
     host.looks[OTHER] = host.looks[OTHER]._replace(phase=Phase.FLYING)
@@ -122,7 +122,9 @@ def test_take_off_shortens_the_patience_with_who_is_silent_already() -> None:
     st.lists(st.tuples(st.integers(1, 5), st.sampled_from([0.004, 0.02, 0.05, 0.099])), max_size=60),
     st.sampled_from([Phase.WORKING, Phase.FLYING]),
 )
-def test_who_beats_within_the_limit_never_hangs(looks: list[tuple[int, float]], phase: Phase) -> None:
+def test_a_process_that_beats_within_the_limit_never_hangs(
+    looks: list[tuple[int, float]], phase: Phase
+) -> None:
     """Each of three processes beats when its turn comes, at the latest 0.1 s after its last beat."""
     host = Host(phase, Phase.FLYING, Phase.WORKING)
     last_s = dict.fromkeys(host.looks, host.now_s)
@@ -135,7 +137,7 @@ def test_who_beats_within_the_limit_never_hangs(looks: list[tuple[int, float]], 
 
 
 @given(st.floats(LATE_S * 1.01, 1e6), st.integers(0, 7))
-def test_a_supervisor_that_was_late_forgives_everybody(late_s: float, looks_before: int) -> None:
+def test_a_supervisor_that_was_late_forgives_all_processes(late_s: float, looks_before: int) -> None:
     host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
     for _ in range(looks_before):
         assert host.look(DEAF) == []
@@ -154,7 +156,9 @@ def test_a_supervisor_that_is_only_just_not_late_counts() -> None:
     assert not host.watchdog.forgiven
 
 
-def test_time_without_a_processor_does_not_count_and_is_told_when_the_process_goes_on() -> None:
+def test_time_without_a_processor_does_not_count_and_is_counted_as_forgiven_when_the_process_goes_on() -> (
+    None
+):
     host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
     starved = {DEAF: Excuse(waited_s=STEP_S)}
     for _ in range(100):
@@ -193,7 +197,7 @@ def test_no_more_than_the_time_since_the_last_look_is_excused(waited_s: float) -
     assert host.watchdog.silent_s(DEAF) == pytest.approx(before_s + max(0.0, STEP_S - waited_s))
 
 
-def test_only_who_has_been_silent_for_a_while_is_asked_why() -> None:
+def test_only_a_process_that_has_been_silent_for_a_while_needs_an_excuse() -> None:
     host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
     asked: list[tuple[int, float]] = []
 
