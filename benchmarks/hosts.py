@@ -68,15 +68,7 @@ def run(rounds: int, seconds: float, show: Show = lambda _: None) -> dict[str, A
 
 
 class Flown:
-    """Times of the commands of a flight.
-
-    Attributes
-    ----------
-    times_s
-        Beginning and end of each of `STAGES`, one row per command.
-    missed, periods
-        Number of frames of the motion capture without an applied command, and of all frames.
-    """
+    """Beginnings and ends of the `STAGES` of each command, and frames without an applied command."""
 
     def __init__(self) -> None:
         self.times_s: list[tuple[float, ...]] = []

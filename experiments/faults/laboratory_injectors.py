@@ -14,20 +14,10 @@ Value = str | int | float | tuple[float, ...]
 
 @dataclass(frozen=True)
 class Inject(Injector):
-    """A fault of the laboratory.
+    """A fault of the laboratory, of a kind in `rcopterx.simulator.faults.FAULTS`, with further fields.
 
-    Attributes
-    ----------
-    kind
-        One of `rcopterx.simulator.faults.FAULTS`.
-    vehicle
-        Name of the vehicle, also where the fault takes a subject; None for faults without one.
-    values
-        Further fields.
-    seconds
-        Duration; None until the flight is over.
-    after_s
-        Delay of the beginning.
+    `vehicle` is a name, also where the fault takes a subject. It begins after `after_s` and takes `seconds`;
+    None lasts until the flight is over.
     """
 
     launched = False

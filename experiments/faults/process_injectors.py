@@ -110,12 +110,7 @@ class Halting(_ProcessFault):
 class DiesAtStart(_ProcessFault):
     """The process is killed, and so are its next successors as soon as they have started.
 
-    Attributes
-    ----------
-    successors
-        Number of successors; None for all of them.
-    seconds
-        Duration without a number of successors; None until the flight is over.
+    With `successors` None all of them are killed, for `seconds` or until the flight is over.
     """
 
     successors: int | None = 1

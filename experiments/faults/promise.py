@@ -23,16 +23,8 @@ class Promise(Enum):
 class Limits:
     """Limits of a flight; None for no limit.
 
-    Attributes
-    ----------
-    deviation_mm
-        Largest distance of a vehicle that flies on from where it was before.
-    drift_mm
-        Horizontal distance from there to where a vehicle comes down.
-    touchdown_m_s
-        Speed at which it comes down.
-    silence_ms
-        Longest time of a vehicle that flies on without a fresh command.
+    For vehicles that fly on, the largest distance from their place and the longest time without a fresh
+    command; for vehicles that come down, the horizontal distance from their place and the speed.
     """
 
     deviation_mm: float | None = 150.0
@@ -53,22 +45,10 @@ LIMITS: Final = {
 
 @dataclass(frozen=True)
 class Seen:
-    """Figures of one vehicle, from its true states and its radio.
+    """Figures of one vehicle, from its true states (their number is `states`) and its radio.
 
-    Attributes
-    ----------
-    states
-        Number of true states.
-    deviation_mm
-        Largest distance from where it was when the flight began.
-    drift_mm
-        Horizontal distance from there to where it stands at the end, None while it flies.
-    touchdown_m_s
-        Speed of its hardest touchdown, None if it has not touched the floor.
-    silence_ms
-        Longest time between two fresh commands that its radio sent, None with less than two.
-    states_of_arbiter
-        States of its arbiter, in order.
+    Distances count from its place at the beginning. `drift_mm` is None while it flies, `touchdown_m_s`, its
+    hardest touchdown, without one, and `silence_ms` with less than two fresh commands.
     """
 
     states: int
