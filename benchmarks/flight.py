@@ -1,13 +1,14 @@
-"""The flight on which solvers are compared, with the same states for each."""
+"""The flight on which solvers are compared: recorded once, then every solver gets the same states."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from rcopterx.control.controllers.registry import CONTROLLERS
-from rcopterx.control.interfaces import Estimate
+from rcopterx.control.interfaces import NO_TILT, Estimate, TiltEstimate
+from rcopterx.control.models.prediction import predict
 from rcopterx.control.references.trajectory import Trajectory, hold
-from rcopterx.vehicles.model import Model, input_behind_gyro, motion_derivative
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
 SET_POINTS = (
@@ -23,16 +24,13 @@ SET_POINTS = (
 HOLD_S = 5.0
 TURBULENCE = np.array([0.15, 0.15, 0.1, 0.5])
 CORRELATION_S = 0.5
-POSITION_NOISE_M = 3e-4
-YAW_NOISE_RAD = 1e-3
-VELOCITY_NOISE_M_S = 3e-3
-YAW_RATE_NOISE_RAD_S = 2e-2
-SUBSTEPS = 5
+NOISE = np.array([3e-4, 3e-4, 3e-4, 1e-3, 3e-3, 3e-3, 3e-3, 2e-2])
+"""Standard deviations of the estimated motion state, m and rad, m/s and rad/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """Inputs of a controller at one step."""
+    """Input of a controller in one step."""
 
     estimate: Estimate
     set_point: Array
@@ -44,27 +42,45 @@ class Moment:
 
 
 def record_flight(model: Model, period_s: float, steps: int, seed: int) -> list[Moment]:
-    """Fly the set points in turbulence with the cascade; returns the controller's inputs of each step."""
+    """Fly the set points in turbulence with the default controller and return its input in every step.
+
+    Parameters
+    ----------
+    model
+        The vehicle; it flies as its model predicts.
+    period_s
+        Control period.
+    steps
+        Control steps.
+    seed
+        Of turbulence and noise.
+    """
     rng = np.random.default_rng(seed)
-    pilot = CONTROLLERS.build("cascade", model, period_s, {})
-    noise = np.repeat(
-        [POSITION_NOISE_M, YAW_NOISE_RAD, VELOCITY_NOISE_M_S, YAW_RATE_NOISE_RAD_S], [3, 1, 3, 1]
-    )
+    controller = CONTROLLERS.build("cascade", model, period_s, {})
     memory = np.exp(-period_s / CORRELATION_S)
-    motion, actuator = np.array([0, 0, 1.0, 0, 0, 0, 0, 0]), model.hover_input.copy()
-    disturbance, last = np.zeros(4), model.hover_input
+    present, last = at_rest(model), model.hover_input
     moments = []
     for step in range(steps):
         set_point = np.array(SET_POINTS[int(step * period_s / HOLD_S) % len(SET_POINTS)])
-        estimate = Estimate(motion + noise * rng.normal(size=8), actuator.copy(), disturbance.copy())
+        estimate = present._replace(motion=present.motion + NOISE * rng.normal(size=8))
         if step == 0:
-            pilot.reset(estimate, last)
+            controller.reset(estimate, last)
         moments.append(Moment(estimate, set_point, last))
-        last = pilot.step(estimate, moments[-1].reference(period_s, pilot.horizon), last).inputs[0]
-        disturbance = memory * disturbance + TURBULENCE * np.sqrt(1 - memory**2) * rng.normal(size=4)
-        h = period_s / SUBSTEPS
-        for _ in range(SUBSTEPS):
-            followed = input_behind_gyro(model, motion, actuator, last)
-            actuator = followed + (actuator - followed) * np.exp(-h / np.array(model.lag_s))
-            motion = motion + h * motion_derivative(model, motion, actuator, disturbance)
+        reference = moments[-1].reference(period_s, controller.horizon)
+        last = controller.step(estimate, reference, last).inputs[0]
+        gust = TURBULENCE * np.sqrt(1 - memory**2) * rng.normal(size=4)
+        present = present._replace(disturbance=memory * present.disturbance + gust)
+        if present.has_tilt:
+            wind = present.tilt.wind_m_s2 + gust[:2]
+            present = present._replace(tilt=present.tilt._replace(wind_m_s2=wind))
+        present = predict(model, present, last, period_s)
     return moments
+
+
+def at_rest(model: Model) -> Estimate:
+    """Return the state of a vehicle that hovers at a height of 1 m."""
+    motion = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    tilt = NO_TILT
+    if model.tilt is not None:
+        tilt = TiltEstimate(np.zeros(model.tilt.dynamics().size), np.zeros(2), np.zeros(2), np.zeros(2))
+    return Estimate(motion, model.hover_input.copy(), np.zeros(4), tilt)

@@ -1,10 +1,9 @@
 """Computing time of a whole control step, side by side with peers on the same problems.
 
-Every contestant is a complete controller: checking, assembly in numpy, solving, plan. The paper's problem (11
-states, one quadratic program) is solved by OSQP as we fly it, by PIQP and by HPIPM; the cascade's three
-problems by our chain solver and by PIQP. All of them are stepped in turn through one recorded flight, in one
-process on one processor, so that whatever disturbs the machine disturbs all alike. Times are the thread's
-processor time: nobody waits for anything in a control step, and what other processes take is left out.
+Every contestant is a complete controller: checking, formulation in numpy, solving, plan. Its solver gets the
+problems of a recorded flight of the default vehicle, three of the cascade or the one of the paper. All are
+stepped in turn, in one process on one processor, so that whatever disturbs the machine disturbs all alike.
+Times are the thread's processor time.
 """
 
 import gc
@@ -13,28 +12,32 @@ import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from importlib import import_module
+from dataclasses import dataclass
 from importlib.util import find_spec
 from types import MappingProxyType
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 
 from rcopterx.benchmarks.flight import Moment, record_flight
-from rcopterx.benchmarks.judge import judged_chain, judged_stage
+from rcopterx.benchmarks.peers import EXACT, Clarabel, PeerSolver, PiqpMultistage, PiqpSparse, Proxqp
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
-from rcopterx.control.controllers.chains.chain_qp import ChainQP
 from rcopterx.control.controllers.paper.controller import PaperController, PaperSettings
-from rcopterx.control.controllers.paper.stage_qp import StageQP
 from rcopterx.control.interfaces import Controller
+from rcopterx.control.solver.osqp import OsqpSolver
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan
+from rcopterx.control.solver.riccati import RiccatiSolver
+from rcopterx.control.solver.solvers import Solver
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL_LAG
+from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 HORIZONS: Final = (10, 18, 30, 50, 80, 110)
 STEPS: Final = 2000
 PERIOD_S: Final = 0.02
 WARM_UP_STEPS: Final = 20
+EVERY: Final = 10
+"""One problem in so many is judged."""
 ON_LIMIT: Final = 1e-6
 """An input this close to a limit is on it."""
 
@@ -43,72 +46,91 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Contestant:
-    """A controller with a solver.
+    """A controller of a vehicle with a solver.
 
     Attributes
     ----------
-    kind
-        `paper` or `cascade`.
-    settings
-        Of that controller.
-    workspace
-        Module and class of the solver; None for our own.
+    solver
+        Solver of the optimal control problems.
+    model
+        The vehicle.
+    controller
+        `cascade` or `paper`.
     package
         What must be installed.
     """
 
-    kind: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    workspace: str | None = None
+    solver: Callable[[], Solver]
+    model: Model = COAXIAL
+    controller: str = "cascade"
     package: str | None = None
 
     @property
     def installed(self) -> bool:
-        """Whether its package is there."""
+        """Whether its package is installed."""
         return self.package is None or find_spec(self.package) is not None
 
-    def build(self, horizon: int, errors: list[float] | None = None) -> Controller:
-        """Controller with this solver; with `errors`, distances to the exact solution are collected there."""
-        if self.kind == "paper":
-            stage = self._workspace(StageQP)
-            stage = stage if errors is None else judged_stage(stage, errors)
-            paper = type("Contestant", (PaperController,), {"workspace": stage})
-            return cast(
-                Controller, paper(COAXIAL_LAG, PERIOD_S, PaperSettings(horizon=horizon, **self.settings))
-            )
-        chain = self._workspace(ChainQP)
-        chain = chain if errors is None else judged_chain(chain, errors, COAXIAL_LAG)
-        cascade = type("Contestant", (CascadeController,), {"workspace": chain})
-        return cast(
-            Controller, cascade(COAXIAL_LAG, PERIOD_S, CascadeSettings(horizon=horizon, **self.settings))
-        )
-
-    def _workspace(self, own: type[Any]) -> type[Any]:
-        if self.workspace is None:
-            return own
-        module, name = self.workspace.split(":")
-        peer: type[Any] = getattr(import_module(f"rcopterx.benchmarks.{module}"), name)
-        return peer
+    def build(self, horizon: int, solver: Callable[[], Solver] | None = None) -> Controller:
+        """Return the controller, with its own solver or another one."""
+        chosen = solver or self.solver
+        if self.controller == "paper":
+            return PaperController(self.model, PERIOD_S, PaperSettings(horizon=horizon), chosen)
+        return CascadeController(self.model, PERIOD_S, CascadeSettings(horizon=horizon), chosen)
 
 
-_UNHURRIED: Final[dict[str, Any]] = {"time_limit_s": 1.0}
-"""OSQP stops by the clock, which goes on while other processes have the processor."""
-_EVERY_STEP: Final[dict[str, Any]] = {"relinearize": "every_step", **_UNHURRIED}
+def _peer(kind: type[PeerSolver]) -> Contestant:
+    return Contestant(kind, package=kind.package)
+
+
+def _osqp() -> Solver:
+    return OsqpSolver(time_limit_s=1.0)  # it stops by the clock, which runs while other processes run
+
+
 CONTESTANTS: Final[Mapping[str, Contestant]] = MappingProxyType(
     {
-        "cascade": Contestant("cascade"),
-        "cascade_no_lag": Contestant("cascade", {"actuator_lag": False}),
-        "paper_constant": Contestant("paper", _UNHURRIED),
-        "paper_relinearized": Contestant("paper", _EVERY_STEP),
-        "piqp_multistage": Contestant("paper", _EVERY_STEP, "peer_piqp:PiqpMultistageQP", "piqp"),
-        "piqp_sparse": Contestant("paper", _EVERY_STEP, "peer_piqp:PiqpStageQP", "piqp"),
-        "hpipm": Contestant("paper", _EVERY_STEP, "peer_hpipm:HpipmStageQP", "casadi"),
-        "clarabel": Contestant("paper", _EVERY_STEP, "peer_clarabel:ClarabelStageQP", "clarabel"),
-        "proxqp": Contestant("paper", _EVERY_STEP, "peer_proxqp:ProxqpStageQP", "proxsuite"),
-        "piqp_cascade": Contestant("cascade", {}, "peer_piqp:PiqpChainQP", "piqp"),
+        "cascade": Contestant(RiccatiSolver),
+        "cascade_lags": Contestant(RiccatiSolver, COAXIAL_LAG),
+        "paper": Contestant(RiccatiSolver, controller="paper"),
+        "osqp": Contestant(_osqp),
+        "osqp_paper": Contestant(_osqp, controller="paper"),
+        "piqp_sparse": _peer(PiqpSparse),
+        "piqp_multistage": _peer(PiqpMultistage),
+        "clarabel": _peer(Clarabel),
+        "proxqp": _peer(Proxqp),
     }
 )
-"""`piqp_cascade` solves the cascade's three problems, the others without `cascade` the paper's one."""
+"""`cascade` is the default; peers solve its three problems, `paper` and `osqp_paper` the one of the paper."""
+
+
+class JudgedSolver:
+    """A solver whose sticks are compared with the exact solution of every tenth problem.
+
+    Parameters
+    ----------
+    solver
+        The solver.
+    errors
+        Gets the largest difference of a stick of each judged plan.
+    """
+
+    def __init__(self, solver: Solver, errors: list[float]) -> None:
+        self._solver, self._errors, self._count = solver, errors, 0
+        self._judge = PiqpSparse(EXACT)
+
+    def reset(self) -> None:
+        """Start the next solve cold."""
+        self._solver.reset()
+
+    def solve(self, p: OptimalControlProblem, same_cost: bool, expired: Callable[[], bool]) -> Plan:
+        """Solve a problem, and judge the plan."""
+        plan = self._solver.solve(p, same_cost, expired)
+        self._count += 1
+        if self._count % EVERY == 1:
+            exact = self._judge.solve(p)
+            sticks = p.s == HARD
+            given = np.clip(plan.y, p.low, p.high)[sticks]
+            self._errors.append(float(np.abs(given - exact.y[sticks]).max()))
+        return plan
 
 
 def run(
@@ -128,27 +150,27 @@ def run(
     seed
         Of the flight.
     progress
-        Told in a line what is being done.
+        Called with a line on what is being done.
 
     Returns
     -------
     dict
         `horizons`: per horizon and solver `mean_ms`, `p99_ms`, `p999_ms`, `max_ms` of the whole step, and
-        `error`, the largest distance of an input of the plan to the exact solution in scaled inputs
+        `error`, the largest distance of a stick of the plan to the exact solution
         (`error_median` its median over the steps; null without PIQP, which judges at 1e-9). `hard_steps`:
         steps whose plan has inputs on their limits, and `hard_mean_ms`, `hard_max_ms` of these alone.
         `early_stops`: steps on which a solver gave up. `missing`: contestants whose package is not installed.
     """
     present = {name: contestant for name, contestant in CONTESTANTS.items() if contestant.installed}
-    flight = record_flight(COAXIAL_LAG, PERIOD_S, steps, seed)
+    flights = {model.kind: record_flight(model, PERIOD_S, steps, seed) for model in (COAXIAL, COAXIAL_LAG)}
     results = {}
     with _pinned():
         for horizon in horizons:
             progress(f"N = {horizon}: timing {', '.join(present)}")
-            timed = _timed(present, horizon, flight)
+            timed = _timed(present, horizon, flights)
             progress(f"N = {horizon}: distances to the exact solutions")
             for name, contestant in present.items():
-                timed[name] |= _judged(contestant, horizon, flight)
+                timed[name] |= _judged(contestant, horizon, flights[contestant.model.kind])
             results[str(horizon)] = timed
     return {
         "horizons": results,
@@ -160,24 +182,26 @@ def run(
 
 
 def _timed(
-    present: Mapping[str, Contestant], horizon: int, flight: Sequence[Moment]
+    present: Mapping[str, Contestant], horizon: int, flights: Mapping[str, Sequence[Moment]]
 ) -> dict[str, dict[str, Any]]:
-    """Step all contestants through the flight in turn, beginning with another one at every step."""
-    controllers = [(name, contestant.build(horizon)) for name, contestant in present.items()]
+    """Step all contestants through their flights in turn, beginning with another one at every step."""
     taken: dict[str, list[float]] = {name: [] for name in present}
     hard: dict[str, list[bool]] = {name: [] for name in present}
     early = dict.fromkeys(present, 0)
-    for _, controller in controllers:
+    flown = []
+    for name, contestant in present.items():
+        controller, flight = contestant.build(horizon), flights[contestant.model.kind]
         for moment in _reset(controller, flight)[:WARM_UP_STEPS]:
             controller.step(moment.estimate, moment.reference(PERIOD_S, horizon), moment.last_input)
-        _reset(controller, flight)
+        flown.append((name, controller, _reset(controller, flight)))
     gc.collect()
     gc.disable()
     try:
-        for number, moment in enumerate(flight):
-            reference = moment.reference(PERIOD_S, horizon)
-            turn = number % len(controllers)
-            for name, controller in controllers[turn:] + controllers[:turn]:
+        for number in range(len(flown[0][2])):
+            turn = number % len(flown)
+            for name, controller, flight in flown[turn:] + flown[:turn]:
+                moment = flight[number]
+                reference = moment.reference(PERIOD_S, horizon)
                 begun = time.thread_time_ns()
                 step = controller.step(moment.estimate, reference, moment.last_input)
                 taken[name].append(1e-6 * (time.thread_time_ns() - begun))
@@ -224,7 +248,7 @@ def _judged(contestant: Contestant, horizon: int, flight: Sequence[Moment]) -> d
     if find_spec("piqp") is None:
         return {"error": None, "error_median": None}
     errors: list[float] = []
-    controller = contestant.build(horizon, errors)
+    controller = contestant.build(horizon, lambda: JudgedSolver(contestant.solver(), errors))
     for moment in _reset(controller, flight):
         controller.step(moment.estimate, moment.reference(PERIOD_S, horizon), moment.last_input)
     return {"error": float(np.max(errors)), "error_median": float(np.median(errors))}

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 SAMPLING_MS: Final = 20.0
-OURS: Final = {"cascade": "-", "cascade_no_lag": "--"}
+OURS: Final = {"cascade": "-", "cascade_lags": "--"}
 """Lines of our own, thick and black; the others take what comes."""
 
 

@@ -21,20 +21,14 @@ from typing import Final
 COMPLETE: Final = "complete"
 """Empty file in a directory of kernels that holds all of them."""
 MODULES: Final = (
-    "native.settling",
-    "native.within_bounds",
-    "native.bounds",
-    "native.cascade",
-    "native.chain",
+    "control.solver.sweep",
+    "control.solver.interior_point",
+    "control.solver.active_set",
     "simulator.helicopter_dynamics",
     "simulator.disturbance",
-    "native.plans",
     "control.references.sampling",
-    "native.lateral",
     "control.models.prediction",
     "control.models.roll_out",
-    "native.interior",
-    "native.lateral_problem",
     "control.models.finite",
 )
 """Modules of kernels, the slowest to compile first."""

@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from rcopterx.control.plugins.plain_settings import SettingsError
+from rcopterx.control.solver.solvers import DEFAULT_SOLVER, Solver, SolverName, make_solver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, Array
 
@@ -108,6 +109,21 @@ class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
                     f"{field} must contain {model.hover_input[i]:.3f}, which keeps it at rest"
                 )
         return limits
+
+
+class MpcSettings(ControllerSettings, frozen=True, kw_only=True):
+    """Settings of controllers that solve optimal control problems."""
+
+    solver: SolverName = DEFAULT_SOLVER
+    """Solver of the optimal control problems."""
+    max_iterations: Annotated[int, msgspec.Meta(ge=1, le=200)] = 40
+    """Interior-point iterations of `riccati` in each problem before its best plan is used."""
+    time_limit_s: TimeLimit = 0.012
+    """Longest time of `osqp` for each problem; `riccati` ends with the time of the control step."""
+
+    def new_solver(self) -> Solver:
+        """Return a new solver."""
+        return make_solver(self.solver, self.max_iterations, self.time_limit_s)
 
 
 def _check_intervals(kind: str, names: Iterable[str], lower: Array, upper: Array) -> None:

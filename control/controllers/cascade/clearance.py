@@ -11,12 +11,12 @@ passes on the right of everybody else, and two vehicles head-on do not mirror ea
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.control.controllers.chains.chain import ChainTarget
 from rcopterx.control.interfaces import Obstacle
+from rcopterx.control.solver.problem import OptimalControlProblem
 from rcopterx.vehicles.state import Array
 
 SLOTS: Final = 6
@@ -62,38 +62,60 @@ class Clearances:
     lowest_m: Array
     highest_m: Array
 
-    def least(self, height_m: Array) -> Array:
-        """Smallest product of direction and position at planned heights, shape (N,); returns (N, K)."""
+    def heights(self, bounds: Array) -> Array:
+        """Return bounds of the height at every stage, shape (2, N), within those of the volume, shape (2,).
+
+        Where vehicles above and below leave no room, the middle is the set point.
+        """
+        low = np.minimum(np.maximum(bounds[0], self.lowest_m), bounds[1] - NARROWEST_M)
+        high = np.maximum(np.minimum(bounds[1], self.highest_m), bounds[0] + NARROWEST_M)
+        middle, none = 0.5 * (low + high), high - low < NARROWEST_M
+        return np.array(
+            (
+                np.where(none, middle - 0.5 * NARROWEST_M, low),
+                np.where(none, middle + 0.5 * NARROWEST_M, high),
+            )
+        )
+
+    def rows(self, height_m: Array, weight: float) -> "ClearRows":
+        """Return the rows of the horizontal problem at planned heights, shape (N,)."""
         count = self.centres_m.shape[1]
         rise = np.clip((height_m[:, None] - self.centres_m[:, :, 2]) / self.vertical_m, -1.0, 1.0)
         needed = np.maximum(self.horizontal_m * np.sqrt(1.0 - rise**2), self.aside_m)
-        return np.asarray(
-            needed + np.einsum("ska,ska->sk", self.directions[:, :count], self.centres_m[:, :, :2])
+        least = np.zeros((len(height_m), SLOTS))
+        least[:, :count] = needed + np.einsum(
+            "ska,ska->sk", self.directions[:, :count], self.centres_m[:, :, :2]
         )
+        return ClearRows(self.directions, least, weight)
 
-    def bound_heights(self, target: ChainTarget) -> ChainTarget:
-        """Narrow the bounds of the height, which is the chain's first position.
 
-        Where somebody above and somebody below leave no room, the middle is aimed at.
-        """
-        lower, upper = target.bounds_of_stages()
-        low = np.minimum(np.maximum(lower[:, 0], self.lowest_m), upper[:, 0] - NARROWEST_M)
-        high = np.maximum(np.minimum(upper[:, 0], self.highest_m), lower[:, 0] + NARROWEST_M)
-        middle, none = 0.5 * (low + high), high - low < NARROWEST_M
-        lower[:, 0] = np.where(none, middle - 0.5 * NARROWEST_M, low)
-        upper[:, 0] = np.where(none, middle + 0.5 * NARROWEST_M, high)
-        return target._replace(lower=lower, upper=upper)
+class ClearRows(NamedTuple):
+    """Rows direction . position >= least of the horizontal problem."""
 
-    def add_rows(self, height_m: Array, target: ChainTarget) -> ChainTarget:
-        """Add the horizontal rows at planned heights, shape (N,), to a chain of two positions."""
-        stages, least = len(target.rows), self.least(height_m)
-        slots = np.zeros((stages, SLOTS))
-        slots[:, : least.shape[1]] = least
-        lower, upper = target.bounds_of_stages()
-        return target._replace(
-            rows=np.hstack((target.rows, np.zeros((stages, SLOTS)))),
-            lower=np.hstack((lower, slots)),
-            upper=np.hstack((upper, slots + FAR_M)),
+    directions: Array
+    """Shape (N, `SLOTS`, 2); zeros where there is no constraint."""
+    least: Array
+    """Shape (N, `SLOTS`)."""
+    weight: float
+    """Weight of the squared violation."""
+
+    def added_to(self, p: OptimalControlProblem) -> OptimalControlProblem:
+        """Return a problem whose first two states are the position, with these rows."""
+        N, nx, nu = p.B.shape
+        C = np.zeros((N, SLOTS, nx))
+        C[:, :, :2] = self.directions[:N]
+        least = self.least[:N]
+        s = np.where(self.directions[:N].any(axis=2), self.weight, 0.0)
+        s[0] = 0.0
+        none = np.zeros((N, SLOTS))
+        return p._replace(
+            C=np.concatenate((p.C, C), axis=1),
+            D=np.concatenate((p.D, np.zeros((N, SLOTS, nu))), axis=1),
+            W=np.hstack((p.W, none)),
+            r=np.hstack((p.r, none)),
+            low=np.hstack((p.low, least)),
+            high=np.hstack((p.high, least + FAR_M)),
+            s=np.hstack((p.s, s)),
         )
 
 

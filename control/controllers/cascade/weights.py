@@ -9,13 +9,13 @@ in everything at once. So does the process noise of its filter (`rcopterx.contro
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
 from rcopterx.control.margins.loop import FeedbackLoop
 from rcopterx.control.margins.search import bears
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_THRUST, U_YAW
+from rcopterx.vehicles.state import U_THRUST, U_YAW, Array
 from rcopterx.vehicles.tuples import Four
 
 _LAG_STATES: Final = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)
@@ -43,6 +43,18 @@ STEP: Final = 1.5
 STEPS: Final = 24
 
 Eight = tuple[float, float, float, float, float, float, float, float]
+HORIZONTAL: Final = slice(0, 2)
+"""x and y among the four axes x, y, z, yaw."""
+
+
+class CascadeWeights(NamedTuple):
+    """Weights of the rows of all axes x, y, z, yaw; arrays of shape (4,)."""
+
+    position: Array
+    velocity: Array
+    effort: Array
+    soft: float
+    """Weight of the squared excess over a state bound."""
 
 
 def default_state_weights(model: Model) -> Eight:

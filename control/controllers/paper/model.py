@@ -96,47 +96,6 @@ class PaperModel:
         c[X_INT:] = self.period_s * self.integrator_gains * position_m
         return c
 
-    def rollout(self, state: Array, inputs: Array, yaw_rad: float, position_m: Array) -> Array:
-        """States under given inputs with A_d(yaw_rad) held over the horizon.
-
-        Parameters
-        ----------
-        state
-            x_1, shape (11,).
-        inputs
-            Shape (N - 1, 4).
-        yaw_rad
-            Linearisation point.
-        position_m
-            Position whose deviation is integrated, shape (3,).
-
-        Returns
-        -------
-        Array
-            Shape (N, 11).
-        """
-        period, steps = self.period_s, len(inputs)
-        decay = 1 + period * self.model.k
-        push = period * self.model.b * inputs
-        push[:, 2] -= period * self.model.gravity_m_s2
-        # powers[i] of the decay: the scalar recursions of the four velocities as one triangular sum each
-        exponents = np.arange(steps + 1)
-        powers = decay ** exponents[:, None]
-        states = np.empty((steps + 1, STATE_SIZE))
-        velocity = states[:, XD_BODY:MOTION_SIZE]
-        velocity[0] = state[XD_BODY:MOTION_SIZE]
-        velocity[1:] = powers[1:] * (velocity[0] + np.cumsum(push / powers[1:], axis=0))
-        c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-        rates = velocity.copy()
-        rates[:, 0] = c * velocity[:, 0] - s * velocity[:, 1]
-        rates[:, 1] = s * velocity[:, 0] + c * velocity[:, 1]
-        states[0, :4] = state[:4]
-        states[1:, :4] = state[:4] + period * np.cumsum(rates[:-1], axis=0)
-        states[0, X_INT:] = state[X_INT:]
-        error = self.integrator_gains * (states[:-1, :3] - position_m)
-        states[1:, X_INT:] = state[X_INT:] + period * np.cumsum(error, axis=0)
-        return states
-
 
 class TerminalCost:
     """P(psi) of equation (3).

@@ -5,17 +5,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
-from rcopterx.control.controllers.cascade.terms import riccati_cost
-from rcopterx.control.controllers.chains.chain import ChainParameters
-from rcopterx.control.controllers.chains.lateral_chain import LateralChain
+from rcopterx.benchmarks.flight import at_rest
+from rcopterx.control.controllers.cascade.axis import AxisProblem
+from rcopterx.control.controllers.cascade.controller import CascadeSettings
+from rcopterx.control.controllers.cascade.lags import LagDynamics
+from rcopterx.control.controllers.cascade.lateral import HorizontalTask
+from rcopterx.control.controllers.cascade.lateral_tilt import LateralTilt
+from rcopterx.control.controllers.cascade.limits import PlanLimits
+from rcopterx.control.controllers.cascade.weights import (
+    CascadeWeights,
+    default_input_weights,
+    default_state_weights,
+)
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
-from rcopterx.control.interfaces import Measurement
+from rcopterx.control.interfaces import LimitScale, Measurement
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
 from rcopterx.control.margins.loop import FeedbackLoop, Perturbation
-from rcopterx.control.models.lateral import LateralSystem
 from rcopterx.control.models.linear import zero_order_hold
+from rcopterx.control.solver.problem import OptimalControlProblem
+from rcopterx.control.solver.sweep import Factor, factorize
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST, U_YAW, Array, heading_matrix
 from rcopterx.vehicles.types import COAXIAL
@@ -66,13 +75,26 @@ def test_a_delay_of_a_period_is_the_same_from_above_and_below() -> None:
     assert below == pytest.approx(above, abs=1e-5)
 
 
+def feedback_of(problem: OptimalControlProblem) -> Array:
+    """Feedback of the first input on the state while no bound is active, u = -feedback x."""
+    stages, nx, nu = problem.B.shape
+    factor = Factor(np.zeros((stages, nu, nx)), np.zeros((stages, nu, nu)), np.zeros((stages + 1, nx, nx)))
+    factorize(problem, np.zeros(problem.W.shape), factor)
+    return -factor.K[0]
+
+
+def weights_of(states: tuple[float, ...], efforts: tuple[float, ...]) -> CascadeWeights:
+    return CascadeWeights(np.array(states[:4]), np.array(states[4:]), np.array(efforts), 1e5)
+
+
+LIMITS = PlanLimits.scaled(COAXIAL, CascadeSettings().limits(COAXIAL), LimitScale())
+
+
 def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
-    parameters = ChainParameters(
-        stages=20, period_s=PERIOD_S, gain=EVEN.b[:2], pole=None, rate_feedback=np.zeros(2),
-        position_weights=np.full(2, 100.0), velocity_weights=np.ones(2),
-        input_weights=np.full(2, 10.0), soft_weight=1e5, position_bounded=(True, True),
-    )  # fmt: skip
-    gain = LateralChain(parameters, LateralSystem(EVEN, PERIOD_S)).gain
+    weights = weights_of((100.0, 100.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), (10.0, 10.0, 1.0, 1.0))
+    formulation = LateralTilt(EVEN, PERIOD_S, weights, 20, True, True)
+    task = HorizontalTask(at_rest(EVEN), np.zeros(4), np.zeros(22), np.zeros((21, 12)))
+    gain = feedback_of(formulation.problem(task, LIMITS, None))
     loop = tilt_loop(EVEN, PERIOD_S, (100.0, 1.0, 10.0 / 4.0))
     known = gain.shape[1] // 2
     assert loop.feedback[:known] == pytest.approx(gain[0, 0::2] + 1j * gain[1, 0::2], rel=1e-6, abs=1e-9)
@@ -80,21 +102,12 @@ def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
 
 @pytest.mark.parametrize("axis", [U_THRUST, U_YAW])
 def test_height_and_yaw_have_the_feedback_of_the_cascade(axis: int) -> None:
-    controller = CascadeController(COAXIAL, PERIOD_S, CascadeSettings(horizon=20))
-    steady = controller._steady_chain
-    cost = riccati_cost(steady, controller._decay[2:])
-    a = np.eye(6)
-    a[:2, 2:4] = PERIOD_S * np.eye(2)
-    a[2:4, 2:4] = np.diag(controller._decay[2:])
-    assert steady.pole is not None
-    a[2:4, 4:], a[4:, 4:] = PERIOD_S * np.diag(steady.gain), np.diag(steady.pole)
-    a[4:, 2:4] = -np.diag((1.0 - steady.pole) * steady.rate_feedback)
-    b = np.vstack((np.zeros((4, 2)), np.diag(1.0 - steady.pole)))
-    gain = np.linalg.solve(np.diag(steady.input_weights) + b.T @ cost @ b, b.T @ cost @ a)
-    at = axis - U_THRUST
-    weights = steady.position_weights[at], steady.velocity_weights[at], steady.input_weights[at]
-    loop = lag_loop(COAXIAL, PERIOD_S, axis, weights)
-    assert loop.feedback[:3] == pytest.approx(gain[at, at::2], rel=1e-6)
+    states, efforts = default_state_weights(COAXIAL), default_input_weights(COAXIAL, PERIOD_S)
+    dynamics = LagDynamics.of(COAXIAL, PERIOD_S, True, slice(axis, axis + 1))
+    formulation = AxisProblem(axis, dynamics, weights_of(states, efforts), 20)
+    gain = feedback_of(formulation.problem(at_rest(COAXIAL), 0.0, np.zeros((21, 12)), LIMITS))
+    loop = lag_loop(COAXIAL, PERIOD_S, axis, (states[axis], states[4 + axis], efforts[axis]))
+    assert loop.feedback[:3] == pytest.approx(gain[0], rel=1e-6)
     assert loop.feedback[3] * COAXIAL.input_gain[axis] == pytest.approx(1.0 + loop.feedback[2])
 
 

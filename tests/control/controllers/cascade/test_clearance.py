@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from rcopterx.control.controllers.cascade.clearance import NARROWEST_M, SLOTS, TURN_RAD, clearances, normals
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
-from rcopterx.control.controllers.chains.chain import ChainTarget
 from rcopterx.control.interfaces import Estimate, Obstacle
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import Array
@@ -24,11 +23,6 @@ def still(place_m: Array, across_m: float = 0.35, up_m: float = 0.6, stages: int
     return Obstacle(np.tile(place_m, (stages, 1)), across_m, up_m)
 
 
-def bounds(stages: int = STAGES) -> ChainTarget:
-    """A chain of two axes, positions -1.2 to 1.2."""
-    return ChainTarget(np.zeros((stages, 6)), np.zeros(6), np.full((1, 6), -1.2), np.full((1, 6), 1.2))
-
-
 @given(place, place, place, half_axis, half_axis, st.lists(place, min_size=1, max_size=20))
 def test_whatever_keeps_the_bounds_stays_outside_the_ellipsoid(
     own: Array, wanted: Array, other: Array, across_m: float, up_m: float, anywhere: list[Array]
@@ -36,7 +30,7 @@ def test_whatever_keeps_the_bounds_stays_outside_the_ellipsoid(
     tiled = np.tile(own, (STAGES, 1))
     found = clearances(tiled, np.tile(wanted, (STAGES, 1)), [still(other, across_m, up_m)])
     for position in anywhere:
-        least = found.least(np.full(STAGES, position[2]))[0, 0]
+        least = found.rows(np.full(STAGES, position[2]), 1.0).least[0, 0]
         direction = found.directions[0, 0]
         if not direction.any() or direction @ position[:2] < least:
             continue
@@ -94,11 +88,10 @@ def test_heights_between_two_others_leave_a_range_to_plan_in(above_m: float, bel
     found = clearances(
         own, own, [still(np.array([0.01, 0, above_m])), still(np.array([0.0, 0.01, -below_m]))]
     )
-    target = found.bound_heights(bounds())
-    room = target.upper[:, 0] - target.lower[:, 0]
-    assert (room >= NARROWEST_M - 1e-9).all()
-    assert (target.lower[:, 0] >= -1.2 - 1e-9).all()
-    assert (target.upper[:, 0] <= 1.2 + 1e-9).all()
+    low, high = found.heights(np.array((-1.2, 1.2)))
+    assert (high - low >= NARROWEST_M - 1e-9).all()
+    assert (low >= -1.2 - 1e-9).all()
+    assert (high <= 1.2 + 1e-9).all()
 
 
 def flown(obstacles: list[Obstacle], goal: Array, steps: int = 250, **settings: object) -> Array:

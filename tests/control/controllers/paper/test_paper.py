@@ -21,8 +21,6 @@ def at_rest(x: float = 0.0, y: float = 0.0, z: float = 1.0, yaw: float = 0.0) ->
 
 
 def make(**settings: object) -> PaperController:
-    """A controller that a busy machine does not hurry."""
-    settings = {"time_limit_s": 1.0} | settings
     return PaperController(COAXIAL_LAG, PERIOD_S, PaperSettings(**settings))  # type: ignore[arg-type]  # free-form test settings
 
 
@@ -64,18 +62,6 @@ def test_rotated_terminal_cost_solves_the_riccati_equation_of_the_heading(yaw: f
     assert TerminalCost(paper_model, q, r).at(yaw) == pytest.approx(direct, rel=1e-2, abs=1.0)
 
 
-def test_rollout_obeys_equation_2() -> None:
-    rng = np.random.default_rng(1)
-    paper_model, inputs, target = (
-        PaperModel(COAXIAL_LAG, PERIOD_S),
-        rng.normal(size=(109, 4)),
-        rng.normal(size=3),
-    )
-    states = paper_model.rollout(rng.normal(size=11), inputs, 0.7, target)
-    a, b, c = paper_model.dynamics(0.7), paper_model.input_matrix(), paper_model.affine(target)
-    assert states[1:] == pytest.approx(states[:-1] @ a.T + inputs @ b.T - c, abs=1e-9)
-
-
 def test_first_input_of_the_unconstrained_problem_is_the_linear_quadratic_regulator() -> None:
     controller = make(horizon=30)
     controller.reset(at_rest(), COAXIAL_LAG.hover_input)
@@ -112,12 +98,12 @@ def test_without_z_integrator_a_thrust_trim_leaves_a_height_error() -> None:
 
 
 def test_matrices_return_to_the_same_problem_after_a_turn() -> None:
-    """sin(0) must keep its place in the sparsity pattern."""
+    """The factor of another heading must not be used."""
     results = []
     turned = make(horizon=20)
     turned.reset(at_rest(), COAXIAL_LAG.hover_input)
     turned.step(at_rest(), hold(np.array([0.1, 0, 1]), 2.0, PERIOD_S, 20), COAXIAL_LAG.hover_input)
-    for controller in (turned, make(horizon=20), make(horizon=20, relinearize="every_step")):
+    for controller in (turned, make(horizon=20), make(horizon=20, solver="osqp")):
         controller.reset(at_rest(), COAXIAL_LAG.hover_input)
         reference = hold(np.array([0.1, 0.05, 1]), 0.0, PERIOD_S, 20)
         results.append(controller.step(at_rest(), reference, COAXIAL_LAG.hover_input).inputs[0])
@@ -167,7 +153,7 @@ def test_first_step_after_a_switch_takes_over_the_trim() -> None:
 
 
 def test_an_exhausted_time_limit_is_reported_and_still_gives_a_command() -> None:
-    controller = make(horizon=110, time_limit_s=1e-5)
+    controller = make(horizon=110, solver="osqp", time_limit_s=1e-5)
     guard = StepGuard(COAXIAL_LAG)
     guard.reset(controller, at_rest(), COAXIAL_LAG.hover_input)
     seen = set()

@@ -1,0 +1,78 @@
+"""Discrete dynamics of axes whose sticks act through first-order lags (control.md section 6).
+
+    p+ = p + T v,    v+ = (1 + T k) v + T (b a + disturbance),    a+ = pole a + (1 - pole) (u - gyro v)
+
+with position p, velocity v, actuator a and stick u of each axis. Without lags a = u.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rcopterx.control.models.roll_out import lag_poles
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
+
+
+class LagDynamics(NamedTuple):
+    """Parameters of the axes x, y, z, yaw or of some of them; arrays of shape (m,)."""
+
+    period_s: float
+    gain: Array
+    """b."""
+    decay: Array
+    """1 + T k."""
+    pole: Array
+    gyro: Array
+    """Stick that the gyro subtracts per velocity."""
+    lagged: bool
+
+    @classmethod
+    def of(cls, model: Model, period_s: float, lagged: bool, axes: slice) -> "LagDynamics":
+        """Return the dynamics of some axes of a vehicle."""
+        damping = np.array(model.direct_damping) if lagged else model.k
+        gyro = np.array(model.rate_feedback)
+        poles = lag_poles(model, period_s)
+        return cls(period_s, model.b[axes], 1.0 + period_s * damping[axes], poles[axes], gyro[axes], lagged)
+
+    @property
+    def axes(self) -> int:
+        """Number of axes m."""
+        return len(self.gain)
+
+    @property
+    def states(self) -> int:
+        """Number of states: p, v and, with lags, a of every axis, in this order."""
+        return self.axes * (3 if self.lagged else 2)
+
+    def matrices(self) -> tuple[Array, Array]:
+        """Return A, shape (n, n), and B, shape (n, m), without turning."""
+        m, T = self.axes, self.period_s
+        p, v, a = slice(0, m), slice(m, 2 * m), slice(2 * m, 3 * m)
+        A, B = np.eye(self.states), np.zeros((self.states, m))
+        A[p, v] = T * np.eye(m)
+        A[v, v] = np.diag(self.decay)
+        if self.lagged:
+            A[v, a] = T * np.diag(self.gain)
+            A[a, v] = -np.diag((1.0 - self.pole) * self.gyro)
+            A[a, a] = np.diag(self.pole)
+            B[a] = np.diag(1.0 - self.pole)
+        else:
+            B[v] = T * np.diag(self.gain)
+        return A, B
+
+    def feed_forward(self, change: Array, velocity: Array) -> tuple[Array, Array]:
+        """Return actuators at N + 1 stages and sticks at N stages that fly a reference.
+
+        Parameters
+        ----------
+        change
+            Change of the velocity per period that the actuators have to make, shape (N + 1, m).
+        velocity
+            Velocity of the reference, shape (N + 1, m).
+        """
+        actuators = change / (self.period_s * self.gain)
+        if not self.lagged:
+            return actuators, actuators[:-1]
+        followed = (actuators[1:] - self.pole * actuators[:-1]) / (1.0 - self.pole)
+        return actuators, followed + self.gyro * velocity[:-1]

@@ -1,0 +1,1 @@
+"""Solvers of linear-quadratic optimal control problems with bounds: Riccati sweeps, and OSQP."""

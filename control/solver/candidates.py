@@ -1,0 +1,41 @@
+"""The plan that is flown when a solver stops before it converges: the best one known, within hard bounds."""
+
+import numpy as np
+
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Trajectories
+from rcopterx.control.solver.sweep import quality, roll_out
+from rcopterx.vehicles.state import Array
+
+
+def best_plan(p: OptimalControlProblem, inputs: Array, shifted: Array | None) -> Trajectories:
+    """Return the less costly of two plans: of the solver's inputs, and of the last plan's one stage on."""
+    known = [inputs] if shifted is None else [inputs, shifted]
+    plans = [rolled_out(p, within_hard_bounds(p, candidate)) for candidate in known]
+    return min(plans, key=lambda plan: float(np.nan_to_num(quality(p, plan)[0], nan=np.inf)))
+
+
+def shift(stages: Array) -> Array:
+    """Return values of stages one stage on; the last one is repeated."""
+    return np.concatenate((stages[1:], stages[-1:]))
+
+
+def rolled_out(p: OptimalControlProblem, inputs: Array) -> Trajectories:
+    """Return what inputs lead to, shape (N, nu)."""
+    plan = empty_plan(p)
+    plan.u[:] = inputs
+    roll_out(p, plan)
+    return plan
+
+
+def within_hard_bounds(p: OptimalControlProblem, inputs: Array) -> Array:
+    """Return inputs whose hard rows, which depend on the inputs alone, are clipped to their bounds."""
+    hard = p.s[0] >= HARD
+    D = p.D[:, hard]
+    rows = np.einsum("kij,kj->ki", D, inputs)
+    return np.linalg.solve(D, np.clip(rows, p.low[:, hard], p.high[:, hard])[..., None])[..., 0]
+
+
+def empty_plan(p: OptimalControlProblem) -> Trajectories:
+    """Return a plan to be filled."""
+    stages, nx, nu = p.B.shape
+    return Trajectories(np.zeros((stages + 1, nx)), np.zeros((stages, nu)), np.zeros((stages, p.W.shape[1])))

@@ -1,0 +1,161 @@
+"""Mehrotra's predictor-corrector method on Riccati sweeps: slower than the active set, but it always ends.
+
+Every bounded row has a slack t and a multiplier z on its upper and its lower side. Eliminating both leaves a
+sweep with the barrier's weights e (J. Nocedal, S. Wright, Numerical Optimization, chapter 16.6).
+"""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from rcopterx.compiling.compiled import BLOCKS, MATRIX, NUMBER, compiled, part, record
+from rcopterx.control.solver.problem import PROBLEM, TRAJECTORIES, OptimalControlProblem, Trajectories
+from rcopterx.control.solver.sweep import FACTOR, Factor, factorize, solve
+from rcopterx.vehicles.state import Array
+
+SMALLEST_START: Final = 0.1
+"""Slacks begin at least so large."""
+TO_BOUNDARY: Final = 0.995
+"""Share of the step to the boundary that is taken."""
+FEASIBLE: Final = 1e-6
+
+
+class Barrier(NamedTuple):
+    """Slacks and multipliers of the rows, and their changes; first index: 0 upper side, 1 lower side."""
+
+    t: Array
+    """Slacks, shape (2, N, ny)."""
+    z: Array
+    """Multipliers, shape (2, N, ny)."""
+    dt: Array
+    dz: Array
+    gap: Array
+    """Residual of y + t = bound, shape (2, N, ny)."""
+    e: Array
+    """Weights of the sweep, shape (N, ny)."""
+    target: Array
+    """Targets of the sweep, shape (N, ny)."""
+
+    @classmethod
+    def zeros(cls, stages: int, rows: int) -> "Barrier":
+        """Return a barrier to be started."""
+        return cls(*np.zeros((5, 2, stages, rows)), *np.zeros((2, stages, rows)))
+
+
+BARRIER: Final[Any] = record(Barrier, *5 * [BLOCKS], *2 * [MATRIX])
+
+
+@compiled(PROBLEM, TRAJECTORIES, BARRIER)
+def start(p: OptimalControlProblem, plan: Trajectories, b: Barrier) -> None:
+    """Start slacks and multipliers at a plan."""
+    for k in range(plan.y.shape[0]):
+        for row in range(plan.y.shape[1]):
+            if p.s[k, row] > 0.0:
+                b.t[0, k, row] = max(p.high[k, row] - plan.y[k, row], SMALLEST_START)
+                b.t[1, k, row] = max(plan.y[k, row] - p.low[k, row], SMALLEST_START)
+                b.z[0, k, row] = b.z[1, k, row] = 1.0
+            else:
+                b.t[0, k, row] = b.t[1, k, row] = 1.0
+                b.z[0, k, row] = b.z[1, k, row] = 0.0
+
+
+@compiled(PROBLEM, TRAJECTORIES, BARRIER)
+def residuals(p: OptimalControlProblem, plan: Trajectories, b: Barrier) -> tuple[float, float]:
+    """Set the gaps; return the mean complementarity and the largest gap."""
+    largest, products, count = 0.0, 0.0, 0
+    for k in range(plan.y.shape[0]):
+        for row in range(plan.y.shape[1]):
+            s = p.s[k, row]
+            if s == 0.0:
+                continue
+            y = plan.y[k, row]
+            b.gap[0, k, row] = y - p.high[k, row] - b.z[0, k, row] / s + b.t[0, k, row]
+            b.gap[1, k, row] = p.low[k, row] - y - b.z[1, k, row] / s + b.t[1, k, row]
+            for side in range(2):
+                largest = max(largest, abs(b.gap[side, k, row]))
+                products += b.t[side, k, row] * b.z[side, k, row]
+                count += 1
+    return products / max(count, 1), largest
+
+
+@part
+def set_barrier_pulls(
+    p: OptimalControlProblem, y: Array, b: Barrier, centring: float, corrected: bool
+) -> None:
+    """Set weights and targets of the sweep; the corrector adds products of the predictor's changes."""
+    for k in range(y.shape[0]):
+        for row in range(y.shape[1]):
+            if p.s[k, row] == 0.0:
+                continue
+            weight = pull = 0.0
+            for side in range(2):
+                t, z = b.t[side, k, row], b.z[side, k, row]
+                product = t * z
+                if corrected:
+                    product += b.dt[side, k, row] * b.dz[side, k, row] - centring
+                scale = t + z / p.s[k, row]
+                force = z + (z * b.gap[side, k, row] - product) / scale
+                weight += z / scale
+                pull += force if side == 0 else -force
+            b.e[k, row] = weight
+            b.target[k, row] = y[k, row] - pull / weight
+
+
+@part
+def set_changes(
+    p: OptimalControlProblem, change: Array, b: Barrier, centring: float, corrected: bool
+) -> float:
+    """Set the changes of slacks and multipliers by those of the rows; return the step to the boundary."""
+    step = 1.0
+    for k in range(change.shape[0]):
+        for row in range(change.shape[1]):
+            s = p.s[k, row]
+            if s == 0.0:
+                continue
+            for side in range(2):
+                t, z, gap = b.t[side, k, row], b.z[side, k, row], b.gap[side, k, row]
+                product = t * z
+                if corrected:
+                    product += b.dt[side, k, row] * b.dz[side, k, row] - centring
+                toward = change[k, row] if side == 0 else -change[k, row]
+                dz = (z * (toward + gap) - product) / (t + z / s)
+                dt = -gap - toward + dz / s
+                b.dz[side, k, row], b.dt[side, k, row] = dz, dt
+                if dz < 0.0:
+                    step = min(step, -z / dz)
+                if dt < 0.0:
+                    step = min(step, -t / dt)
+    return step
+
+
+@compiled(PROBLEM, TRAJECTORIES, TRAJECTORIES, FACTOR, BARRIER, NUMBER)
+def iterate(
+    p: OptimalControlProblem,
+    plan: Trajectories,
+    trial: Trajectories,
+    f: Factor,
+    b: Barrier,
+    complementarity: float,
+) -> None:
+    """Take one predictor-corrector step; `plan` satisfies the dynamics before and after it."""
+    set_barrier_pulls(p, plan.y, b, 0.0, False)
+    factorize(p, b.e, f)
+    solve(p, b.e, b.target, f, trial)
+    step = set_changes(p, trial.y - plan.y, b, 0.0, False)
+    reached = ((b.t + step * b.dt) * (b.z + step * b.dz)).sum()
+    before = (b.t * b.z).sum()
+    centring = (reached / before) ** 3 * complementarity
+    set_barrier_pulls(p, plan.y, b, centring, True)
+    solve(p, b.e, b.target, f, trial)
+    step = min(1.0, TO_BOUNDARY * set_changes(p, trial.y - plan.y, b, centring, True))
+    b.t[:] += step * b.dt
+    b.z[:] += step * b.dz
+    plan.x[:] += step * (trial.x - plan.x)
+    plan.u[:] += step * (trial.u - plan.u)
+    plan.y[:] += step * (trial.y - plan.y)
+
+
+def active_rows(b: Barrier) -> Array:
+    """Return the bounds whose multiplier exceeds the slack, as `Plan.active`."""
+    pressing = b.z > b.t
+    return np.asarray(pressing[0].astype(float) - pressing[1])

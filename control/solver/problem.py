@@ -1,0 +1,92 @@
+"""The optimal control problem that every controller states, and the plan that solves it.
+
+    minimise    sum_k 1/2 |y_k - r_k|^2_{W_k} + 1/2 s_k . excess(y_k)^2  +  1/2 |x_N - x_end|^2_P
+    subject to  x_{k+1} = A_k x_k + B_k u_k + c_k,    x_0 given
+                y_k = C_k x_k + D_k u_k,    k = 0 .. N - 1
+                excess(y_k) = distance of y_k to [low_k, high_k]
+
+Rows y are positions, velocities, inputs, and distances to other vehicles. Input rows are hard: their weight s
+is `HARD`, which leaves an excess of about 1e-6 of a stick; the weights of all other bounds are soft.
+"""
+
+from typing import Any, Final, NamedTuple
+
+from rcopterx.compiling.compiled import BLOCKS, MATRIX, VECTOR, record
+from rcopterx.vehicles.state import Array
+
+HARD: Final = 1e8
+"""Weight s of a bound that holds exactly, against weights W of about one to a thousand."""
+
+
+class OptimalControlProblem(NamedTuple):
+    """A problem of N stages with nx states, nu inputs and ny rows; all arrays are C-contiguous."""
+
+    A: Array
+    """Shape (N, nx, nx)."""
+    B: Array
+    """Shape (N, nx, nu)."""
+    c: Array
+    """Shape (N, nx)."""
+    C: Array
+    """Shape (N, ny, nx)."""
+    D: Array
+    """Shape (N, ny, nu)."""
+    W: Array
+    """Shape (N, ny)."""
+    r: Array
+    """Shape (N, ny)."""
+    low: Array
+    """Shape (N, ny)."""
+    high: Array
+    """Shape (N, ny)."""
+    s: Array
+    """Shape (N, ny): 0 for rows without bounds."""
+    P: Array
+    """Shape (nx, nx)."""
+    x_end: Array
+    """Shape (nx,)."""
+    x_0: Array
+    """Shape (nx,)."""
+
+
+class Trajectories(NamedTuple):
+    """States, inputs and rows that satisfy the dynamics."""
+
+    x: Array
+    """Shape (N + 1, nx)."""
+    u: Array
+    """Shape (N, nu)."""
+    y: Array
+    """Shape (N, ny)."""
+
+
+class Plan(NamedTuple):
+    """Solution of a problem, with its quality."""
+
+    x: Array
+    """Shape (N + 1, nx)."""
+    u: Array
+    """Shape (N, nu)."""
+    y: Array
+    """Shape (N, ny)."""
+    active: Array
+    """Shape (N, ny): 1 where the upper bound is active, -1 where the lower one is, 0 elsewhere."""
+    iterations: int
+    """Number of sweeps, or iterations of OSQP."""
+    primal_residual: float
+    """Largest excess over a hard bound."""
+    dual_residual: float
+    """Largest derivative of the cost by an input, bounds included."""
+    optimal: bool
+    """Whether the solver converged; if not, the plan is the best one known."""
+
+
+PROBLEM: Final[Any] = record(
+    OptimalControlProblem,
+    *[BLOCKS, BLOCKS, MATRIX],
+    *[BLOCKS, BLOCKS],
+    *[MATRIX, MATRIX, MATRIX, MATRIX, MATRIX],
+    *[MATRIX, VECTOR, VECTOR],
+)
+"""Type of a problem as an argument of kernels."""
+TRAJECTORIES: Final[Any] = record(Trajectories, *3 * [MATRIX])
