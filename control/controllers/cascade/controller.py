@@ -1,4 +1,4 @@
-"""Yaw-first cascade ("trajectory MPC"): the default controller (control.md section 6).
+"""Yaw-first cascade ("trajectory MPC"): the default controller (docs/formulas.md).
 
 Three optimal control problems per step. Heading and height depend on nothing else. Along the planned heading
 the horizontal motion is exactly linear, time-varying. Together they are the paper's problem with the true
