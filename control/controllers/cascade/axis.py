@@ -1,4 +1,4 @@
-"""The problem of one axis that depends on no other: heading, and height (control.md section 6, 1 and 2).
+"""The problem of one axis that depends on no other: heading, and height (docs/formulas.md).
 
 States are position, velocity and, with a lag, actuator; rows are position, velocity and stick.
 """

@@ -1,4 +1,4 @@
-"""Discrete dynamics of axes whose sticks act through first-order lags (control.md section 6).
+"""Discrete dynamics of axes whose sticks act through first-order lags (docs/formulas.md).
 
     p+ = p + T v,    v+ = (1 + T k) v + T (b a + disturbance),    a+ = pole a + (1 - pole) (u - gyro v)
 

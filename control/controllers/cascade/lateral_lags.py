@@ -1,4 +1,4 @@
-"""The horizontal problem of a vehicle whose sticks act through lags (control.md section 6, 3).
+"""The horizontal problem of a vehicle whose sticks act through lags (docs/formulas.md).
 
 Along a planned heading psi_k the motion is exactly linear, time-varying: positions in the inertial frame,
 velocities and actuators in the body frame, which turns by psi_{k+1} - psi_k in a period.
