@@ -11,8 +11,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from scipy import sparse
 
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan
-from rcopterx.control.solver.solvers import never
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.control.solver.sweep import quality
 from rcopterx.vehicles.state import Array

@@ -8,8 +8,7 @@ import osqp
 
 from rcopterx.control.solver.active_set import update_active_set
 from rcopterx.control.solver.candidates import best_plan, shift
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan
-from rcopterx.control.solver.solvers import never
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.control.solver.sweep import quality
 from rcopterx.vehicles.state import Array

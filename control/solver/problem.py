@@ -90,3 +90,8 @@ PROBLEM: Final[Any] = record(
 )
 """Type of a problem as an argument of kernels."""
 TRAJECTORIES: Final[Any] = record(Trajectories, *3 * [MATRIX])
+
+
+def never() -> bool:
+    """Return False: a deadline that does not expire."""
+    return False

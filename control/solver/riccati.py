@@ -14,8 +14,7 @@ import numpy as np
 from rcopterx.control.solver import interior_point
 from rcopterx.control.solver.active_set import set_pulls, update_active_set
 from rcopterx.control.solver.candidates import best_plan, empty_plan, shift
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan
-from rcopterx.control.solver.solvers import never
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
 from rcopterx.control.solver.sweep import Factor, factorize, quality, solve
 from rcopterx.vehicles.state import Array
 

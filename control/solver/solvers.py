@@ -9,11 +9,6 @@ SolverName = Literal["riccati", "osqp"]
 DEFAULT_SOLVER: Final[SolverName] = "riccati"
 
 
-def never() -> bool:
-    """Return False: a deadline that does not expire."""
-    return False
-
-
 class Solver(Protocol):
     """Solves one problem after another, warm-started by the last one."""
 

@@ -30,8 +30,8 @@ from rcopterx.control.controllers.cascade.weights import (
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, Fraction, MpcSettings
 from rcopterx.control.interfaces import Estimate, LimitScale, Obstacle
 from rcopterx.control.references.trajectory import COLUMNS, POSITION, Trajectory
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan
-from rcopterx.control.solver.solvers import Solver, never
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
+from rcopterx.control.solver.solvers import Solver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, YAW, Array, Z
 

@@ -24,8 +24,8 @@ from rcopterx.control.controllers.paper.model import (
 from rcopterx.control.controllers.settings import ElevenWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem
-from rcopterx.control.solver.solvers import Solver, never
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, never
+from rcopterx.control.solver.solvers import Solver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, Array
 
