@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Final, Literal, Protocol
 
 from rcopterx.control.solver.problem import OptimalControlProblem, Plan
+from rcopterx.control.solver.riccati import RiccatiSolver
 
 SolverName = Literal["riccati", "osqp"]
 DEFAULT_SOLVER: Final[SolverName] = "riccati"
@@ -37,6 +38,4 @@ def make_solver(name: SolverName, max_iterations: int, time_limit_s: float) -> S
         from rcopterx.control.solver.osqp import OsqpSolver  # needs a library that the default does not load
 
         return OsqpSolver(time_limit_s=time_limit_s)
-    from rcopterx.control.solver.riccati import RiccatiSolver
-
     return RiccatiSolver(max_iterations)
