@@ -27,6 +27,7 @@ MODULES: Final = (
     "simulator.helicopter_dynamics",
     "simulator.disturbance",
     "control.references.sampling",
+    "control.estimators.kalman_equations",
     "control.models.prediction",
     "control.models.roll_out",
     "control.models.finite",

@@ -2,14 +2,18 @@
 
 import numpy as np
 
+from rcopterx.compiling.compiled import MATRIX, VECTOR, compiled
 from rcopterx.vehicles.state import Array
 
 
+@compiled(MATRIX, MATRIX, MATRIX)
 def predict_covariance(P: Array, F: Array, Q: Array) -> Array:
     """Return F P F' + Q."""
-    return _symmetric(F @ P @ F.T + Q)
+    predicted = F @ P @ F.T + Q
+    return 0.5 * (predicted + predicted.T)
 
 
+@compiled(VECTOR, MATRIX, MATRIX, VECTOR, VECTOR)
 def update(x: Array, P: Array, H: Array, R: Array, innovation: Array) -> tuple[Array, Array]:
     """Return state and covariance after a measurement z = H x + noise.
 
@@ -27,13 +31,8 @@ def update(x: Array, P: Array, H: Array, R: Array, innovation: Array) -> tuple[A
     """
     S = H @ P @ H.T + np.diag(R)
     np.linalg.cholesky(S)  # checks that it is positive definite
-    K = np.linalg.solve(S, H @ P).T
+    K = np.ascontiguousarray(np.linalg.solve(S, H @ P).T)
     # Joseph's form: the covariance stays positive whatever the rounding.
     rest = np.eye(len(x)) - K @ H
     P = rest @ P @ rest.T + (K * R) @ K.T
-    return x + K @ innovation, _symmetric(P)
-
-
-def _symmetric(P: Array) -> Array:
-    """Remove what rounding adds to a symmetric matrix."""
-    return 0.5 * (P + P.T)
+    return x + K @ innovation, 0.5 * (P + P.T)

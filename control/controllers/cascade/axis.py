@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from rcopterx.control.controllers.cascade.lags import LagDynamics
-from rcopterx.control.controllers.cascade.limits import PlanLimits
+from rcopterx.control.controllers.cascade.limits import PlanLimits, recovery
 from rcopterx.control.controllers.cascade.weights import CascadeWeights
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem
@@ -45,7 +45,7 @@ class AxisProblem:
         position = 0.0 if axis == YAW else weights.soft
         self._s = np.tile((position, weights.soft, HARD), (stages, 1))
         self._s[0, :2] = 0.0
-        self._times_s: Array = dynamics.period_s * np.arange(float(stages))
+        self._recovery = recovery(dynamics.period_s, stages)
 
     def problem(
         self,
@@ -83,7 +83,7 @@ class AxisProblem:
         low, high = np.empty((N, 3)), np.empty((N, 3))
         low[:, 0], high[:, 0] = limits.position[:, axis] if heights is None else heights
         measured = estimate.motion[4 + axis : 5 + axis]
-        low[:, 1:2], high[:, 1:2] = limits.velocities(self._axes, measured, self._times_s)
+        low[:, 1:2], high[:, 1:2] = limits.velocities(self._axes, measured, self._recovery)
         low[:, 2:], high[:, 2:] = limits.sticks(self._axes, balance)
         r = np.column_stack(
             (position[:-1], velocity[:-1], np.clip(sticks - balance, low[:, 2:], high[:, 2:]))

@@ -30,7 +30,7 @@ from rcopterx.control.controllers.cascade.weights import (
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, Fraction, MpcSettings
 from rcopterx.control.interfaces import Estimate, LimitScale, Obstacle
 from rcopterx.control.references.trajectory import COLUMNS, POSITION, Trajectory
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
+from rcopterx.control.solver.problem import never
 from rcopterx.control.solver.solvers import Solver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, YAW, Array, Z
@@ -170,19 +170,21 @@ class CascadeController(BaseController):
         load = float(disturbance[U_THRUST]) - self._model.gravity_m_s2
         height_problem = self._height.problem(estimate, load, samples, limits, heights, feed_forward)
         height = self._height_solver.solve(height_problem, True, expired)
-        headings, heights_m = positions(heading_problem, heading, 1), positions(height_problem, height, 1)
-        task = HorizontalTask(estimate, disturbance, headings[:-1, 0], samples)
-        rows = None if clear is None else clear.rows(heights_m[:-2, 0], self._settings.separation_weight)
+        headings = one_more(heading.x[:, 0], heading.x[-1, 1], self._period_s)
+        task = HorizontalTask(estimate, disturbance, headings, samples)
+        rows = None if clear is None else clear.rows(height.x[:, 0], self._settings.separation_weight)
         horizontal_problem = self._horizontal.problem(task, limits, rows)
         horizontal = self._horizontal_solver.solve(horizontal_problem, self._horizontal.same_cost, expired)
         inputs = np.column_stack((self._horizontal.sticks(horizontal, task), height.u, heading.u))
         if self._coupling:
             inputs[:, U_YAW] -= self._coupling * (height.u[:, 0] - height.x[:-1, 2])
-        flown = np.hstack((positions(horizontal_problem, horizontal, 2), heights_m, headings))
+        flown = np.column_stack((horizontal.x[:, :2], height.x[:, 0], heading.x[:, 0]))
+        velocity = self._horizontal.velocity_at_end(horizontal, task)
+        at_end = np.array((*velocity, height.x[-1, 1], heading.x[-1, 1]))
         plans = (heading, height, horizontal)
         return Solution(
             inputs,
-            trajectory(flown, self._period_s),
+            trajectory(one_more(flown, at_end, self._period_s), self._period_s),
             sum(plan.iterations for plan in plans),
             not all(plan.optimal for plan in plans),
         )
@@ -220,18 +222,16 @@ class CascadeController(BaseController):
         return self._filtered_disturbance.copy()
 
 
-def positions(problem: OptimalControlProblem, plan: Plan, axes: int) -> Array:
-    """Return positions of the N + 1 stages and of two more, through which the last input lasts."""
-    beyond = [plan.x[-1]]
-    for _ in range(2):
-        beyond.append(problem.A[-1] @ beyond[-1] + problem.B[-1] @ plan.u[-1] + problem.c[-1])
-    return np.vstack((plan.x, beyond[1:]))[:, :axes]
+def one_more(positions: Array, velocity: Array, period_s: float) -> Array:
+    """Return positions with one more, to which the velocity after the last stage leads."""
+    return np.concatenate((positions, positions[-1:] + period_s * velocity))
 
 
 def trajectory(flown: Array, period_s: float) -> Trajectory:
-    """Return the plan through positions x, y, z, yaw, shape (N + 2, 4), whose differences are its rates."""
+    """Return the plan of N stages through N + 1 positions x, y, z, yaw, whose differences are its rates."""
     rates = np.diff(flown, axis=0) / period_s
-    samples = np.empty((len(flown) - 2, COLUMNS))
-    samples[:, :4], samples[:, 4:8] = flown[:-2], rates[:-1]
-    samples[:, 8:] = np.diff(rates, axis=0) / period_s
+    samples = np.empty((len(rates), COLUMNS))
+    samples[:, :4], samples[:, 4:8] = flown[:-1], rates
+    samples[:-1, 8:] = np.diff(rates, axis=0) / period_s
+    samples[-1, 8:] = samples[-2, 8:]
     return Trajectory(samples, period_s)

@@ -38,6 +38,10 @@ class HorizontalProblem(Protocol):
         """State the problem; its first two states are the position in the inertial frame."""
         ...
 
+    def velocity_at_end(self, plan: Plan, task: HorizontalTask) -> Array:
+        """Return the velocity after the last stage, inertial frame, shape (2,)."""
+        ...
+
     def sticks(self, plan: Plan, task: HorizontalTask) -> Array:
         """Return the pitch and roll sticks of a plan, shape (N, 2)."""
         ...

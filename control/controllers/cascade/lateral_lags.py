@@ -13,10 +13,10 @@ from scipy.linalg import solve_discrete_are
 from rcopterx.control.controllers.cascade.clearance import ClearRows
 from rcopterx.control.controllers.cascade.lags import LagDynamics
 from rcopterx.control.controllers.cascade.lateral import HorizontalTask, turned, turns
-from rcopterx.control.controllers.cascade.limits import PlanLimits
+from rcopterx.control.controllers.cascade.limits import PlanLimits, recovery
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan
-from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.state import Array, heading_matrix
 
 
 class LateralLags:
@@ -46,7 +46,7 @@ class LateralLags:
         )
         self._s = np.tile((*4 * [weights.soft], HARD, HARD), (stages, 1))
         self._s[0, :4] = 0.0
-        self._times_s: Array = dynamics.period_s * np.arange(float(stages))
+        self._recovery = recovery(dynamics.period_s, stages)
 
     def problem(
         self, task: HorizontalTask, limits: PlanLimits, clear: ClearRows | None
@@ -66,7 +66,7 @@ class LateralLags:
         low, high = np.empty((N, 6)), np.empty((N, 6))
         low[:, :2], high[:, :2] = limits.position[:, HORIZONTAL]
         measured = estimate.motion[4:6]
-        low[:, 2:4], high[:, 2:4] = limits.velocities(HORIZONTAL, measured, self._times_s)
+        low[:, 2:4], high[:, 2:4] = limits.velocities(HORIZONTAL, measured, self._recovery)
         low[:, 4:], high[:, 4:] = limits.sticks(HORIZONTAL, balance)
         aimed = np.clip(sticks - balance, low[:, 4:], high[:, 4:])
         r = np.column_stack((reference[:-1, :2], velocity[:-1], aimed))
@@ -95,6 +95,11 @@ class LateralLags:
             carried = dynamics.decay * velocity + turn[: N + 1] * (velocity[:, ::-1] * (1.0, -1.0))
             change = after - carried
         return dynamics.feed_forward(change, velocity)
+
+    def velocity_at_end(self, plan: Plan, task: HorizontalTask) -> Array:
+        """Return the velocity after the last stage, inertial frame, shape (2,)."""
+        middle_rad = 0.5 * float(task.heading[-2] + task.heading[-1])
+        return np.asarray(heading_matrix(middle_rad) @ plan.x[-1, 2:4])
 
     def sticks(self, plan: Plan, task: HorizontalTask) -> Array:  # noqa: ARG002 - the plan's inputs are sticks
         """Return the pitch and roll sticks of a plan, shape (N, 2)."""

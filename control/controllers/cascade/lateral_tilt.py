@@ -10,7 +10,7 @@ from scipy.linalg import solve_discrete_are
 
 from rcopterx.control.controllers.cascade.clearance import ClearRows
 from rcopterx.control.controllers.cascade.lateral import HorizontalTask, turned, turns
-from rcopterx.control.controllers.cascade.limits import PlanLimits
+from rcopterx.control.controllers.cascade.limits import PlanLimits, recovery
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights
 from rcopterx.control.interfaces import TiltEstimate
 from rcopterx.control.models.lateral import POSITION, VELOCITY, lateral_system
@@ -81,7 +81,7 @@ class LateralTilt:
         self._s = np.zeros((stages, 10))
         self._s[1:, POSITION] = self._s[1:, BODY_VELOCITY] = weights.soft
         self._s[:, STICK] = HARD
-        self._times_s: Array = period_s * np.arange(float(stages))
+        self._recovery = recovery(period_s, stages)
 
     def problem(
         self, task: HorizontalTask, limits: PlanLimits, clear: ClearRows | None
@@ -96,7 +96,7 @@ class LateralTilt:
         low, high = np.full((N, 10), -np.inf), np.full((N, 10), np.inf)
         low[:, POSITION], high[:, POSITION] = limits.position[:, HORIZONTAL]
         low[:, BODY_VELOCITY], high[:, BODY_VELOCITY] = limits.velocities(
-            HORIZONTAL, motion[4:6], self._times_s
+            HORIZONTAL, motion[4:6], self._recovery
         )
         low[:, STICK], high[:, STICK] = limits.sticks(HORIZONTAL, tilt.trim) + tilt.trim
         r = np.zeros((N, 10))
@@ -136,6 +136,10 @@ class LateralTilt:
         core = np.zeros(self._system.core.stop - self._system.core.start)
         core[:2] = turn @ (self._gain * servo) / GRAVITY_M_S2
         return TiltEstimate(core, servo, turn @ task.disturbance[:2], np.zeros(2))
+
+    def velocity_at_end(self, plan: Plan, task: HorizontalTask) -> Array:  # noqa: ARG002 - it is a state
+        """Return the velocity after the last stage, inertial frame, shape (2,)."""
+        return plan.x[-1, VELOCITY]
 
     def sticks(self, plan: Plan, task: HorizontalTask) -> Array:
         """Return the pitch and roll sticks of a plan, shape (N, 2)."""

@@ -46,18 +46,22 @@ class PlanLimits(NamedTuple):
         narrowed = np.array((np.maximum(whole[0], shared[0]), np.minimum(whole[1], shared[1])))
         return np.where(narrowed[1] - narrowed[0] > NARROWEST, narrowed, whole)
 
-    def velocities(self, axes: slice, measured: Array, times_s: Array) -> Array:
-        """Return the bounds of velocities at times, shape (2, N, m).
+    def velocities(self, axes: slice, measured: Array, recovery: Array) -> Array:
+        """Return the bounds of velocities, shape (2, N, m).
 
         A velocity measured beyond its bounds returns to them with `RECOVERY_S`: by noise and gusts a vehicle
         that flies along a bound is beyond it half of the time, and to be back at the next stage would take a
         stick from stop to stop.
         """
         low, high = self.velocity[:, axes]
-        remaining = np.exp(-times_s / RECOVERY_S)[:, None]
         return np.array(
             (
-                low + remaining * np.minimum(measured - low, 0.0),
-                high + remaining * np.maximum(measured - high, 0.0),
+                low + recovery * np.minimum(measured - low, 0.0),
+                high + recovery * np.maximum(measured - high, 0.0),
             )
         )
+
+
+def recovery(period_s: float, stages: int) -> Array:
+    """Return the share of an excess over velocity bounds that is left at every stage, shape (N, 1)."""
+    return np.exp(-period_s / RECOVERY_S * np.arange(float(stages)))[:, None]
