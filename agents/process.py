@@ -187,16 +187,22 @@ class Agent:
 
     def _publish(self, output: ControlOutput, timing: CommandTiming | None) -> None:
         """Publish command and plan."""
-        settings, pilot, parts = self._settings, self._pilot, self.parts
-        command = command_message(settings, pilot, output, parts.lease.number, timing)
-        plan = plan_message(settings, pilot, output, parts.plans)
         # Followers wait for the plan of a leader, so that goes first; followers send the command first.
-        if pilot.guidance.follows:
-            self._bus.publish(channels.COMMAND, settings.vehicle, command)
-            self._bus.publish(channels.PLAN, settings.vehicle, plan)
+        if self._pilot.guidance.follows:
+            self._publish_command(output, timing)
+            self._publish_plan(output)
         else:
-            self._bus.publish(channels.PLAN, settings.vehicle, plan)
-            self._bus.publish(channels.COMMAND, settings.vehicle, command)
+            self._publish_plan(output)
+            self._publish_command(output, timing)
+
+    def _publish_command(self, output: ControlOutput, timing: CommandTiming | None) -> None:
+        settings, lease = self._settings, self.parts.lease.number
+        command = command_message(settings, self._pilot, output, lease, timing)
+        self._bus.publish(channels.COMMAND, settings.vehicle, command)
+
+    def _publish_plan(self, output: ControlOutput) -> None:
+        plan = plan_message(self._settings, self._pilot, output, self.parts.plans)
+        self._bus.publish(channels.PLAN, self._settings.vehicle, plan)
 
     def _after_control(self, output: ControlOutput, step_s: float) -> None:
         """Do what can wait until the command of the period is under way."""

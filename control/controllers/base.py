@@ -20,44 +20,24 @@ EARLY_STOP: Final = "early_stop"
 """Counted for every step that is the best iterate of a solver that stopped before its tolerances were met."""
 
 REFERENCE_YAW_CAP_RAD: Final = 60.0
-"""A reference turns no farther away from the present heading."""
+"""Largest turn of a reference from the present heading."""
 
 
 class Solution(Struct, frozen=True):
-    """What a control law computed.
-
-    Attributes
-    ----------
-    inputs
-        Shape (N - 1, 4).
-    plan
-        N stages.
-    iterations
-        Solver iterations.
-    early
-        The solver stopped before its tolerances were met.
-    """
+    """Result of a control law."""
 
     inputs: Array
+    """Shape (N - 1, 4)."""
     plan: Trajectory
+    """N stages."""
     iterations: int
+    """Solver iterations."""
     early: bool = False
+    """Whether the solver stopped before its tolerances were met."""
 
 
 class BaseController(ABC):
-    """A `Controller` around a control law.
-
-    Parameters
-    ----------
-    model
-        The vehicle.
-    period_s
-        Control period T_s.
-    horizon
-        Number of stages N.
-    limits
-        Bounds to plan with.
-    """
+    """A `Controller` around a control law; plans have `horizon` stages within `limits`."""
 
     def __init__(self, model: Model, period_s: float, horizon: int, limits: Limits) -> None:
         self._model = model

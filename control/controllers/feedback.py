@@ -22,19 +22,7 @@ TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
 
 
 class FeedbackController(BaseController):
-    """Control law u = u_hover + trim - feedback(error).
-
-    Parameters
-    ----------
-    model
-        The vehicle.
-    period_s
-        Control period T_s.
-    horizon
-        Number of stages N of the plan.
-    limits
-        Input limits.
-    """
+    """Control law u = u_hover + trim - feedback(error)."""
 
     def __init__(self, model: Model, period_s: float, horizon: int, limits: Limits) -> None:
         super().__init__(model, period_s, horizon, limits)

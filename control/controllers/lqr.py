@@ -34,15 +34,6 @@ class LqrSettings(ControllerSettings, frozen=True, kw_only=True):
 class LqrController(FeedbackController):
     """Infinite-horizon regulator of equation (2), gains turned with the heading.
 
-    Parameters
-    ----------
-    model
-        The vehicle.
-    period_s
-        Control period T_s.
-    settings
-        Weights and limits.
-
     Raises
     ------
     SettingsError

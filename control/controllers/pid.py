@@ -24,16 +24,7 @@ class PidSettings(ControllerSettings, frozen=True, kw_only=True):
 
 
 class PidController(FeedbackController):
-    """PID in the body frame of the present heading.
-
-    Parameters
-    ----------
-    model
-        The vehicle; only its input gains and limits are used, and its dynamics for the plan.
-    period_s
-        Control period T_s.
-    settings
-        Gains and limits.
+    """PID in the body frame of the present heading; the model serves the plan alone.
 
     Raises
     ------

@@ -15,19 +15,7 @@ from rcopterx.vehicles.state import YAW, Array
 
 
 class AxisProblem:
-    """Formulation for one axis.
-
-    Parameters
-    ----------
-    axis
-        Index among x, y, z, yaw.
-    dynamics
-        Of this axis.
-    weights
-        Of all axes.
-    stages
-        N, the number of planned inputs.
-    """
+    """Formulation for one of the axes x, y, z, yaw with N = `stages` planned inputs."""
 
     def __init__(self, axis: int, dynamics: LagDynamics, weights: CascadeWeights, stages: int) -> None:
         self._axis, self._dynamics, self._stages = axis, dynamics, stages
@@ -60,14 +48,10 @@ class AxisProblem:
 
         Parameters
         ----------
-        estimate
-            Present estimate.
         load
             Acceleration that acts at every stage and that the stick balances.
         reference
-            Samples of N + 1 stages, shape (N + 1, 12).
-        limits
-            Bounds.
+            Samples, shape (N + 1, 12).
         heights
             Bounds of the position at every stage, shape (2, N), instead of those of `limits`.
         feed_forward

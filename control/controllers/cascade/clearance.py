@@ -1,12 +1,12 @@
 """Separation constraints: half-spaces between a vehicle's previous plan and the plans of others.
 
-Around every vehicle there is an ellipsoid nobody else is to enter, taller than wide because of the rotor
-wash. At each stage the direction from the other to the own previous plan gives the normal of a half-space
-that touches the ellipsoid; it is split into a bound on the height and a row on the horizontal position, so
-that each of the cascade's problems stays a convex problem of its own: together they imply the ellipsoid.
+An ellipsoid around every vehicle, taller than wide because of the rotor wash, stays free of others. At each
+stage the direction from the other to the own previous plan is the normal of a half-space that touches the
+ellipsoid. It is split into a bound on the height and a row on the horizontal position, so that each problem
+of the cascade stays convex; together they imply the ellipsoid.
 
-Whoever flies straight towards the other turns the normal, always anticlockwise seen from above: everybody
-passes on the right of everybody else, and two vehicles head-on do not mirror each other for ever.
+A vehicle that flies straight towards another one turns the normal anticlockwise, seen from above: all pass
+each other on the right, and two vehicles head-on do not mirror each other for ever.
 """
 
 from collections.abc import Sequence
@@ -20,47 +20,38 @@ from rcopterx.control.solver.problem import OptimalControlProblem
 from rcopterx.vehicles.state import Array
 
 SLOTS: Final = 6
-"""Vehicles that are avoided at the same time; the nearest ones."""
+"""Number of vehicles avoided at the same time."""
 REACH: Final = 2.0
 """Stages that are farther apart than this, in ellipsoids, get no constraint."""
 TURN_RAD: Final = 0.5
 """How far the normal is turned when a vehicle flies straight towards another."""
 SETTLED_M: Final = 0.3
-"""Nearer to where it wants to be than this, the turn fades out."""
+"""Distance from the reference below which the turn fades out."""
 LEVEL: Final = 0.3
 """Normals that rise less than this leave the height alone."""
 NARROWEST_M: Final = 0.01
 """Range of heights that bounds leave at least."""
 FAR_M: Final = 20.0
-"""Beyond what is in the way nothing is."""
+"""Upper bound of the rows."""
 _TINY: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Clearances:
-    """Constraints of all stages; K slots.
-
-    Attributes
-    ----------
-    directions
-        Horizontal unit normals, shape (N, `SLOTS`, 2); zeros where there is no constraint.
-    centres_m
-        Of the ellipsoids, shape (N, K, 3).
-    horizontal_m, vertical_m
-        Their half axes, shape (K,).
-    aside_m
-        How far to the side at least, whatever the height: the way out from below or above; shape (N, K).
-    lowest_m, highest_m
-        Bounds of the height, shape (N,); infinite where there is none.
-    """
+    """Constraints of all stages around K ellipsoids."""
 
     directions: Array
+    """Horizontal unit normals, shape (N, `SLOTS`, 2); zeros where there is no constraint."""
     centres_m: Array
+    """Shape (N, K, 3)."""
     horizontal_m: Array
     vertical_m: Array
+    """Half axes, shape (K,)."""
     aside_m: Array
+    """Least distance to the side at any height, the way out from below or above; shape (N, K)."""
     lowest_m: Array
     highest_m: Array
+    """Bounds of the height, shape (N,); infinite where there is none."""
 
     def heights(self, bounds: Array) -> Array:
         """Return bounds of the height at every stage, shape (2, N), within those of the volume, shape (2,).
@@ -70,12 +61,8 @@ class Clearances:
         low = np.minimum(np.maximum(bounds[0], self.lowest_m), bounds[1] - NARROWEST_M)
         high = np.maximum(np.minimum(bounds[1], self.highest_m), bounds[0] + NARROWEST_M)
         middle, none = 0.5 * (low + high), high - low < NARROWEST_M
-        return np.array(
-            (
-                np.where(none, middle - 0.5 * NARROWEST_M, low),
-                np.where(none, middle + 0.5 * NARROWEST_M, high),
-            )
-        )
+        half = 0.5 * NARROWEST_M
+        return np.array((np.where(none, middle - half, low), np.where(none, middle + half, high)))
 
     def rows(self, height_m: Array, weight: float) -> "ClearRows":
         """Return the rows of the horizontal problem at planned heights, shape (N,)."""
@@ -120,21 +107,14 @@ class ClearRows(NamedTuple):
 
 
 def clearances(previous_m: Array, wanted_m: Array, obstacles: Sequence[Obstacle]) -> Clearances:
-    """Linearise the ellipsoids around a plan.
+    """Linearise the nearest `SLOTS` ellipsoids around a plan.
 
     Parameters
     ----------
-    previous_m
-        Positions of the previous plan at the present stages, shape (N, 3).
-    wanted_m
-        Positions of the reference, shape (N, 3).
+    previous_m, wanted_m
+        Positions of the previous plan at the present stages, and of the reference, shape (N, 3).
     obstacles
-        At least one; beyond `SLOTS` only the nearest count.
-
-    Returns
-    -------
-    Clearances
-        Constraints for the present step.
+        At least one.
     """
     axes = np.array([(other.horizontal_m, other.horizontal_m, other.vertical_m) for other in obstacles])
     centres = np.stack([other.positions_m for other in obstacles], axis=1)
@@ -164,21 +144,14 @@ def clearances(previous_m: Array, wanted_m: Array, obstacles: Sequence[Obstacle]
 
 
 def normals(gap: Array, way: Array, settled: Array) -> tuple[Array, Array]:
-    """Unit normals that point away from the others, and turned where a vehicle flies towards one of them.
+    """Return unit normals away from the others, straight and turned, shape (N, K, 3) each.
 
     Parameters
     ----------
-    gap
-        From the other's to the own position, in its half axes, shape (N, K, 3).
-    way
-        From the own position to where it shall be, in the same half axes, shape (N, K, 3).
+    gap, way
+        From the other's to the own position, and from there to the reference, in half axes, shape (N, K, 3).
     settled
         Length of a way below which the turn fades out, shape (K,).
-
-    Returns
-    -------
-    tuple[Array, Array]
-        Straight and turned, shape (N, K, 3) each.
     """
     distance = np.sqrt(np.einsum("ska,ska->sk", gap, gap))
     far = distance > _TINY

@@ -69,18 +69,7 @@ class CascadeSettings(MpcSettings, frozen=True, kw_only=True):
 
 
 class CascadeController(BaseController):
-    """Trajectory MPC, yaw first.
-
-    Parameters
-    ----------
-    model
-        The vehicle.
-    period_s
-        Control period T_s.
-    settings
-        Horizon, weights, bounds and switches.
-    new_solver
-        Makes the solver of each problem; by default the one that the settings name.
+    """Trajectory MPC, yaw first; `new_solver` makes other solvers than the one that the settings name.
 
     Raises
     ------

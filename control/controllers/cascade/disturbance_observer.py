@@ -1,8 +1,8 @@
-"""Integral action for estimators that tell no disturbance.
+"""Integral action for estimators that estimate no disturbance.
 
-What moves the vehicle away from its own plan is integrated, as the constant acceleration that explains it;
-the prediction knows that acceleration just as it knows an estimated disturbance. It takes the place of the
-integral states of equation (1): there is nothing to wind up, because a moved set point moves the plan too.
+Departures from the plan are integrated as the constant acceleration that explains them, which the prediction
+then contains like an estimated disturbance. It replaces the integral states of equation (1) and cannot wind
+up, because a moved set point moves the plan too.
 """
 
 from typing import Final
@@ -15,26 +15,18 @@ from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, Array, heading_mat
 
 TIME_CONSTANT_S: Final = 1.0
 ACCELERATION_CAP: Final = np.array([0.6, 0.6, 1.5])
-"""Largest acceleration that is believed to be a disturbance, x, y, z [m/s^2]."""
+"""Largest disturbance, x, y, z [m/s^2]."""
 
 
 class DisturbanceObserver:
-    """Constant inertial acceleration learnt from departures from the plan.
-
-    Parameters
-    ----------
-    model
-        The vehicle.
-    period_s
-        Control period.
-    """
+    """Constant inertial acceleration from departures from the plan."""
 
     def __init__(self, model: Model, period_s: float) -> None:
         self._model, self._period_s = model, period_s
         self._acceleration = np.zeros(3)
 
     def start(self, motion: Array, last_input: Array) -> None:
-        """Take the last input for the trim that balances the disturbance, which makes a switch bumpless."""
+        """Start from the disturbance that the last input balances, which makes a switch bumpless."""
         body = -self._model.b[:3] * (last_input - self._model.hover_input)[:3]
         body[:2] = heading_matrix(motion[YAW]) @ body[:2]
         self._acceleration = np.clip(body, -ACCELERATION_CAP, ACCELERATION_CAP)
@@ -48,7 +40,7 @@ class DisturbanceObserver:
         np.clip(self._acceleration, -ACCELERATION_CAP, ACCELERATION_CAP, out=self._acceleration)
 
     def disturbance(self, motion: Array) -> Array:
-        """Learnt disturbance in the order of `Estimate.disturbance`, shape (4,)."""
+        """Return the disturbance in the order of `Estimate.disturbance`, shape (4,)."""
         disturbance = np.zeros(INPUT_SIZE)
         disturbance[:2] = heading_matrix(motion[YAW]).T @ self._acceleration[:2]
         disturbance[2] = self._acceleration[2]

@@ -2,7 +2,8 @@
 
 In the inertial frame the prediction (`rcopterx.control.models.lateral`) and the cost are the same at every
 stage and every heading, so that the factor of the solver stays as long as no bound is active. The planned
-heading turns only the rows that are bounded in the body frame: velocities and sticks.
+heading turns only the rows that are bounded in the body frame, velocities and sticks, and the cost where the
+weights of both axes differ.
 """
 
 import numpy as np
@@ -14,7 +15,6 @@ from rcopterx.control.controllers.cascade.limits import PlanLimits, recovery
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights
 from rcopterx.control.interfaces import TiltEstimate
 from rcopterx.control.models.lateral import POSITION, VELOCITY, lateral_system
-from rcopterx.control.plugins.plain_settings import SettingsError
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array, heading_matrix
@@ -26,30 +26,12 @@ STICK = slice(8, 10)
 
 
 class LateralTilt:
-    """Formulation with a tilt model.
+    """Formulation with a tilt model for N = `stages` planned inputs.
 
-    Parameters
-    ----------
-    model
-        The vehicle.
-    period_s
-        Control period.
-    weights
-        Of all axes.
-    stages
-        N, the number of planned inputs.
-    feed_forward
-        Refer demands to those that fly the reference, instead of to none.
-    compensate
-        Predict with the estimated wind.
-
-    Raises
-    ------
-    SettingsError
-        The weights of x and y differ; of sticks, per squared gain.
+    With `feed_forward` demands are referred to those that fly the reference, with `compensate` the prediction
+    contains the estimated wind. Where weights of the body's axes differ, so that the cost turns with the
+    heading, `same_cost` is False.
     """
-
-    same_cost = True
 
     def __init__(
         self,
@@ -69,10 +51,15 @@ class LateralTilt:
         assert tilt is not None
         self._lead = (tilt.servo_lag_s + 2.0 * tilt.damping_ratio / tilt.frequency_rad_s) / period_s
         """Stages by which demands precede the accelerations that they cause."""
-        W = weights_of_rows(weights, self._gain)
-        Q = np.diag(np.concatenate((W[:4], np.zeros(system.size - 4))))
         A, B = system.transition, system.demand
-        self._P: Array = np.ascontiguousarray(solve_discrete_are(A, B, Q, np.diag(W[DEMAND])))
+        W = np.zeros(10)
+        W[POSITION], W[VELOCITY] = weights.position[HORIZONTAL], weights.velocity[HORIZONTAL]
+        W[DEMAND] = weights.effort[HORIZONTAL] / self._gain**2
+        self.same_cost = bool(np.allclose(W[2:6:2], W[3:6:2], rtol=1e-6))
+        # The terminal cost prefers no direction: it takes the means of x and y.
+        position, velocity, demand = W[:6].reshape(3, 2).mean(axis=1)
+        Q = np.diag(np.repeat((position, velocity, *np.zeros(system.size // 2 - 2)), 2))
+        self._P: Array = np.ascontiguousarray(solve_discrete_are(A, B, Q, demand * np.eye(2)))
         self._A, self._B = np.tile(A, (stages, 1, 1)), np.tile(B, (stages, 1, 1))
         self._W = np.tile(W, (stages, 1))
         C, D = np.zeros((10, system.size)), np.zeros((10, 2))
@@ -144,18 +131,3 @@ class LateralTilt:
     def sticks(self, plan: Plan, task: HorizontalTask) -> Array:
         """Return the pitch and roll sticks of a plan, shape (N, 2)."""
         return plan.y[:, STICK] - self._tilt_of(task).trim
-
-
-def weights_of_rows(weights: CascadeWeights, gain: Array) -> Array:
-    """Return W of the rows of a stage; demands get the weights of sticks per squared gain."""
-    demands = weights.effort[HORIZONTAL] / gain**2
-    for name, pair in (
-        ("state_weights of x and y", weights.position[HORIZONTAL]),
-        ("state_weights of xd_B and yd_B", weights.velocity[HORIZONTAL]),
-        ("input_weights of pitch and roll, each divided by its squared gain,", demands),
-    ):
-        if abs(pair[1] - pair[0]) > 1e-3 * pair[0]:
-            raise SettingsError(
-                f"{name} must be equal for a vehicle with a tilt model, got {pair[0]:g} and {pair[1]:g}"
-            )
-    return np.concatenate((weights.position[HORIZONTAL], weights.velocity[HORIZONTAL], demands, np.zeros(4)))

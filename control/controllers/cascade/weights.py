@@ -1,10 +1,9 @@
 """Weights that follow from a vehicle's model and from how far the true vehicle may be from it.
 
-The rule: the weight of a stick is the least one of a geometric row with which filter and regulator together
-bear every departure of the model's uncertainty (`rcopterx.vehicles.model.Uncertainty`): gain larger and
-smaller, more delay, frequency higher and lower, each alone. The row begins with a floor; of a vehicle with a
-tilt model floors and weights of velocities go with what the gain may be wrong, because a true vehicle departs
-in everything at once. So does the process noise of its filter (`rcopterx.control.estimators.model_noise`).
+The weight of a stick is the least one of a geometric series with which filter and regulator together stay
+stable under every departure of the model's uncertainty (`rcopterx.vehicles.model.Uncertainty`): gain larger
+and smaller, more delay, frequency higher and lower, each alone. The series begins with a floor. For a vehicle
+with a tilt model the floors and the weights of velocities depend on the uncertainty of the gain.
 """
 
 from collections.abc import Callable
@@ -25,21 +24,18 @@ LAG_FLOORS: Final = (1.5, 1.5, 15.0, 5.0)
 
 
 Grades = tuple[float, float]
-"""Of an identified vehicle and of one of which only the type is known (`Uncertainty.graded`); with a tilt
-model."""
+"""Values of an identified and of an unidentified vehicle with a tilt model (`Uncertainty.graded`)."""
 
 DEMAND_FLOOR: Final[Grades] = (0.24, 1.5)
 """Least weight of the acceleration [1 per (m/s^2)^2] that pitch and roll demand; 100 is the position's."""
 THRUST_FLOOR: Final[Grades] = (15.0, 40.0)
 YAW_FLOOR: Final[Grades] = (150.0, 60.0)
-"""Of a yaw stick that asks rotors with a lag for a torque. The loop of a vehicle that is less known is slow
-because its filter believes the model less, not because of this weight."""
 SPEED: Final[Grades] = (1.0, 40.0)
-"""Weight of the horizontal velocity. A tilt that is damped less than the model's swings with it."""
+"""Weight of the horizontal velocity."""
 CLIMB: Final[Grades] = (1.0, 10.0)
 YAW_RATE: Final[Grades] = (1.0, 0.2)
 STEP: Final = 1.5
-"""Ratio of the weights of the row."""
+"""Ratio of the weights of the series."""
 STEPS: Final = 24
 
 Eight = tuple[float, float, float, float, float, float, float, float]

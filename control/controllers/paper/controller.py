@@ -51,18 +51,7 @@ class PaperSettings(MpcSettings, frozen=True, kw_only=True):
 
 
 class PaperController(BaseController):
-    """Set-point MPC of the paper.
-
-    Parameters
-    ----------
-    model
-        The vehicle.
-    period_s
-        Control period T_s.
-    settings
-        Horizon, weights, bounds and switches.
-    new_solver
-        Makes the solver; by default the one that the settings name.
+    """Set-point MPC of the paper; `new_solver` makes another solver than the one that the settings name.
 
     Raises
     ------
