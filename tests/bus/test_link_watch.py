@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.records import replace
 
 from rcopterx.bus.link_messages import Beat, Echo
 from rcopterx.bus.link_watch import (
@@ -22,7 +23,7 @@ STALL_OF_A_LINK_S = 0.2
 LATE_TURN_S = 0.03
 """Of a busy computer."""
 LINK = RouterLink("b0", ("10.0.0.1", 7447), ("10.0.0.2", 50000))
-SECOND = LINK._replace(remote=("10.0.0.2", 50002))
+SECOND = replace(LINK, remote=("10.0.0.2", 50002))
 
 
 class Pair:
@@ -107,11 +108,11 @@ def test_the_other_link_is_closed_when_one_ended_by_itself_and_neither_is_missed
     pair = Pair()
     for _ in range(20):
         pair.step(links=(LINK, SECOND))
-    again = SECOND._replace(remote=("10.0.0.2", 50003))
+    again = replace(SECOND, remote=("10.0.0.2", 50003))
     pair.step(links=(LINK, again))
     assert {link for _, link in pair.closed} == {LINK, again}
     # They end one after the other while new ones are opened.
-    first, second = (LINK._replace(remote=("10.0.0.2", port)) for port in (50004, 50005))
+    first, second = (replace(LINK, remote=("10.0.0.2", port)) for port in (50004, 50005))
     pair.step(links=(again, first))
     for _ in range(20):
         pair.step(links=(first, second))
@@ -122,7 +123,7 @@ def test_links_that_end_together_and_are_opened_again_stay() -> None:
     pair = Pair()
     for _ in range(20):
         pair.step(links=(LINK, SECOND))
-    first, second = (LINK._replace(remote=("10.0.0.2", port)) for port in (50004, 50005))
+    first, second = (replace(LINK, remote=("10.0.0.2", port)) for port in (50004, 50005))
     pair.step(links=(first,))
     for _ in range(20):
         pair.step(links=(first, second))
@@ -134,7 +135,7 @@ def test_a_new_link_is_not_blamed_for_the_silence_before_it() -> None:
     pair.steps(20)
     for _ in range(40):
         pair.step(receives=False, is_received=False, links=())
-    new = LINK._replace(remote=("10.0.0.2", 50001))
+    new = replace(LINK, remote=("10.0.0.2", 50001))
     for _ in range(3):
         pair.step(receives=False, is_received=False, links=(new,))
     for _ in range(40):
@@ -168,7 +169,7 @@ def test_a_watch_that_was_asleep_closes_nothing_before_it_has_listened() -> None
 def test_a_neighbour_that_started_again_has_to_receive_beats_of_this_router_again() -> None:
     pair = Pair()
     pair.steps(20)
-    again = LINK._replace(router="b1")
+    again = replace(LINK, router="b1")
     pair.watch.add_beat("b", Beat(router="b1", sent_s=3.0, time_of_day_s=0.0, echoes={}), pair.now_s)
     assert not pair.linked
     for _ in range(10):

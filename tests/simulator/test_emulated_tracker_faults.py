@@ -2,6 +2,7 @@ import statistics
 
 import msgspec
 import pytest
+from support.records import replace
 
 from rcopterx.simulator.faults import (
     AddNoise,
@@ -58,12 +59,12 @@ def test_frame_without_faults_stays_as_it_is() -> None:
 
 
 def test_faults_of_subjects_change_what_is_captured() -> None:
-    assert seen(Occlude("h1")) == (H1._replace(occluded=True), H2)
-    assert seen(SetQuality("h2", 0.25)) == (H1, H2._replace(quality=0.25))
-    assert seen(RenameRootSegment("h1", "body")) == (H1._replace(root_segment="body"), H2)
+    assert seen(Occlude("h1")) == (replace(H1, occluded=True), H2)
+    assert seen(SetQuality("h2", 0.25)) == (H1, replace(H2, quality=0.25))
+    assert seen(RenameRootSegment("h1", "body")) == (replace(H1, root_segment="body"), H2)
     assert seen(RemoveSubject("h1")) == (H2,)
     assert seen(AddSubject("ghost", (0.0, 1.0, 2.0))) == (H1, H2, TrackedBody("ghost", (0.0, 1.0, 2.0)))
-    assert seen(SwapSubjects("h1", "h2")) == (H2._replace(name="h1"), H1._replace(name="h2"))
+    assert seen(SwapSubjects("h1", "h2")) == (replace(H2, name="h1"), replace(H1, name="h2"))
 
 
 def test_lasting_fault_ends_by_itself() -> None:
@@ -114,10 +115,10 @@ def test_frozen_tracker_repeats_its_last_frame_number_and_all() -> None:
     active.apply(ResetFrameId(50), 0.0)
     last = active.transform(frame(7))
     active.apply(Freeze(duration_s=1.0), 0.0)
-    moved = TrackerFrame(8, (H1._replace(position_m=(9.0, 9.0, 9.0)), H2))
+    moved = TrackerFrame(8, (replace(H1, position_m=(9.0, 9.0, 9.0)), H2))
     assert active.transform(moved) == last
     active.advance(1.0)
-    assert active.transform(moved._replace(frame=9)) == moved._replace(frame=52)
+    assert active.transform(replace(moved, frame=9)) == replace(moved, frame=52)
 
 
 def test_frozen_pose_stays_where_it_was_while_frames_and_others_go_on() -> None:
@@ -125,7 +126,7 @@ def test_frozen_pose_stays_where_it_was_while_frames_and_others_go_on() -> None:
     active.apply(FreezePose("h1"), 0.0)
     for number in range(3):
         place = (float(number), 0.0, 1.0)
-        bodies = H1._replace(position_m=place), H2._replace(position_m=place)
+        bodies = replace(H1, position_m=place), replace(H2, position_m=place)
         seen_now = active.transform(TrackerFrame(number, bodies))
         assert seen_now.frame == number
         assert [body.position_m for body in seen_now.bodies] == [(0.0, 0.0, 1.0), place]
@@ -140,7 +141,7 @@ def test_displaced_pose_jumps_and_then_drifts_with_the_time() -> None:
     active.apply(DisplacePose("h1", (0.5, 0.0, 0.0), (0.0, 0.1, 0.0), duration_s=3.0), 10.0)
     for now_s, place_m in ((10.0, (1.5, 0.0, 0.0)), (12.0, (1.5, 0.2, 0.0)), (13.0, (1.0, 0.0, 0.0))):
         active.advance(now_s)
-        assert active.transform(frame()).bodies == (H1._replace(position_m=place_m), H2)
+        assert active.transform(frame()).bodies == (replace(H1, position_m=place_m), H2)
 
 
 def test_noise_has_its_deviation_about_where_everybody_is() -> None:

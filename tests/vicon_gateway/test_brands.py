@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from datastream_strategies import float32
+from support.records import replace
 from tracker_bench import BODIES
 
 from rcopterx.simulator.faults import Close, Occlude, Silence
@@ -131,7 +132,7 @@ def test_library_that_hangs_in_connect_holds_up_nobody() -> None:
     with TrackerServer(port=0) as server:
         host, port = server.address
     settings = {"hostname": f"{host}:{port}"}
-    with BrandClient("vicon", settings, 100.0, limits=LIMITS._replace(connect_s=1.5)) as client:
+    with BrandClient("vicon", settings, 100.0, limits=replace(LIMITS, connect_s=1.5)) as client:
         started: list[int] = []
 
         def note_child() -> None:

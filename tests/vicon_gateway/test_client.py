@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
+from support.records import replace
 from support.waiting import DEADLINE_S
 from tracker_bench import BODIES, PATIENT, QUICK, Bench
 
@@ -28,7 +29,7 @@ def listener() -> Iterator[socket.socket]:
 
 
 def client_of(listener: socket.socket, **limits: float) -> DataStreamClient:
-    return DataStreamClient(*listener.getsockname(), limits=QUICK._replace(**limits))
+    return DataStreamClient(*listener.getsockname(), limits=replace(QUICK, **limits))
 
 
 @pytest.mark.parametrize("compact", [False, True])
@@ -83,7 +84,7 @@ def test_absent_tracker_is_tried_again_with_growing_pauses_and_said_so(listener:
 
 
 def test_pauses_start_again_short_once_frames_have_arrived() -> None:
-    limits = PATIENT._replace(retry_min_s=0.01, retry_max_s=1000.0)
+    limits = replace(PATIENT, retry_min_s=0.01, retry_max_s=1000.0)
     with Bench(limits) as bench:
         # Pauses that went on doubling would have passed the deadline long before the last round.
         for connects in range(1, 16):
@@ -121,7 +122,7 @@ def test_server_without_poses_is_refused_by_name(listener: socket.socket) -> Non
 
 
 def test_server_without_frames_is_given_up() -> None:
-    with Bench(QUICK._replace(connect_s=0.2)) as bench:
+    with Bench(replace(QUICK, connect_s=0.2)) as bench:
         bench.publishing = False
         bench.run_until(lambda: bench.client.state.name == "negotiating")
         bench.run_until(lambda: bench.client.state.name != "negotiating")
@@ -147,7 +148,7 @@ def test_look_up_that_hangs_does_not_hold_up_the_caller(monkeypatch: pytest.Monk
         raise OSError("released")
 
     monkeypatch.setattr(socket, "getaddrinfo", hang)
-    client = DataStreamClient("tracker-pc", limits=QUICK._replace(connect_s=0.05))
+    client = DataStreamClient("tracker-pc", limits=replace(QUICK, connect_s=0.05))
     run_until(client, lambda: client.state.last_error is not None)
     assert client.state.last_error == "host 'tracker-pc': no answer to the look-up"
     release.set()

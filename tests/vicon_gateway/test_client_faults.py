@@ -1,6 +1,7 @@
 """Every fault of docs/motion_capture.md, as our own client lives through it."""
 
 import pytest
+from support.records import replace
 from tracker_bench import BODIES, PATIENT, QUICK, Bench
 
 from rcopterx.simulator import faults
@@ -27,7 +28,7 @@ def test_a_connection_that_ends_is_reported_and_made_again(fault: faults.Tracker
 
 
 def test_silent_connection_is_given_up_and_found_again_when_frames_flow() -> None:
-    with Bench(QUICK._replace(connect_s=0.1)) as bench:
+    with Bench(replace(QUICK, connect_s=0.1)) as bench:
         bench.run_until_up()
         bench.server.apply(faults.Silence())
         bench.run_until(lambda: bench.client.state.name != "up")
@@ -38,7 +39,7 @@ def test_silent_connection_is_given_up_and_found_again_when_frames_flow() -> Non
 
 
 def test_silence_limit_follows_the_frame_period() -> None:
-    with Bench(QUICK._replace(silence_periods=60.0)) as bench:
+    with Bench(replace(QUICK, silence_periods=60.0)) as bench:
         bench.run_until_up()
         bench.server.apply(faults.Silence())
         bench.run_until(lambda: bench.client.state.name != "up")

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.records import replace
 from support.waiting import wait_for
 
 import rcopterx.deploy.hosts.running
@@ -93,7 +94,7 @@ def test_records_of_all_fleets_are_found(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
     with (
-        recorded(tmp_path / "a", RUNNING._replace(fleet="a")),
-        recorded(tmp_path / "b", RUNNING._replace(fleet="b")),
+        recorded(tmp_path / "a", replace(RUNNING, fleet="a")),
+        recorded(tmp_path / "b", replace(RUNNING, fleet="b")),
     ):
         wait_for(lambda: len(running_fleets(tmp_path)) == 2, f"not both of {os.listdir(tmp_path)}")

@@ -6,6 +6,7 @@ from functools import partial
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.records import replace
 
 from rcopterx.bus.heartbeat import Phase
 from rcopterx.deploy.watchdog.watchdog import (
@@ -43,7 +44,7 @@ class Host:
     def look(self, *silent: int, after_s: float = STEP_S, excuse: Excuses = no_excuse) -> list[Hung]:
         self.now_s += after_s
         self.looks = {
-            number: look if number in silent else look._replace(beats=look.beats + 1)
+            number: look if number in silent else replace(look, beats=look.beats + 1)
             for number, look in self.looks.items()
         }
         return self.watchdog.check(self.now_s, self.looks, excuse)
@@ -105,7 +106,7 @@ def test_a_change_of_phase_is_progress() -> None:
     host = Host(Phase.WORKING, Phase.FLYING, Phase.WORKING)
     for _ in range(7):
         assert host.look(DEAF) == []
-    host.looks[DEAF] = host.looks[DEAF]._replace(phase=Phase.STARTING)
+    host.looks[DEAF] = replace(host.looks[DEAF], phase=Phase.STARTING)
     assert host.look(DEAF) == []
     assert host.watchdog.silent_s(DEAF) == 0.0
     assert host.found_after_s(DEAF, limit_s=10.0) is None
@@ -114,7 +115,7 @@ def test_a_change_of_phase_is_progress() -> None:
 def test_take_off_shortens_the_limit_of_a_process_that_is_silent_already() -> None:
     host = Host(Phase.WORKING, Phase.WORKING, Phase.WORKING)
     assert host.found_after_s(DEAF, limit_s=0.3) is None
-    host.looks[OTHER] = host.looks[OTHER]._replace(phase=Phase.FLYING)
+    host.looks[OTHER] = replace(host.looks[OTHER], phase=Phase.FLYING)
     assert [hung.limit_s for hung in host.look(DEAF)] == [0.15]
 
 
