@@ -38,7 +38,7 @@ class AgentSettings:
     models: Mapping[str, Model] = field(default_factory=dict)
     """Models of all vehicles of the fleet."""
     realtime_priority: int = 0
-    leader_wait_s: float = 0.002
+    leader_wait_s: float = 0.003
     """Time for which a follower waits for the leader's plan of the same frame, per leader above it."""
     minimum_distance_m: float | None = 0.3
     """Offsets that bring vehicles closer together are refused; None for no limit."""

@@ -150,7 +150,7 @@ class ControlConfig(Table, frozen=True, kw_only=True):
     """Settings of the controller: weights, constraints, options."""
     estimator_settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the estimator."""
-    leader_wait_s: Annotated[float, Meta(ge=0, le=0.015)] = 0.002
+    leader_wait_s: Annotated[float, Meta(ge=0, le=0.015)] = 0.003
     """How long after its own pose a follower waits for the leader's plan of the same frame, for each level of
     leaders above it; at most half a control period."""
 
