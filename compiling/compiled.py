@@ -47,10 +47,6 @@ ANY_BLOCKS: Final[Any] = read(3)
 NUMBER: Final[Any] = types.float64
 COUNT: Final[Any] = types.int64
 FLAG: Final[Any] = types.boolean
-ESTIMATE: Final = 7 * (ANY_VECTOR,)
-"""Motion, actuators, disturbance; core, servo, wind and trim of the tilt model, empty without one."""
-TARGET: Final = MATRIX, VECTOR, MATRIX, MATRIX
-"""Reference, last state, and lower and upper bounds of a problem of the cascade."""
 
 
 def together(*fields: Any) -> Any:

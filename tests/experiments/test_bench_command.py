@@ -22,7 +22,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     def run(horizons: Sequence[int], steps: int, seed: int, progress: Any) -> dict[str, Any]:
         calls.append((tuple(horizons), steps, seed))
         progress("timing")
-        return {"horizons": {str(n): {"cascade": ROW} for n in horizons}, "missing": ["hpipm"]}
+        return {"horizons": {str(n): {"cascade": ROW} for n in horizons}, "missing": ["piqp"]}
 
     monkeypatch.setattr("rcopterx.benchmarks.solver.run", run)
     return calls
@@ -40,7 +40,7 @@ def test_bench_prints_the_document(asked: list[tuple[Any, ...]]) -> None:
 def test_bench_measures_the_horizons_of_the_papers_figure(asked: list[tuple[Any, ...]]) -> None:
     result = runner.invoke(app, ["bench", "solver"])
     assert asked[0][0] == (10, 18, 30, 50, 80, 110)
-    assert "not installed: hpipm" in result.stdout
+    assert "not installed: piqp" in result.stdout
     assert sum("cascade" in line for line in result.stdout.splitlines()) == 6
 
 
