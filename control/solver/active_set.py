@@ -9,8 +9,8 @@ from rcopterx.compiling.compiled import MATRIX, compiled
 from rcopterx.control.solver.problem import PROBLEM, OptimalControlProblem
 from rcopterx.vehicles.state import Array
 
-TOLERANCE: Final = 1e-9
-"""A row changes between active and inactive by more than this, or not at all."""
+TOLERANCE: Final = 1e-12
+"""A row changes between active and inactive by more than this; times `HARD` it is a derivative of 1e-4."""
 
 
 @compiled(PROBLEM, MATRIX, MATRIX)
