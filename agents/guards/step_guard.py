@@ -17,10 +17,11 @@ from msgspec.structs import replace
 from rcopterx.agents.guards.guarded_call import FailureKinds, GuardedCall
 from rcopterx.agents.guards.time_limit import SOLVER_SHARE, STEP_SHARE, TimeLimit
 from rcopterx.control.controllers.hovering import hovering_input
-from rcopterx.control.interfaces import Controller, ControlStep, Estimate, NoSolutionError
+from rcopterx.control.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
 from rcopterx.control.models.finite import is_finite
-from rcopterx.control.models.roll_out import one_stage_on, predict
+from rcopterx.control.models.roll_out import predict
 from rcopterx.control.references.trajectory import COLUMNS, POSITION, YAW, Trajectory, hold
+from rcopterx.control.solver.candidates import shift
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
 
@@ -166,7 +167,7 @@ class StepGuard:
         self._age_s += failed.period_s
         if self._inputs is None or not young:
             return None
-        self._inputs = one_stage_on(self._inputs)
+        self._inputs = shift(self._inputs)
         return self._with_plan(self._inputs, SHIFTED_PLAN, task, failed.period_s)
 
     def _default_step(self, failed: Controller, task: _Task) -> ControlStep | None:
@@ -205,10 +206,8 @@ class StepGuard:
         solver_limit_s = self.calls.allowed_s(SOLVER_SHARE * controller.period_s)
 
         def step() -> ControlStep | NoSolutionError:
-            # As isinstance(controller, StopsEarly), which takes a twentieth of a step.
-            set_deadline = getattr(controller, "set_deadline", None)
-            if set_deadline is not None:
-                set_deadline(lambda: limit.over(solver_limit_s))
+            if isinstance(controller, StopsEarly):
+                controller.set_deadline(lambda: limit.over(solver_limit_s))
             try:
                 return controller.step(task.estimate, task.reference, task.last_input)
             except NoSolutionError as error:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid, near
-from rcopterx.control.interfaces import Controller, Obstacle
+from rcopterx.control.interfaces import AvoidsObstacles, Controller, Obstacle
 from rcopterx.control.references.trajectory import Trajectory
 
 
@@ -47,11 +47,10 @@ class PlanAvoidance:
             if self.closest_m is None or found.closest_m < self.closest_m:
                 self.closest_m = found.closest_m
             obstacles, touching = found.obstacles, found.touching
-        set_obstacles = getattr(controller, "set_obstacles", None)
-        if set_obstacles is None:
+        if not isinstance(controller, AvoidsObstacles):
             return not touching
         if obstacles or controller is not self._unconstrained:
-            done = self._step_guard.try_call(controller, lambda: set_obstacles(obstacles))
+            done = self._step_guard.try_call(controller, lambda: controller.set_obstacles(obstacles))
             self._unconstrained = controller if done and not obstacles else None
         self.ticks += touching
         return True

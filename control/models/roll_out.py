@@ -25,11 +25,6 @@ def lag_poles(model: Model, period_s: float) -> Array:
     return np.where(lag_s > 0, np.exp(-period_s / np.where(lag_s > 0, lag_s, 1.0)), 0.0)
 
 
-def one_stage_on(inputs: Array) -> Array:
-    """Return planned inputs after one control period, shape (N - 1, 4): the last one lasts."""
-    return np.vstack((inputs[1:], inputs[-1:]))
-
-
 def predict(model: Model, estimate: Estimate, inputs: Array, period_s: float) -> Trajectory:
     """Roll the model out from an estimate, whose disturbance lasts, under inputs of shape (N - 1, 4).
 
