@@ -7,7 +7,7 @@ import viser
 
 from rcopterx.bus import channels
 from rcopterx.ground_station.events import Timeline
-from rcopterx.ground_station.page.browser_script import run_in_browsers
+from rcopterx.ground_station.page.browser_script import limit_drawing
 from rcopterx.ground_station.page.controls import (
     SavedFormationControls,
     VehicleControls,
@@ -34,7 +34,7 @@ class PageFrame:
 
     def __init__(self, server: viser.ViserServer, name: str) -> None:
         self.server = server
-        run_in_browsers(server)
+        limit_drawing(server)
         server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         server.gui.set_panel_label(f"rcopterx {name}")
         self.banner = server.gui.add_html(banner(name, (), ["waiting for the fleet to come up"]))

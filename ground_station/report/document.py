@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from pathlib import Path
 from typing import Any, Final
 
 
@@ -11,18 +12,7 @@ class Html(str):
     __slots__ = ()
 
 
-STYLE: Final = """
-body { font: 15px/1.45 system-ui, sans-serif; color: #222; }
-body { margin: 2rem auto; max-width: 72rem; padding: 0 1rem; }
-table { border-collapse: collapse; margin: .6rem 0 1rem; }
-th, td { text-align: left; padding: .2rem .8rem .2rem 0; border-bottom: 1px solid #ddd; vertical-align: top; }
-.passed { color: #17702b; } .failed { color: #b3261e; font-weight: 600; } .not { color: #777; }
-section { border-top: 2px solid #ddd; margin-top: 2rem; }
-svg { max-width: 100%; height: auto; }
-code { font-size: 90%; } details { margin: .5rem 0; }
-.beside { display: grid; grid-template-columns: 1fr 1fr; gap: 2rem; }
-.beside > * { min-width: 0; overflow-x: auto; }
-"""
+STYLE: Final = Path(__file__).with_name("report.css")
 VEHICLE_COLUMNS: Final = (
     "vehicle", "formation error rms / max [mm]", "tracking error rms / max [mm]", "periods", "missed",
     "solve p50 / p99 [ms]", "fallbacks", "safety",
@@ -36,7 +26,7 @@ def document(title: str, body: Iterable[str]) -> str:
         [
             "<!doctype html>",
             f'<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>',
-            f"<style>{STYLE}</style></head><body>",
+            f"<style>{STYLE.read_text('utf-8')}</style></head><body>",
             *body,
             "</body></html>\n",
         ]
