@@ -338,7 +338,9 @@ class Arbiter:
 
     def _watch_thrust(self, now_s: float, elapsed_s: float, stream: Stream | None, bridging: int) -> None:
         """Keep track of since when neither the applied nor the commanded thrust lifts the vehicle."""
-        wanted = 0.0 if stream is None else played_input(stream.command, bridging)[THRUST]
+        wanted = 0.0
+        if stream is not None and self.state not in ON_THE_WAY_DOWN:
+            wanted = played_input(stream.command, bridging)[THRUST]
         if self.state in FLYING and max(self._shaping.u[THRUST], wanted) > self.limits.low_thrust:
             self._low_since_s = None
             self._thrust_time_s += elapsed_s
@@ -372,7 +374,7 @@ class Arbiter:
         elif self.state is State.LAND and motion is not None:
             shaping.land(motion, self._floor_m, now_s - self._landing_since_s, elapsed_s)
         elif self.state in FLYING:
-            shaping.descend(elapsed_s)
+            shaping.descend(elapsed_s, over=now_s >= self._entered_s + self._descent_s)
         else:
             shaping.stop()
 

@@ -12,6 +12,8 @@ from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.surveillance import Track
 
 LONGEST_SLEW_STEP_S = 0.04
+FADE_PER_S = 0.05
+"""How slowly the thrust falls while a vehicle is still seen in the air after its descent: it sinks gently."""
 
 
 class Shaping:
@@ -79,12 +81,18 @@ class Shaping:
         limits, brakes = self._limits.landing, self._law.brakes
         self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, limits, brakes=brakes), elapsed_s)
 
-    def descend(self, elapsed_s: float) -> None:
-        """Come down without poses: level, the thrust falls to a little less than that of a hover."""
+    def descend(self, elapsed_s: float, *, over: bool) -> None:
+        """Come down in open loop: level, the thrust falls to a little less than that of a hover.
+
+        A descent that is `over` in the air ends without thrust.
+        """
         self._law.release()
         thrust = min(self.u[THRUST], self._hover.value)
-        lowest = min(thrust, self._hover.value - self._limits.descend_below_hover)
-        self.u = (0.0, 0.0, max(lowest, thrust - self._limits.descend_rate_per_s * elapsed_s), 0.0)
+        lowest, rate_per_s = 0.0, FADE_PER_S
+        if not over:
+            lowest = min(thrust, self._hover.value - self._limits.descend_below_hover)
+            rate_per_s = self._limits.descend_rate_per_s
+        self.u = (0.0, 0.0, max(lowest, thrust - rate_per_s * elapsed_s), 0.0)
 
     def _fly(self, motion: Motion, climb_m_s: float, elapsed_s: float) -> None:
         wanted = self._law.step(motion, climb_m_s, self._hover.value, elapsed_s)

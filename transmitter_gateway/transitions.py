@@ -106,10 +106,10 @@ TRANSITIONS: tuple[Transition, ...] = (
         unless={_C.SHUTDOWN, *CAUSES},
     ),
     _row({_S.DESCEND}, {_C.AIRBORNE}, _S.LAND, "own pose seen", unless={_C.LANDING_OVER}),
-    _row({_S.DESCEND}, {_C.DESCENT_OVER}, _S.CUT, "descent over"),
+    _row({_S.DESCEND}, {_C.DESCENT_OVER}, _S.CUT, "descent over", unless={_C.AIRBORNE}),
     _row({_S.LAND}, set(), _S.DESCEND, "own pose not seen", unless={_C.SEEN}),
     _row({_S.LAND}, {_C.LANDING_OVER}, _S.DESCEND, "landing lasted too long"),
-    *_down({_S.DISARMED}, {_C.TAKE_OVER}, "taken over", unless={_C.SHUTDOWN, _C.LINK_LOST}),
+    *_down({_S.DISARMED}, {_C.TAKE_OVER}, "taken over", unless={_C.LINK_LOST}),
     _row(
         {_S.DISARMED, _S.CUT},
         {_C.ARM, _C.READY, _C.FRESH, _C.LOW_COMMANDED},

@@ -1,6 +1,7 @@
 """When the arbiter lands its vehicle in a closed loop, and when it does not."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from arbiter_bench import EDGE_S, HOVER, IDLE, PERIOD_S, U_HOVER, Bench, silent
@@ -99,8 +100,24 @@ def test_landing_that_takes_too_long_goes_on_open_loop_although_the_vehicle_is_s
     silent(bench, 0.1)
     assert (bench.state, bench.reason) == (State.DESCEND, "landing lasted too long")
     silent(bench, 1.9)
-    assert (bench.state, bench.reason) == (State.CUT, "descent over")
+    assert bench.state is State.DESCEND  # It is still seen in the air.
     assert bench.now_s - began_s < 5.1
+
+
+def test_vehicle_that_stays_in_the_air_comes_down_because_its_thrust_fades() -> None:
+    bench = seen_flying(ArbiterLimits(landing=LandingLimits(longest_s=1.0)))
+    silent(bench, 0.2 + 1.0 + 1.8 + 0.1)
+    assert bench.state is State.DESCEND
+    thrusts = []
+    assert bench.position is not None
+    while bench.state is State.DESCEND:
+        thrusts.append(bench.outputs[-1].u[2])
+        x, y, z = bench.position
+        bench.position = (x, y, z + 0.2 * PERIOD_S)
+        bench.run(PERIOD_S, None)
+    assert (bench.state, bench.reason) == (State.CUT, "descent over")
+    assert all(0 <= before - after <= 0.0011 for before, after in pairwise(thrusts))
+    assert thrusts[-1] < 0.05
 
 
 def descend_to(bench: Bench, height_m: float, seconds: float = 2.0) -> None:
