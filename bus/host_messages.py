@@ -85,6 +85,8 @@ class LauncherStatus(Message, frozen=True, kw_only=True):
     """Longest time without progress of each process that runs."""
     forgiven: dict[Text, Count] = field(default_factory=dict)
     """How often a process was silent for longer than its limit and did not hang, by reason."""
+    stalled_s: Seconds = 0.0
+    """For how long the launcher has not checked its processes: those that die or hang are not replaced."""
     flies: Count | None = None
     """Estimated number of vehicles like its own that this computer flies without missed periods."""
     measuring: bool = False

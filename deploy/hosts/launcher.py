@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
+from functools import partial
 from typing import Final, TypeVar
 
 from rcopterx.bus.realtime import request_realtime
@@ -18,6 +19,7 @@ from rcopterx.deploy.hosts.membership import MembershipService
 from rcopterx.deploy.hosts.recall import RecallService
 from rcopterx.deploy.hosts.resources import check_certificate, check_resources, check_without
 from rcopterx.deploy.hosts.run_directory import flight_path, run_directory, snapshot_path
+from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.prepared import modules_of
 from rcopterx.deploy.processes.process_log import append
@@ -208,10 +210,13 @@ class Launcher(AbstractContextManager["Launcher"]):
     def _run(self) -> None:
         request_realtime(Priority.SUPERVISOR.of(self._fleet), children=False)
         # This thread starts and stops all processes: they receive SIGTERM when it ends.
-        self._report(self._prepare_pilots())
-        self._report(self.supervisor.start_all())
+        attempt = Attempts()
+        self._report(attempt("preparing pilots", self._prepare_pilots))
+        self._report(attempt("starting processes", self.supervisor.start_all))
         while not self._stopping.is_set():
-            self._report([*self._replace_lost_agents(), *self.supervisor.watch(WATCH_S), *self._measure()])
+            self._report(attempt("replacing lost agents", self._replace_lost_agents))
+            self._report(attempt("supervision", partial(self.supervisor.watch, WATCH_S)))
+            self._report(attempt("measuring the capacity", self._measure))
         if self._capacity is not None:
             self._capacity.close()
         self.supervisor.stop_all()

@@ -4,6 +4,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
+from typing import Final
 
 from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
@@ -28,6 +29,8 @@ from rcopterx.deploy.processes.table import ROUTER
 
 REPORT_PERIOD_S = 0.5
 MAX_TEXT = 400
+LAND_AFTER_S: Final = 10.0
+"""The vehicles land when the launcher has not checked its processes for so long: none is replaced then."""
 
 
 class MembershipService:
@@ -71,6 +74,7 @@ class MembershipService:
         self._supervisor = supervisor
         self._agents: Mapping[str, Child] = {child.spec.unit: child for child in agents}
         self._host = host
+        self._turns, self._stalled_s = 0, 0.0
         self._wake = threading.Event()
         self._stopping = False
         self._session = Session(address, wake=self._wake.set)
@@ -82,17 +86,29 @@ class MembershipService:
         self._thread.start()
 
     def _run(self) -> None:
-        report_at_s = 0.0
+        report_at_s = reported_s = 0.0
         while not self._stopping:
             self._wake.wait(max(0.0, report_at_s - self._session.clock()))
             self._wake.clear()
             for incoming in self._session.pending():
                 incoming.answer(self._answer(incoming.request))
                 report_at_s = 0.0
-            if self._session.clock() >= report_at_s:
+            now_s = self._session.clock()
+            if now_s >= report_at_s:
+                # A launcher that was stopped as a whole is late as a whole.
+                self._check_supervisor(min(now_s - reported_s, 2 * REPORT_PERIOD_S))
                 self._publish_events()
                 self._session.publish(channels.LAUNCHER, self._host, self._status())
-                report_at_s = self._session.clock() + REPORT_PERIOD_S
+                report_at_s, reported_s = now_s + REPORT_PERIOD_S, now_s
+
+    def _check_supervisor(self, elapsed_s: float) -> None:
+        """Land the vehicles when the loop that replaces processes makes no turns."""
+        before_s, turns = self._stalled_s, self._supervisor.turns
+        self._stalled_s = before_s + elapsed_s if turns == self._turns > 0 else 0.0
+        self._turns = turns
+        if before_s < LAND_AFTER_S <= self._stalled_s:
+            self._events.append(f"launcher: has not checked its processes for {LAND_AFTER_S:g} s; landing")
+            self._supervisor.land()
 
     def _publish_events(self) -> None:
         while self._events:
@@ -180,6 +196,7 @@ class MembershipService:
             | ({"spare": supervisor.spares_hung} if supervisor.spares_hung else {}),
             longest_silence_s={name: supervisor.longest_silence_s(name) for name in supervisor.running()},
             forgiven=supervisor.forgiven,
+            stalled_s=self._stalled_s,
             flies=self.flies,
             measuring=self.measuring,
         )

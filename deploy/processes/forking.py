@@ -10,7 +10,9 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
+import weakref
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -39,7 +41,7 @@ def child_environment() -> dict[str, str]:
 
 
 class ForkedProcess:
-    """A child of this process that a fork server has started; used like `subprocess.Popen`.
+    """A child of this process that a fork server has started; used like `subprocess.Popen`, by any thread.
 
     Parameters
     ----------
@@ -54,6 +56,7 @@ class ForkedProcess:
     def __init__(self, pid: int, page: HeartbeatPage, stdin: IO[bytes] | None = None) -> None:
         self.pid, self.page, self.stdin = pid, page, stdin
         self.returncode: int | None = None
+        self._reaping = threading.Lock()
         try:
             self.descriptor = os.pidfd_open(pid)
         except OSError:
@@ -61,6 +64,8 @@ class ForkedProcess:
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
             raise
+        # Not before: a thread may still wait for the descriptor when another one reaps the process.
+        weakref.finalize(self, os.close, self.descriptor)
 
     def poll(self) -> int | None:
         """Return the exit code, negative for a signal; None while it runs."""
@@ -68,11 +73,11 @@ class ForkedProcess:
 
     def wait(self, timeout_s: float | None = None) -> int:
         """Wait for its end and return its exit code; raises `subprocess.TimeoutExpired`."""
-        if timeout_s is not None and self.returncode is None:
-            poller = select.poll()
-            poller.register(self.descriptor, select.POLLIN)
-            if not poller.poll(1e3 * timeout_s):
-                raise subprocess.TimeoutExpired(f"process {self.pid}", timeout_s)
+        poller = select.poll()
+        poller.register(self.descriptor, select.POLLIN)
+        if not poller.poll(None if timeout_s is None else 1e3 * timeout_s):
+            assert timeout_s is not None
+            raise subprocess.TimeoutExpired(f"process {self.pid}", timeout_s)
         code = self._reap(0)
         assert code is not None
         return code
@@ -86,16 +91,17 @@ class ForkedProcess:
         self._signal(signal.SIGKILL)
 
     def _signal(self, number: signal.Signals) -> None:
-        if self.returncode is None:
-            os.kill(self.pid, number)
+        with self._reaping:
+            if self.returncode is None:
+                os.kill(self.pid, number)
 
     def _reap(self, options: int) -> int | None:
-        if self.returncode is None:
-            pid, status = os.waitpid(self.pid, options)
-            if pid:
-                self.returncode = os.waitstatus_to_exitcode(status)
-                os.close(self.descriptor)
-        return self.returncode
+        with self._reaping:
+            if self.returncode is None:
+                pid, status = os.waitpid(self.pid, options)
+                if pid:
+                    self.returncode = os.waitstatus_to_exitcode(status)
+            return self.returncode
 
 
 class ForkServer:

@@ -6,14 +6,16 @@ import selectors
 import subprocess
 import time
 from collections.abc import Callable, Collection
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from rcopterx.bus.heartbeat import Phase
+from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.child import Child, restart_pause_s, signal_name
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 from rcopterx.deploy.processes.process_log import rotate
-from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, ProcessSpec
+from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, TRANSMITTERS, ProcessSpec
 from rcopterx.deploy.spares.spares import Spares
 from rcopterx.deploy.watchdog.liveness import Liveness
 from rcopterx.deploy.watchdog.watchdog import Duty, Watchdog, WatchdogLimits
@@ -29,7 +31,7 @@ SPARE_SILENCE_S: Final = 0.15
 """A spare that has shown no progress for so long does not take over."""
 BACKGROUND_ROLES: Final = ("simulator", "recorder")
 """Not replaced at once when they make no progress."""
-KNOWING_ROLES: Final = ("agent", "transmitters")
+KNOWING_ROLES: Final = ("agent", TRANSMITTERS)
 """Processes of these roles know whether vehicles fly."""
 STOP_LIMIT_S = 12.0
 """Transmitter gateways land their vehicles meanwhile."""
@@ -77,7 +79,10 @@ class Supervisor:
         self._spares = spares or Spares(forks, (), (), log_directory / "spare.log")
         self._clock = clock
         self._selector = selectors.DefaultSelector()
+        self._attempt = Attempts(clock)
         self._prepare_at_s = self._spare_at_s = 0.0
+        self.turns = 0
+        """Number of turns of the loop that calls `watch`."""
         self.spare_failures = 0
         self.spares_hung = 0
         blind = not any(spec.role in KNOWING_ROLES for spec in specs)
@@ -105,7 +110,7 @@ class Supervisor:
             log_path = Path(os.devnull)
         try:
             self._launch(child, log_path)
-        except OSError as error:
+        except Exception as error:  # noqa: BLE001 - whatever is wrong with one process, the others start
             child.restart_at_s = self._clock() + START_RETRY_S
             lines.append(f"{name}: cannot be started: {error}; trying again")
         return lines
@@ -137,18 +142,27 @@ class Supervisor:
         list of str
             A line per event, for the user.
         """
-        now = self._clock()
-        lines = []
-        if now >= self._prepare_at_s:
-            lines += self._prepare(now)
-            self._prepare_at_s = now + PREPARE_S if self._spares.complete else now
-        lines += self._start_and_stop() + self._kill_hung(now)
-        due = [child.restart_at_s - now for child in self.children.values() if child.restart_at_s > 0]
+        now, attempt = self._clock(), self._attempt
+        self.turns += 1
+        lines = attempt("preparing spares", partial(self._prepare, now))
+        lines += attempt("starting and stopping", self._start_and_stop)
+        lines += attempt("the watchdog", partial(self._kill_hung, now))
+        for name in self._dead(now, timeout_s):
+            lines += attempt(f"handling the death of {name}", partial(self._on_death, name))
+        return lines + attempt("restarting", self._restart)
+
+    def _dead(self, now_s: float, timeout_s: float) -> list[str]:
+        """Names of the processes that have died; waits for a death, or until a restart is due."""
+        due = [child.restart_at_s - now_s for child in self.children.values() if child.restart_at_s > 0]
         wait_s = max(0.0, min([timeout_s, *due]))
         if self._selector.get_map():
-            lines += [self._on_death(str(key.data)) for key, _ in self._selector.select(wait_s)]
-        else:
-            time.sleep(wait_s)
+            return [str(key.data) for key, _ in self._selector.select(wait_s)]
+        time.sleep(wait_s)
+        return []
+
+    def _restart(self) -> list[str]:
+        """Start the processes whose restart is due."""
+        lines = []
         for name, child in self.children.items():
             if child.restart_at_s > 0 and self._clock() >= child.restart_at_s:
                 lines += self.start(name)
@@ -164,8 +178,9 @@ class Supervisor:
 
     def _prepare(self, now_s: float) -> list[str]:
         """Make sure of a fork server and spares, as long as any process is wanted."""
-        if not any(child.wanted for child in self.children.values()):
+        if now_s < self._prepare_at_s or not any(child.wanted for child in self.children.values()):
             return []
+        self._prepare_at_s = now_s + PREPARE_S if self._spares.complete else now_s
         try:
             lines = ["fork server: had ended, started again"] if self._forks.ensure_running() else []
         except OSError as error:
@@ -236,18 +251,19 @@ class Supervisor:
             # Killed once, however long it takes until its death is noticed.
             child.leaving_since_s = math.inf
 
-    def _on_death(self, name: str) -> str:
+    def _on_death(self, name: str) -> list[str]:
         child = self.children[name]
         assert child.process is not None
-        self._selector.unregister(child.process.descriptor)
+        descriptor = child.process.descriptor
         code = self._reap(child)
+        self._selector.unregister(descriptor)
         child.leaving_since_s = None
         verdict, child.verdict = child.verdict, None
         if not child.wanted:
-            return f"{name}: ended"
+            return [f"{name}: ended"]
         if code == EXIT_ELSEWHERE:
             child.wanted = False
-            return f"{name}: ended, because another agent flies {child.spec.unit}"
+            return [f"{name}: ended, because another agent flies {child.spec.unit}"]
         now = self._clock()
         quick = now - child.started_s < STABLE_AFTER_S
         child.quick_deaths = child.quick_deaths + 1 if quick else 0
@@ -257,7 +273,7 @@ class Supervisor:
             cause = (
                 f"hung: no progress for {verdict.silent_s:.2f} s, {verdict.limit_s:g} s are allowed; {cause}"
             )
-        return f"{name}: {cause}; log: {self._logs / (name + '.log')}"
+        return [f"{name}: {cause}; log: {self._logs / (name + '.log')}"]
 
     def _reap(self, child: Child) -> int:
         assert child.process is not None
@@ -313,6 +329,13 @@ class Supervisor:
         """Process id; None while the process is down."""
         process = self.children[name].process
         return None if process is None else process.pid
+
+    def land(self) -> None:
+        """End the transmitter gateways, which land their vehicles; for threads beside a loop that hangs."""
+        for child in self.children.values():
+            process = child.process
+            if child.spec.role == TRANSMITTERS and process is not None:
+                process.terminate()
 
     def stop_all(self) -> None:
         """Send SIGTERM to every process, in stopping order, and kill those that do not end in time."""

@@ -13,6 +13,8 @@ EXIT_ELSEWHERE: Final = 4
 """Exit code of an agent whose vehicle another agent flies; the supervisor does not restart it."""
 TAKE_OVER: Final = "--take-over"
 """Option of an agent that takes over from another one."""
+TRANSMITTERS: Final = "transmitters"
+"""Role of transmitter gateways."""
 RECORDER: Final = "recorder"
 """Name and role of the recorder of the flight log."""
 
@@ -59,7 +61,7 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     if fleet.tracker.host == host:
         specs.append(ProcessSpec("tracker", "tracker", host, 2))
     specs += [
-        ProcessSpec(name, "transmitters", name, 1)
+        ProcessSpec(name, TRANSMITTERS, name, 1)
         for name, gateway in fleet.gateways.items()
         if gateway.host == host
         and any(vehicle.transmitter.gateway == name for vehicle in fleet.vehicles.values())

@@ -1,10 +1,14 @@
 """Lines about motion capture, launchers and hosts: problems that block take-off, and notes that do not."""
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 from rcopterx.bus.host_messages import LauncherStatus, TrackerStatus
 from rcopterx.bus.link_messages import LinkState, RouterStatus
 from rcopterx.ground_station.scripting.state import STALE_S, since
+
+STALLED_S: Final = 2.0
+"""A launcher that has not checked its processes for so long is reported."""
 
 
 def tracker_problems(status: TrackerStatus | None, age_s: float | None, names: Sequence[str]) -> list[str]:
@@ -48,6 +52,10 @@ def launcher_notes(host: str, status: LauncherStatus) -> list[str]:
     notes = [f"host {host}: started again: {', '.join(deaths)}"] if deaths else []
     if not status.watchdog:
         notes.append(f"host {host}: the watchdog is off, processes that hang are not replaced")
+    if status.stalled_s >= STALLED_S:
+        notes.append(
+            f"host {host}: the launcher has not checked its processes for {status.stalled_s:.0f} s; land"
+        )
     return notes + capacity_notes(host, status)
 
 

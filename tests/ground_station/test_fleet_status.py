@@ -15,7 +15,12 @@ from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.ground_station.scripting.fleet import Fleet
-from rcopterx.ground_station.scripting.notes import launcher_notes, tracker_notes, tracker_problems
+from rcopterx.ground_station.scripting.notes import (
+    STALLED_S,
+    launcher_notes,
+    tracker_notes,
+    tracker_problems,
+)
 from rcopterx.ground_station.scripting.state import error_of
 from rcopterx.ground_station.terminal.status import fleet_check, fleet_status, readable
 
@@ -187,6 +192,13 @@ def test_restarts_hangs_and_a_watchdog_that_is_off_are_remarks() -> None:
         "host main: started again: agent-h1 3 (2 hung), tracker 1",
         "host main: the watchdog is off, processes that hang are not replaced",
     ]
+
+
+def test_a_launcher_that_does_not_check_its_processes_is_reported() -> None:
+    status = LauncherStatus(running=("h1",), absent=(), watchdog=True, stalled_s=STALLED_S)
+    (line,) = launcher_notes("main", status)
+    assert line == "host main: the launcher has not checked its processes for 2 s; land"
+    assert launcher_notes("main", msgspec.structs.replace(status, stalled_s=STALLED_S / 2)) == []
 
 
 def test_a_host_with_more_agents_than_it_serves_is_told() -> None:

@@ -1,5 +1,6 @@
 """Promises of the launcher's membership service: vehicles come and go by request, never out of the air."""
 
+import signal
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,6 +28,13 @@ from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec
 
 Join = Callable[..., Session]
+
+
+class Sleeping(ProcessSpec):
+    """A process that does nothing."""
+
+    def command(self, snapshot: Path, *, take_over: bool = False) -> list[str]:
+        return ["/bin/sleep", "600"]
 
 
 @pytest.fixture
@@ -109,6 +117,31 @@ def test_the_launcher_says_what_hung(
     supervisor.children["agent-h1"].hung = 2
     supervisor.spares_hung = 1
     assert status_of(join(), lambda status: bool(status.hung)).hung == {"agent-h1": 2, "spare": 1}
+
+
+def test_vehicles_land_when_the_loop_that_replaces_processes_makes_no_turns(
+    bus_address: BusAddress, join: Join, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.deploy.hosts.membership.REPORT_PERIOD_S", 0.02)
+    monkeypatch.setattr("rcopterx.deploy.hosts.membership.LAND_AFTER_S", 0.3)
+    specs = [Sleeping(name, role, name, 0) for name, role in (("radios", "transmitters"), ("h1", "agent"))]
+    supervisor = Supervisor(specs, tmp_path / "lab.toml", tmp_path, ForkServer())
+    supervisor.start_all()
+    events: deque[str] = deque()
+    service = MembershipService(bus_address, "main", supervisor, events, ["h1"], tmp_path)
+    try:
+        session = join()
+        assert status_of(session, lambda _: True).stalled_s == 0.0
+        radios, agent = (supervisor.children[name].process for name in ("radios", "h1"))
+        assert radios is not None
+        assert agent is not None
+        supervisor.watch(0.0)
+        assert status_of(session, lambda status: status.stalled_s > 0.1)
+        assert radios.wait(DEADLINE_S) == -signal.SIGTERM
+        assert agent.poll() is None
+    finally:
+        service.close()
+        supervisor.stop_all()
 
 
 @pytest.fixture

@@ -2,10 +2,13 @@
 
 import json
 import os
+import selectors
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,6 +17,7 @@ from support.fleets import PAIR
 from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 import rcopterx.deploy.processes.forking
+from rcopterx.bus.heartbeat import HeartbeatPage
 from rcopterx.deploy.processes.forking import RETRY_S, START_LIMIT_S, ForkedProcess, ForkServer
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.snapshot import write_snapshot
@@ -130,6 +134,39 @@ def test_the_end_of_a_process_is_seen_once(forks: ForkServer, tmp_path: Path) ->
     assert process.wait(DEADLINE_S) == process.poll() == process.returncode == -signal.SIGTERM
     # There is no process left to signal.
     process.kill()
+
+
+def short_process() -> ForkedProcess:
+    page = HeartbeatPage()
+    page.handed_over()
+    return ForkedProcess(os.posix_spawn("/bin/sh", ["sh", "-c", "exit 3"], {}), page)
+
+
+def test_threads_that_poll_one_process_all_see_its_exit_code() -> None:
+    threads = 3
+    for _ in range(40):
+        process = short_process()
+        ready = threading.Barrier(threads)
+
+        def exit_code(process: ForkedProcess = process, ready: threading.Barrier = ready) -> int | None:
+            ready.wait()
+            while process.poll() is None:
+                pass
+            return process.returncode
+
+        with ThreadPoolExecutor(threads) as pool:
+            seen = [pool.submit(exit_code) for _ in range(threads)]
+            assert [future.result() for future in seen] == [3] * threads
+
+
+def test_the_descriptor_of_a_process_shows_its_end_also_after_another_thread_has_seen_it() -> None:
+    process = short_process()
+    with selectors.DefaultSelector() as selector:
+        selector.register(process.descriptor, selectors.EVENT_READ)
+        with ThreadPoolExecutor(1) as pool:
+            assert pool.submit(process.wait).result() == 3
+        assert selector.select(DEADLINE_S)
+    assert process.wait(0.0) == 3
 
 
 def test_what_was_started_outlives_the_fork_server_and_another_one_starts_the_next(

@@ -100,13 +100,22 @@ def watch_until(
     supervisor: Supervisor, condition: Callable[[], object], what: str, deadline_s: float = DEADLINE_S
 ) -> list[str]:
     lines: list[str] = []
+    watch_into(lines, supervisor, condition, what, deadline_s)
+    return lines
 
+
+def watch_into(
+    lines: list[str],
+    supervisor: Supervisor,
+    condition: Callable[[], object],
+    what: str,
+    deadline_s: float = DEADLINE_S,
+) -> None:
     def watched() -> bool:
         lines.extend(supervisor.watch(0.01))
         return bool(condition())
 
     wait_for(watched, what, deadline_s)
-    return lines
 
 
 def test_processes_are_started_in_the_order_of_the_list(supervise: Supervise, tmp_path: Path) -> None:
@@ -385,6 +394,32 @@ def test_a_spare_that_cannot_be_started_ends_nothing(
     supervisor.start_all()
     watch_until(supervisor, lambda: supervisor.spare_failures > 0, "no spare is tried")
     assert supervisor.running() == ["one"]
+
+
+@pytest.mark.parametrize("failing", ["preparation of spares", "watchdog", "death of another process"])
+def test_an_error_in_the_supervisor_is_reported_once_and_everything_else_goes_on(
+    supervise: Supervise, monkeypatch: pytest.MonkeyPatch, failing: str
+) -> None:
+    def fails(*_: object) -> None:
+        raise ValueError("what nobody has foreseen")
+
+    supervisor = supervise(fake("one"), fake("two"), watchdog=LIMITS)
+    supervisor.start_all()
+    if failing == "preparation of spares":
+        monkeypatch.setattr(Spares, "prepare", fails)
+    elif failing == "watchdog":
+        monkeypatch.setattr(supervisor.liveness, "check", fails)
+    else:
+        monkeypatch.setattr(supervisor.children["two"].process, "wait", fails)
+        kill(supervisor, "two")
+    turns = supervisor.turns
+    lines: list[str] = []
+    watch_into(lines, supervisor, lambda: any("has foreseen" in line for line in lines), "no error")
+    kill(supervisor, "one")
+    watch_into(lines, supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
+    assert sum("ValueError: what nobody has foreseen (test_supervisor.py" in line for line in lines) == 1
+    assert supervisor.turns > turns
+    monkeypatch.undo()
 
 
 def beats_of(supervisor: Supervisor, name: str) -> int:

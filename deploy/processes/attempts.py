@@ -1,0 +1,43 @@
+"""Steps of a loop that must go on whatever fails in one of them."""
+
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+REPEAT_S: Final = 10.0
+"""An error of a step that repeats is reported again after this time."""
+PAUSE_S: Final = 0.01
+"""After an error: a step that fails at once must not use the whole processor."""
+
+Step = Callable[[], list[str]]
+"""Returns a line per event, for the user."""
+
+
+class Attempts:
+    """Calls steps, and turns their errors into lines for the user.
+
+    Parameters
+    ----------
+    clock
+        Monotonic clock [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._silent_until_s: dict[str, float] = {}
+
+    def __call__(self, name: str, step: Step) -> list[str]:
+        """Return the lines of a step, or one with its error unless that was reported a moment ago."""
+        try:
+            return step()
+        except Exception as error:  # noqa: BLE001 - whatever fails here, all other steps must go on
+            time.sleep(PAUSE_S)
+            now_s = self._clock()
+            if now_s < self._silent_until_s.get(name, now_s):
+                return []
+            self._silent_until_s[name] = now_s + REPEAT_S
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            where = f"{Path(place.filename).name}, line {place.lineno}"
+            return [f"launcher: {name} failed: {type(error).__name__}: {error} ({where}); going on"]
