@@ -2,7 +2,7 @@
 
 from msgspec import Struct, field
 
-from rcopterx.bus.message import Count, Message, Name, Seconds, Text, Three
+from rcopterx.bus.message import Clock, Count, Message, Name, Number, Seconds, Text, Three
 
 
 class SubjectState(Struct, frozen=True, kw_only=True):
@@ -41,7 +41,7 @@ class LaboratoryVehicle(Struct, frozen=True, kw_only=True):
     """True state of one simulated vehicle."""
 
     position_m: Three
-    yaw_rad: float
+    yaw_rad: Number
     velocity_m_s: Three
     on_floor: bool
     outside: bool
@@ -49,7 +49,7 @@ class LaboratoryVehicle(Struct, frozen=True, kw_only=True):
     touchdown_speed_m_s: Seconds = 0.0
     """Of the last touchdown."""
     touchdowns: Count = 0
-    radio: tuple[tuple[float, ...], ...] = ()
+    radio: tuple[tuple[Clock, ...], ...] = ()
     """Serial frames the module accepted since the last message: arrival [monotonic s], pulse widths [us]."""
 
 
@@ -57,7 +57,7 @@ class LaboratoryState(Message, frozen=True, kw_only=True):
     """True state of the simulated laboratory, for measurement only; no controller reads it."""
 
     frame: Count
-    sent_s: float
+    sent_s: Clock
     """Monotonic clock when the Tracker emulator sent this frame."""
     vehicles: dict[Name, LaboratoryVehicle]
     faults: tuple[Text, ...] = ()

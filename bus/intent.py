@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from msgspec import Struct
 
-from rcopterx.bus.message import Count, FloatArray, Heading, Message, Name, Place, Seconds, Settings
+from rcopterx.bus.message import Clock, Count, FloatArray, Message, Name, Number, Place, Seconds, Settings
 from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
 
 
@@ -13,9 +13,9 @@ class OffsetMove(Struct, frozen=True, kw_only=True):
 
     leader: Name
     start_offset_m: Place
-    start_yaw_offset_rad: Heading
+    start_yaw_offset_rad: Number
     """At its start, in the frame of the assigned offset."""
-    elapsed_s: float
+    elapsed_s: Clock
     """Time since its start."""
     duration_s: Seconds
 
@@ -38,15 +38,15 @@ class Intent(Message, frozen=True, kw_only=True):
     epoch: Count
     frame: Count
     """Epoch and frame of that moment; elapsed times count up to it."""
-    yaw_rad: Heading | None = None
+    yaw_rad: Number | None = None
     """Heading at that moment with all its turns, which a motion capture does not count."""
     set_point: SetPoint
     """Held without a path, and while no plan of a leader arrives."""
     path: FloatArray | None = None
     """Trajectory of a vehicle without leaders, shape (n, 13) as in the request `fly`."""
-    path_elapsed_s: float = 0.0
+    path_elapsed_s: Clock = 0.0
     """Time since the start of the path."""
-    floor_m: float = 0.0
+    floor_m: Number = 0.0
     """Height of the floor below the vehicle at take-off."""
     assigned: tuple[LeaderLink, ...] = ()
     """Leaders with their final offsets."""

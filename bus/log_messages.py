@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from msgspec import Meta, Struct
 
-from rcopterx.bus.message import Count, InvalidMessageError, Message, Name, Seconds, Text
+from rcopterx.bus.message import Clock, Count, InvalidMessageError, Message, Name, Seconds, Text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -95,11 +95,11 @@ class AgentSteps(Message, frozen=True, kw_only=True):
 
     life: Count
     """Identifies the process."""
-    began_s: float
+    began_s: Clock
     """Monotonic clock of the host at the start of the agent."""
     number: Count
     """Counts up from 0 in one life."""
-    times_s: tuple[float, ...]
+    times_s: tuple[Clock, ...]
     """Beginning of each step [monotonic s]."""
     counts: tuple[Count, ...]
     """Number of inputs of each step."""
@@ -109,7 +109,7 @@ class AgentSteps(Message, frozen=True, kw_only=True):
     """Of each input: number of the agent's subscription that received it."""
     checksums: tuple[Count, ...]
     """Of each input: CRC-32 of its bytes, by which it is found in the flight log."""
-    arrivals_s: tuple[float, ...]
+    arrivals_s: tuple[Clock, ...]
     """Of each input: time of its arrival [monotonic s]."""
     overtime: tuple[tuple[Count, Count, Count], ...] = ()
     """Calls given up for time: the step, the call of a controller or an estimator in it, and the solver call

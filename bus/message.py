@@ -12,22 +12,41 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = 2
 MAX_POSITION_M = 100.0
 MAX_MAGNITUDE = 1e6
-"""Limit of trajectories, and of headings, which count turns; more would overflow in a controller."""
+"""Limit of measured and computed quantities in SI units; more would overflow in a controller."""
+MAX_COUNT = 2**53
+"""Limit of counters: up to here a 64-bit float is exact, and so is a program in any language."""
+MAX_RESUMED_COUNT = MAX_COUNT // 2
+"""Up to here a process counts on from a counter of another one; half of the range remains for later ones."""
+MAX_DURATION_S = 1e9
+MAX_CLOCK_S = 1e10
+MAX_FLOAT = 1e300
 MAX_SETTINGS = 40
+SHORTEST_PERIOD_S = 0.002
+"""Of control; the time that planned inputs bridge has at most `MAX_NEXT_INPUTS` of them."""
 
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
 Text = Annotated[str, Meta(max_length=400)]
-Count = Annotated[int, Meta(ge=0)]
-Seconds = Annotated[float, Meta(ge=0)]
-Heading = Annotated[float, Meta(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
+Count = Annotated[int, Meta(ge=0, le=MAX_COUNT)]
+Seconds = Annotated[float, Meta(ge=0, le=MAX_DURATION_S)]
+"""A duration or an age."""
+Clock = Annotated[float, Meta(ge=-MAX_CLOCK_S, le=MAX_CLOCK_S)]
+"""A time on some clock, or a difference of clocks [s]."""
+Period = Annotated[float, Meta(ge=SHORTEST_PERIOD_S, le=1)]
+Number = Annotated[float, Meta(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
+"""A quantity in SI units; headings count turns."""
+Amount = Annotated[float, Meta(ge=0, le=MAX_MAGNITUDE)]
+Weight = Annotated[float, Meta(ge=1e-6, le=MAX_MAGNITUDE)]
+Finite = Annotated[float, Meta(ge=-MAX_FLOAT, le=MAX_FLOAT)]
+"""Any number; unlike these limits, msgspec's `float` includes NaN and infinity."""
 Stick = Annotated[float, Meta(ge=-1, le=1)]
 SettingName = Annotated[str, Meta(pattern=r"^[a-zA-Z][a-zA-Z0-9_]{0,40}$")]
-Setting = bool | int | float | Annotated[str, Meta(max_length=60)] | tuple[float, ...] | None
+Whole = Annotated[int, Meta(ge=-MAX_COUNT, le=MAX_COUNT)]
+Setting = bool | Whole | Finite | Annotated[str, Meta(max_length=60)] | tuple[Finite, ...] | None
 Settings = Annotated[dict[SettingName, Setting], Meta(max_length=MAX_SETTINGS)]
 """Settings of a controller or an estimator; its own type says what is allowed."""
-Three = tuple[float, float, float]
-Four = tuple[float, float, float, float]
-Eight = tuple[float, float, float, float, float, float, float, float]
+Three = tuple[Number, Number, Number]
+Four = tuple[Number, Number, Number, Number]
+Eight = tuple[Number, Number, Number, Number, Number, Number, Number, Number]
 Coordinate = Annotated[float, Meta(ge=-MAX_POSITION_M, le=MAX_POSITION_M)]
 Place = tuple[Coordinate, Coordinate, Coordinate]
 
@@ -42,7 +61,7 @@ class FloatArray(Struct, frozen=True):
     numpy is imported on first use: routers and `kill` start without it.
     """
 
-    shape: tuple[int, int]
+    shape: tuple[Count, Count]
     data: bytes
 
     @classmethod
@@ -82,7 +101,7 @@ class Message(Struct, frozen=True, kw_only=True):
 
     MAX_BYTES: ClassVar[int] = 32768
 
-    schema_version: Annotated[int, Meta(ge=1)] = SCHEMA_VERSION
+    schema_version: Annotated[int, Meta(ge=1, le=MAX_COUNT)] = SCHEMA_VERSION
 
     def check(self) -> None:
         """Reject contents that the types allow but the meaning forbids.

@@ -9,21 +9,25 @@ from typing import TYPE_CHECKING, Annotated
 from msgspec import Meta, Struct, field
 
 from rcopterx.bus.message import (
-    MAX_POSITION_M,
+    MAX_MAGNITUDE,
+    Amount,
+    Clock,
     Count,
     Eight,
     FloatArray,
     Four,
-    Heading,
     InvalidMessageError,
     Message,
     Name,
+    Number,
+    Period,
     Place,
     Seconds,
     Settings,
     Stick,
     Text,
     Three,
+    Weight,
 )
 from rcopterx.bus.timing import CommandTiming
 from rcopterx.bus.trajectory_array import PLAN_COLUMNS, TrajectoryArray
@@ -41,9 +45,6 @@ MAX_REMARKS = 8
 MAX_RATE_HZ = 2000.0
 """Of the motion capture."""
 
-Deviation = Annotated[float, Meta(ge=0)]
-"""A standard deviation."""
-Share = Annotated[float, Meta(ge=0)]
 ArbiterState = Annotated[str, Meta(pattern="^(disarmed|armed|hold|land|descend|cut|killed)$")]
 
 
@@ -58,11 +59,11 @@ class Pose(Message, frozen=True, kw_only=True):
     """Time between frames."""
     latency_s: Seconds
     """From capture to arrival at the gateway, as far as the Tracker and the network report it."""
-    received_s: float
+    received_s: Clock
     """Monotonic clock of the gateway's host at arrival; meaningless on other hosts."""
     occluded: bool
     """The Tracker does not see the vehicle in this frame: position and orientation are absent."""
-    position_m: Three | None = None
+    position_m: Place | None = None
     quaternion_xyzw: Four | None = None
     quality: Annotated[float, Meta(ge=0, le=1)] | None = None
     """0 (bad) to 1 (good); absent where the Tracker does not report it."""
@@ -77,8 +78,6 @@ class Pose(Message, frozen=True, kw_only=True):
             return
         if self.position_m is None or self.quaternion_xyzw is None:
             raise InvalidMessageError("position_m: missing in a pose that is not occluded")
-        if max(map(abs, self.position_m)) > MAX_POSITION_M:
-            raise InvalidMessageError(f"position_m: {self.position_m}, allowed is up to {MAX_POSITION_M} m")
         x, y, z, w = self.quaternion_xyzw
         norm = x * x + y * y + z * z + w * w
         if abs(norm - 1) > 0.01:
@@ -89,7 +88,7 @@ class SetPoint(Struct, frozen=True, kw_only=True):
     """Target position and heading, inertial frame."""
 
     position_m: Place
-    yaw_rad: Heading
+    yaw_rad: Number
 
 
 class LeaderLink(Struct, frozen=True, kw_only=True):
@@ -97,10 +96,10 @@ class LeaderLink(Struct, frozen=True, kw_only=True):
 
     leader: Name
     offset_m: Place = (0.0, 0.0, 0.0)
-    yaw_offset_rad: Heading = 0.0
+    yaw_offset_rad: Number = 0.0
     frame: Annotated[str, Meta(pattern="^(inertial|heading)$")] = "inertial"
     """Whether the offset is fixed in the room or turns with the leader's heading."""
-    weight: Annotated[float, Meta(gt=0)] = 1.0
+    weight: Weight = 1.0
     """Share of this leader among several; only ratios count."""
 
 
@@ -113,9 +112,9 @@ class Plan(Message, frozen=True, kw_only=True):
     source: Name
     ancestors: Annotated[tuple[Name, ...], Meta(max_length=64)]
     """Leaders of the source, nearest first; none of them may follow the source."""
-    period_s: Annotated[float, Meta(gt=0, le=1)]
+    period_s: Period
     """Time between stages."""
-    start_s: float
+    start_s: Annotated[float, Meta(ge=-1, le=1)]
     """Time of the first stage after the capture of `frame`: the delay that the source compensated."""
     airborne: bool = True
     """False while the source stands on the floor: followers then keep their own place."""
@@ -132,8 +131,6 @@ class Plan(Message, frozen=True, kw_only=True):
     def check(self) -> None:
         """See `Message.check`."""
         self.trajectory.check("trajectory", MAX_STAGES, min_stages=2)
-        if abs(self.start_s) > 1:
-            raise InvalidMessageError(f"start_s: {self.start_s}, allowed is -1 to 1")
 
     def samples(self) -> "NDArray[np.float64]":
         """Unpack the trajectory, shape (stages, 12)."""
@@ -154,7 +151,7 @@ class Command(Message, frozen=True, kw_only=True):
     """Pitch, roll, thrust, yaw; normalised sticks."""
     next_inputs: FloatArray
     """The following planned inputs, `period_s` apart, shape (k, 4)."""
-    period_s: Annotated[float, Meta(gt=0, le=1)]
+    period_s: Period
     timing: CommandTiming | None = None
     """Absent where the frame was predicted, not seen."""
 
@@ -197,7 +194,7 @@ class ControlTask(Message, frozen=True, kw_only=True):
     """Program that has to answer."""
     number: Count
     """Counts up; the answer repeats it."""
-    period_s: Annotated[float, Meta(gt=0, le=1)]
+    period_s: Period
     motion: Eight
     """State when the answer takes effect: x, y, z [m], yaw [rad], body velocities, yaw rate [rad/s]."""
     actuator: Four
@@ -243,7 +240,7 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Settings that the fleet file or a request changed; all others have their defaults."""
     estimator_settings: Settings = {}
     horizon: Count
-    effort_factor: Annotated[float, Meta(ge=1)] = 1.0
+    effort_factor: Annotated[float, Meta(ge=1, le=MAX_MAGNITUDE)] = 1.0
     """Factor of the sticks' weights by which the guard against oscillation has lowered the bandwidth."""
     client: Text = ""
     """External program that flies the vehicle; empty while its own controller does."""
@@ -263,13 +260,13 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Rejected messages by topic and reason."""
     avoiding_ticks: Count = 0
     """Control periods in which the plan avoided that of another vehicle."""
-    closest_plan_m: Annotated[float, Meta(ge=0)] | None = None
+    closest_plan_m: Amount | None = None
     """Smallest predicted distance to a vehicle whose plan is known."""
-    hover_thrust: Share | None = None
+    hover_thrust: Amount | None = None
     """Share of the largest thrust at which the vehicle hovers: it grows as the battery empties; in flight."""
-    wind_m_s2: tuple[float, float] | None = None
+    wind_m_s2: tuple[Number, Number] | None = None
     """Horizontal acceleration by wind and everything else outside the model, inertial frame; in flight."""
-    position_deviation_m: tuple[Deviation, Deviation, Deviation] | None = None
+    position_deviation_m: tuple[Amount, Amount, Amount] | None = None
     """Standard deviations of the estimated position, inertial frame, if known; in flight."""
     realtime: bool = False
     """The process runs in a real-time scheduling class."""
@@ -299,8 +296,8 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     or `land`."""
     position_m: Three | None = None
     velocity_m_s: Three | None = None
-    yaw_rad: float | None = None
-    error_m: Annotated[float, Meta(ge=0)] | None = None
+    yaw_rad: Number | None = None
+    error_m: Amount | None = None
     """Distance from the reference when the newest command takes effect; absent on the floor."""
     path_left_s: Seconds = 0.0
     """Remaining time of the trajectory that the vehicle flies; 0 without one."""
@@ -338,15 +335,15 @@ class Applied(Message, frozen=True, kw_only=True):
     state: ArbiterState
     input: tuple[Stick, Stick, Stick, Stick]
     """Input after the arbiter, as calibrated to pulse widths."""
-    pulse_width_us: Annotated[tuple[float, ...], Meta(max_length=16)]
+    pulse_width_us: Annotated[tuple[Number, ...], Meta(max_length=16)]
     epoch: Count
     frame: Count
     sequence: Count
     """Epoch, frame and sequence of the newest command when this frame was written."""
     fresh: bool
     """Written because this command arrived, not as a keep-alive."""
-    command_arrived_s: float | None = None
-    written_s: float = 0.0
+    command_arrived_s: Clock | None = None
+    written_s: Clock = 0.0
     """Monotonic clocks of the gateway's host."""
     host: Name | None = None
     """Host of the gateway."""

@@ -14,7 +14,16 @@ from msgspec import inspect as types
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import CHANNELS
-from rcopterx.bus.message import SCHEMA_VERSION, FloatArray, Message
+from rcopterx.bus.message import (
+    MAX_CLOCK_S,
+    MAX_COUNT,
+    MAX_DURATION_S,
+    MAX_FLOAT,
+    MAX_MAGNITUDE,
+    SCHEMA_VERSION,
+    FloatArray,
+    Message,
+)
 from rcopterx.bus.requests import VERBS, Reply, Request
 
 UNITS: Final = {
@@ -30,6 +39,8 @@ UNITS: Final = {
     "_s": "s",
 }
 """Units by the end of a field's name; the first match counts."""
+GENERAL_LIMITS: Final = (MAX_COUNT, MAX_MAGNITUDE, MAX_DURATION_S, MAX_CLOCK_S, MAX_FLOAT)
+"""Named once, at the head of the page."""
 
 EXAMPLE: Final[dict[str, Any]] = {
     "schema_version": SCHEMA_VERSION,
@@ -58,7 +69,9 @@ Zenoh *client* to the router of its host, put and subscribe to the keys below.
   are ignored, fields are only ever appended. `schema_version` is {version}.
 - SI units; the end of a name is the unit. Positions are in the inertial frame of the motion capture, z up.
   Yaw counts turns. An input is (pitch, roll, thrust, yaw), normalised sticks from -1 to 1, thrust from 0.
-- A name is `{name}`; every number is finite. A message is at most {size} bytes.
+- A name is `{name}`. Every number is finite. Without other limits in the tables, integers
+  are at most 2^53, floats 1e6, durations 1e9 s, times of clocks 1e10 s, settings 1e300. A message is at most
+  {size} bytes.
   Messages that break a rule are rejected, counted, and shown in the status of the receiver.
 - A matrix is a map of `shape` (rows, columns) and `data`: 64-bit little-endian floats, row by row.
 - The trajectory of a plan is 16-bit integers with a scale and an offset for each of 12 columns. In Python:
@@ -228,6 +241,8 @@ def _type(kind: Any, structures: dict[str, type]) -> str:
             return " or ".join(_type(member, structures) for member in kind.types)
         case types.TupleType():
             return f"{len(kind.item_types)} times {_type(kind.item_types[0], structures)}"
+        case types.VarTupleType() if kind.min_length == kind.max_length is not None:
+            return f"{kind.max_length} times {_type(kind.item_type, structures)}"
         case types.VarTupleType():
             return f"array of {_type(kind.item_type, structures)}{_length(kind)}"
         case types.DictType():
@@ -249,8 +264,10 @@ def _text(kind: types.StrType) -> str:
 
 
 def bounds(kind: types.IntType | types.FloatType) -> str:
-    """Limits of a number, to be put after its type; empty if there are none."""
+    """Limits of a number, to be put after its type; empty if there are none but the general ones."""
     low, high = kind.ge if kind.gt is None else kind.gt, kind.le
+    low = None if low is not None and -low in GENERAL_LIMITS else low
+    high = None if high in GENERAL_LIMITS else high
     strict = "" if kind.gt is None else "above "
     if low is not None and high is not None:
         return f", {strict}{low:g} to {high:g}"

@@ -9,6 +9,7 @@ from rcopterx.bus.intent import Intent
 from rcopterx.bus.keys import SIMULATOR_UNIT
 from rcopterx.bus.message import (
     Count,
+    Finite,
     FloatArray,
     InvalidMessageError,
     Message,
@@ -16,6 +17,7 @@ from rcopterx.bus.message import (
     Seconds,
     Settings,
     Text,
+    Whole,
 )
 from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, Applied, LeaderLink, SetPoint
 
@@ -36,7 +38,7 @@ LogPositions = Annotated[dict[LogName, Count], Meta(max_length=256)]
 """Number of bytes of each log that are known."""
 Amplitude = Annotated[float, Meta(ge=0, le=0.5)]
 FieldName = Annotated[str, Meta(max_length=40)]
-FaultField = bool | int | float | Text | tuple[float, ...] | None
+FaultField = bool | Whole | Finite | Text | tuple[Finite, ...] | None
 
 
 class Request(Message, frozen=True, kw_only=True):
@@ -167,8 +169,8 @@ class CommitLeaders(Request, frozen=True, kw_only=True):
     """Adopt the prepared leaders at a future frame."""
 
     operation: Name
-    epoch: Annotated[int, Meta(ge=0)]
-    frame: Annotated[int, Meta(ge=0)]
+    epoch: Count
+    frame: Count
     """First frame under the new leaders, on the clock of the poses."""
 
 
@@ -249,7 +251,7 @@ class RecallReply(Reply, frozen=True, kw_only=True):
     intent: Intent | None = None
     age_s: Seconds = 0.0
     """Time since it was received."""
-    quick_deaths: Annotated[int, Meta(ge=0)] = 0
+    quick_deaths: Count = 0
     """How often in a row the process has died shortly after its start."""
 
 

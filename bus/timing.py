@@ -2,7 +2,7 @@
 
 from msgspec import Struct
 
-from rcopterx.bus.message import Name, Seconds
+from rcopterx.bus.message import Clock, Name, Seconds
 
 
 class CommandTiming(Struct, frozen=True, kw_only=True):
@@ -15,12 +15,12 @@ class CommandTiming(Struct, frozen=True, kw_only=True):
     latency_s: Seconds
     """From capture to the Vicon gateway, as far as the Tracker and the network report it."""
     gateway_host: Name
-    received_s: float
+    received_s: Clock
     """Arrival of the frame at the Vicon gateway, on the clock of `gateway_host`."""
     agent_host: Name
-    arrived_s: float
+    arrived_s: Clock
     """Arrival of the pose at the agent, on the clock of `agent_host`."""
-    began_s: float
+    began_s: Clock
     """Start of the controller: the estimate was ready, and plans of leaders had arrived or were overdue."""
-    ready_s: float
+    ready_s: Clock
     """End of the controller."""

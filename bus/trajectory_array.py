@@ -1,16 +1,16 @@
 """A trajectory on the wire and in flight logs: scaled 16-bit integers, column by column."""
 
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
-from msgspec import Struct
+from msgspec import Meta, Struct
 
-from rcopterx.bus.message import MAX_MAGNITUDE, InvalidMessageError
+from rcopterx.bus.message import MAX_MAGNITUDE, InvalidMessageError, Number
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-Twelve = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+Twelve = Annotated[tuple[Number, ...], Meta(min_length=12, max_length=12)]
 
 PLAN_COLUMNS: Final = 12
 MAX_COUNT: Final = 2**15 - 1
@@ -62,7 +62,6 @@ class TrajectoryArray(Struct, frozen=True):
             raise InvalidMessageError(
                 f"{field}: {len(self.data)} bytes, allowed are {min_stages} to {max_stages} times {_BYTES}"
             )
-        # Written so that numbers that are not finite are rejected, too.
         if not all(scale > 0 for scale in self.scale):
             raise InvalidMessageError(f"{field}: scale {self.scale}, must be positive")
         extremes = [abs(offset) + 2**15 * s for offset, s in zip(self.offset, self.scale, strict=True)]

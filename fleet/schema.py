@@ -8,9 +8,8 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta, Struct, field
 
 from rcopterx.bus import channels
-from rcopterx.bus.message import Four, Name, Three
+from rcopterx.bus.message import SHORTEST_PERIOD_S, Four, Name, Three, Weight
 
-Positive = Annotated[float, Meta(gt=0)]
 Text = Annotated[str, Meta(min_length=1)]
 
 DEFAULT_HOST = "main"
@@ -144,7 +143,7 @@ class ControlConfig(Table, frozen=True, kw_only=True):
     """Name of an estimator of this package or of an installed one."""
     horizon: Annotated[int, Meta(ge=2, le=200)] = 50
     """Number of stages N."""
-    period_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.02
+    period_s: Annotated[float, Meta(ge=SHORTEST_PERIOD_S, le=0.2)] = 0.02
     """Control period; a whole multiple of the Tracker's frame period."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the controller: weights, constraints, options."""
@@ -166,7 +165,7 @@ class LeaderConfig(Table, frozen=True, kw_only=True):
     """Heading relative to the leader's."""
     frame: Literal["inertial", "heading"] = "inertial"
     """Axes of the offset: those of the Tracker, or those that turn with the leader's heading."""
-    weight: Positive = 1.0
+    weight: Weight = 1.0
     """Weight of this leader among several."""
 
 

@@ -11,6 +11,7 @@ from numbers import Real
 
 from msgspec import Struct
 
+from rcopterx.bus.message import MAX_COUNT, SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.transmitter_gateway.inputs import Cause, CommandInput, Input, PoseStamp
 from rcopterx.transmitter_gateway.leases import Leases
@@ -91,12 +92,12 @@ class Admission:
 
     def _check_form(self, command: CommandInput) -> AcceptedCommand | Rejection:
         numbers = (command.lease, command.epoch, command.sequence, command.frame)
-        if set(map(type, numbers)) != {int} or min(numbers) < 0:
+        if set(map(type, numbers)) != {int} or min(numbers) < 0 or max(numbers) > MAX_COUNT:
             return Rejection.MALFORMED
         period = command.period_s
         if isinstance(period, bool) or not isinstance(period, Real):
             return Rejection.MALFORMED
-        if not 0 < period <= self._limits.longest_period_s:
+        if not SHORTEST_PERIOD_S <= period <= self._limits.longest_period_s:
             return Rejection.NOT_FINITE if not math.isfinite(period) else Rejection.OUT_OF_LIMITS
         try:
             plan = (command.u, *command.next_u)

@@ -8,6 +8,8 @@ rejected from then on, however long they were delayed.
 import math
 from typing import Final
 
+from rcopterx.bus.message import MAX_RESUMED_COUNT
+
 RESERVED_S: Final = 0.1
 """How long an agent that was given a lease has time to command before another one is given the next."""
 UNDER_WAY: Final = 64
@@ -65,6 +67,7 @@ class Leases:
         """Continue from an earlier process of the gateway, which may have issued more than the newest known
         lease.
         """
-        self.commanding = max(self.commanding, commanding)
-        self.issued = max(self.issued, max(commanding, issued) + UNDER_WAY)
+        if max(commanding, issued) <= MAX_RESUMED_COUNT:
+            self.commanding = max(self.commanding, commanding)
+            self.issued = max(self.issued, max(commanding, issued) + UNDER_WAY)
         self._reserved_until_s = now_s + RESERVED_S

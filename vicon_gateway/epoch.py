@@ -6,6 +6,7 @@ or the Tracker was started again, a new epoch begins.
 
 from typing import NamedTuple
 
+from rcopterx.bus.message import MAX_RESUMED_COUNT
 from rcopterx.vicon_gateway.frame import CapturedFrame
 
 GAP_TOLERANCE_S = 0.25
@@ -41,7 +42,8 @@ class EpochCounter:
 
     def leave_behind(self, epoch: int) -> None:
         """Take notice of an epoch that another gateway began; the next stamp has a newer one."""
-        self._foreign_epoch = max(self._foreign_epoch, epoch)
+        if epoch <= MAX_RESUMED_COUNT:
+            self._foreign_epoch = max(self._foreign_epoch, epoch)
 
     def stamp(self, frame: CapturedFrame, wall_clock_s: float) -> Stamp | None:
         """Return the stamp of a frame; None for a capture that has been stamped before.

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import inspect
 from support.messages import MESSAGE_TYPES, valid_messages, wire_maps
 
-from rcopterx.bus.codec import MAX_DEPTH, RejectedError, decode, encode
-from rcopterx.bus.message import FloatArray, Message
+from rcopterx.bus.codec import RejectedError, decode, encode
+from rcopterx.bus.message import MAX_COUNT, SHORTEST_PERIOD_S, FloatArray, Message
 from rcopterx.bus.messages import (
     MAX_NEXT_INPUTS,
     MAX_STAGES,
@@ -77,11 +78,24 @@ def refusal(plain: object, message_type: type[Message]) -> RejectedError:
     return caught.value
 
 
-def floats_in(value: object) -> list[float]:
+Path = tuple[str | int, ...]
+
+
+def floats_in(value: object, path: Path = ()) -> dict[Path, float]:
+    """Every float of a message, by the keys that lead to it."""
     if isinstance(value, float):
-        return [value]
-    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return [number for item in items for number in floats_in(item)]
+        return {path: value}
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return {place: number for key, item in items for place, number in floats_in(item, (*path, key)).items()}
+
+
+def replaced(value: Any, path: Path, number: float) -> Any:
+    """The message with another number in one place."""
+    if not path:
+        return number
+    changed = value.copy()
+    changed[path[0]] = replaced(value[path[0]], path[1:], number)
+    return changed
 
 
 @settings(max_examples=40, deadline=None)
@@ -134,27 +148,55 @@ def test_a_flipped_byte_is_refused_or_gives_a_finite_message(
     try:
         numbers = floats_in(msgpack.unpackb(encode(decode(bytes(payload), message_type))))
     except RejectedError as error:
-        kinds, numbers = (error.kind,), []
+        kinds, numbers = (error.kind,), {}
     assert set(kinds) <= {"malformed", "type", "value"}
-    assert all(map(math.isfinite, numbers))
+    assert all(map(math.isfinite, numbers.values()))
 
 
-@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
-@settings(max_examples=40, deadline=None)
-@given(data=st.data(), message_type=message_types)
-def test_numbers_that_are_not_finite_are_refused(
+@settings(max_examples=100, deadline=None)
+@given(data=st.data(), message_type=message_types, number=st.sampled_from([math.nan, math.inf, -math.inf]))
+def test_numbers_that_are_not_finite_are_refused_wherever_they_stand(
     number: float, data: st.DataObject, message_type: type[Message]
 ) -> None:
     plain = data.draw(wire_maps(message_type))
-    error = refusal(plain | {data.draw(st.sampled_from(["schema_version", "extra"])): number}, message_type)
-    assert error.kind == "value"
+    places = [("schema_version",), *floats_in(plain)]
+    wrong = replaced(plain | {"schema_version": 1}, data.draw(st.sampled_from(places)), number)
+    assert refusal(wrong, message_type).kind == "type"
 
 
-@pytest.mark.parametrize("field", ["received_s", "position_m", "quaternion_xyzw", "quality"])
-def test_pose_with_a_nan_in_any_field_is_refused(field: str) -> None:
-    value = POSE[field]
-    bad = [math.nan, *value[1:]] if isinstance(value, list) else math.nan
-    assert refusal(POSE | {field: bad}, Pose).kind == "value"
+def numbers_of(kind: Any) -> list[Any]:
+    """Every type of a number in a type, at any depth; a map's keys are none."""
+    if isinstance(kind, inspect.IntType | inspect.FloatType):
+        return [kind]
+    parts: list[Any] = []
+    for name in ("fields", "types", "item_types"):
+        parts += getattr(kind, name, ())
+    for name in ("type", "item_type", "value_type"):
+        parts += [getattr(kind, name)] if hasattr(kind, name) else []
+    return [number for part in parts for number in numbers_of(part)]
+
+
+@pytest.mark.parametrize("message_type", MESSAGE_TYPES)
+def test_every_number_is_bounded_by_its_type_which_refuses_nan_and_infinity(
+    message_type: type[Message],
+) -> None:
+    for field in inspect.type_info(message_type).fields:  # type: ignore[attr-defined]  # of structs
+        for number in numbers_of(field):
+            assert number.ge is not None or number.gt is not None, field.name
+            assert number.le is not None, field.name
+
+
+def test_counters_up_to_the_exact_integers_of_floats_are_accepted() -> None:
+    assert decode(msgpack.packb(POSE | {"epoch": MAX_COUNT, "frame": MAX_COUNT}), Pose).epoch == MAX_COUNT
+
+
+@given(st.floats())
+def test_a_period_of_a_command_that_is_accepted_is_one_of_control(period_s: float) -> None:
+    payload = msgpack.packb(COMMAND | {"period_s": period_s})
+    if SHORTEST_PERIOD_S <= period_s <= 1:
+        assert decode(payload, Command).period_s == period_s
+    else:
+        assert refusal(payload, Command).kind == "type"
 
 
 @pytest.mark.parametrize("message_type", MESSAGE_TYPES)
@@ -180,6 +222,14 @@ def test_the_longest_allowed_plan_fits_into_a_message() -> None:
         (Pose, POSE | {"position_m": None, "quality": 1.5}, "quality"),
         (Pose, POSE | {"period_s": 0.0}, "period_s"),
         (Pose, POSE | {"period_s": 1e-300}, "period_s"),
+        (Pose, POSE | {"position_m": [0.0, 0.0, 1e6]}, "position_m"),
+        (Pose, POSE | {"epoch": MAX_COUNT + 1}, "epoch"),
+        (Pose, POSE | {"frame": 2**64 - 1}, "frame"),
+        (Command, COMMAND | {"sequence": MAX_COUNT + 1}, "sequence"),
+        (Command, COMMAND | {"period_s": 3e-8}, "period_s"),
+        (Command, COMMAND | {"period_s": 5e-324}, "period_s"),
+        (Command, COMMAND | {"next_inputs": {"shape": [-1, 4], "data": b""}}, "shape"),
+        (Plan, PLAN | {"start_s": 3.0}, "start_s"),
         (Pose, {key: value for key, value in POSE.items() if key != "epoch"}, "epoch"),
         (Pose, POSE | {"schema_version": 0}, "schema_version"),
         (Command, COMMAND | {"lease": "1"}, "lease"),
@@ -213,9 +263,7 @@ def test_wrong_types_are_refused_and_the_field_is_named(
         (Pose, POSE | {"position_m": None}, "missing"),
         (Pose, POSE | {"quaternion_xyzw": None}, "missing"),
         (Pose, POSE | {"quaternion_xyzw": [0.0, 0.0, 0.0, 0.0]}, "norm"),
-        (Pose, POSE | {"quaternion_xyzw": [0.0, 0.0, 1e200, 1e200]}, "norm"),
-        (Pose, POSE | {"position_m": [0.0, 0.0, 1e6]}, "position_m"),
-        (Plan, PLAN | {"start_s": 3.0}, "start_s"),
+        (Pose, POSE | {"quaternion_xyzw": [0.0, 0.0, 1e5, 1e5]}, "norm"),
     ],
 )
 def test_values_that_make_no_sense_are_refused_and_the_field_is_named(
@@ -233,14 +281,11 @@ def test_values_that_make_no_sense_are_refused_and_the_field_is_named(
         ([1, 4], 33),
         ([2, 4], 32),
         ([0, 4], 32),
-        ([-1, 4], 32),
-        ([-1, -4], 32),
         ([4, 1], 32),
         ([1, 5], 40),
         ([MAX_NEXT_INPUTS + 1, 4], 32 * (MAX_NEXT_INPUTS + 1)),
         ([2**40, 4], 32),
-        ([2**62, 4], 0),
-        ([2**63, 4], 0),
+        ([2**53, 4], 0),
     ],
 )
 def test_arrays_that_lie_about_their_shape_are_refused(shape: list[int], size: int) -> None:
@@ -263,16 +308,16 @@ def test_arrays_with_numbers_no_controller_can_use_are_refused(number: float, pl
     "wrong",
     [
         {"data": bytes(24)}, {"data": bytes(47)}, {"data": bytes(24 * (MAX_STAGES + 1))},
-        {"scale": 12 * [0.0]}, {"scale": 12 * [-1e-3]}, {"offset": 12 * [1e9]},
-        {"scale": 11 * [1e-3] + [math.nan]},
-        {"offset": 11 * [0.0] + [math.inf]},
+        {"scale": 12 * [0.0]}, {"scale": 12 * [-1e-3]}, {"scale": 12 * [1e5]},
     ],
 )  # fmt: skip
 def test_plans_that_are_no_trajectory_are_refused(wrong: dict[str, Any]) -> None:
     assert refusal(PLAN | {"trajectory": TRAJECTORY | wrong}, Plan).kind == "value"
 
 
-@pytest.mark.parametrize("wrong", [{"scale": 11 * [1e-3]}, {"offset": "text"}, {"data": None}])
+@pytest.mark.parametrize(
+    "wrong", [{"scale": 11 * [1e-3]}, {"offset": 12 * [1e9]}, {"offset": "text"}, {"data": None}]
+)
 def test_trajectories_of_other_types_are_refused(wrong: dict[str, Any]) -> None:
     assert refusal(PLAN | {"trajectory": TRAJECTORY | wrong}, Plan).kind == "type"
 
@@ -290,14 +335,6 @@ def test_timestamps_and_extension_types_are_refused_where_a_number_belongs() -> 
         assert refusal(POSE | {"frame": foreign}, Pose).kind == "type"
 
 
-@pytest.mark.parametrize("container", [list, dict])
-def test_what_cannot_be_examined_for_its_nesting_is_refused(container: type) -> None:
-    nested: object = math.inf
-    for _ in range(MAX_DEPTH + 1):
-        nested = [nested] if container is list else {"a": nested}
-    assert refusal(POSE | {"extra": nested}, Pose).kind == "value"
-
-
 @pytest.mark.parametrize("container", [b"\x91", b"\x81\xa1a"])
 def test_an_unknown_field_without_a_bottom_is_refused(container: bytes) -> None:
     head = msgpack.packb(POSE | {"extra": None})[:-1]
@@ -311,7 +348,7 @@ def test_bytes_that_look_like_a_number_that_is_not_finite_are_none() -> None:
 
 
 def test_bottomless_nesting_is_refused() -> None:
-    assert refusal(b"\x91" * 20_000, Pose).kind == "malformed"
+    assert refusal(b"\x91" * 20_000, Pose).kind == "type"
 
 
 @settings(deadline=None)

@@ -110,8 +110,8 @@ def test_every_refusal_is_counted_under_its_kind(kinds: list[str]) -> None:
         "type": b"\x80",
         "value": encode(
             Command(
-                epoch=0, frame=0, lease=1, sequence=0, input=(0.0, 0.0, float("nan"), 0.0),
-                next_inputs=FloatArray.of(np.zeros((0, 4))), period_s=0.02,
+                epoch=0, frame=0, lease=1, sequence=0, input=(0.0, 0.0, 0.5, 0.0),
+                next_inputs=FloatArray.of(np.zeros((1, 3))), period_s=0.02,
             )
         ),
     }  # fmt: skip

@@ -64,6 +64,8 @@ def test_a_good_command_is_accepted_and_kept() -> None:
         {"lease": "1"},
         {"lease": None},
         {"lease": -1},
+        {"sequence": 2**53 + 1},
+        {"frame": 2**64},
         {"epoch": -1},
         {"epoch": True},
         {"epoch": 5.0},
@@ -123,10 +125,11 @@ def test_values_a_little_outside_are_clamped_and_further_outside_rejected(
     assert Gate().consider(next_u=[u]) is Rejection.OUT_OF_LIMITS
 
 
-@pytest.mark.parametrize("period_s", [0.0, -0.02, 0.1001])
+@pytest.mark.parametrize("period_s", [0.0, -0.02, 0.0019, 3e-8, 5e-324, 0.1001])
 def test_command_periods_out_of_range_are_rejected(period_s: float) -> None:
     assert Gate().consider(period_s=period_s) is Rejection.OUT_OF_LIMITS
     assert Gate().consider(period_s=0.1) is None
+    assert Gate().consider(period_s=0.002) is None
 
 
 def test_numbers_of_any_real_type_are_taken() -> None:

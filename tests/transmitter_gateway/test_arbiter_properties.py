@@ -10,6 +10,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from rcopterx.bus.message import SHORTEST_PERIOD_S
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
@@ -152,9 +153,10 @@ class ArbiterMachine(RuleBasedStateMachine):
             self.pose()
             self.command(u=u, next_u=(u,) * plan)
 
-    @rule(u=u_good, period_s=st.floats(0.005, 0.1))
-    def good_command(self, u: tuple[float, ...], period_s: float) -> None:
-        self.command(u=u, next_u=((0, 0, 0.6, 0),) * 6, period_s=period_s)
+    @rule(u=u_good, period_s=st.floats(SHORTEST_PERIOD_S, 0.1) | st.floats())
+    def command_of_any_period(self, u: tuple[float, ...], period_s: float) -> None:
+        answer = self.command(u=u, next_u=((0, 0, 0.6, 0),) * 6, period_s=period_s)
+        assert not answer.accepted or SHORTEST_PERIOD_S <= period_s <= 0.1
 
     @rule(agent=st.sampled_from(AGENTS), take_over=st.booleans())
     def agent_bids(self, agent: int, take_over: bool) -> None:

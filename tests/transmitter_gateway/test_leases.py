@@ -1,5 +1,6 @@
 """Whatever agents ask for and whenever they command: at most one of them counts, and the newest one."""
 
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
@@ -51,6 +52,14 @@ def test_a_restarted_gateway_counts_on_beyond_what_it_may_have_issued() -> None:
     assert not leases.was_issued(5 + UNDER_WAY + 1)
     assert leases.bid(7, 0.0, fresh=False, take_over=False) == 0
     assert leases.bid(7, RESERVED_S, fresh=False, take_over=False) == 5 + UNDER_WAY + 1
+
+
+@pytest.mark.parametrize("wrong", [2**52 + 1, 2**53])
+def test_leases_that_leave_no_room_for_later_ones_are_not_resumed(wrong: int) -> None:
+    for commanding, issued in ((wrong, wrong), (1, wrong)):
+        leases = Leases()
+        leases.resume(commanding, issued, 0.0)
+        assert leases.bid(7, RESERVED_S, fresh=False, take_over=False) == 1
 
 
 def test_only_the_agents_that_bid_last_are_remembered() -> None:

@@ -119,6 +119,13 @@ def test_epoch_of_another_gateway_is_left_behind_whatever_the_wall_clock_says() 
     assert counter.epochs == 1
 
 
+@pytest.mark.parametrize("epoch", [2**52 + 1, 2**53, 2**64 - 1])
+def test_epoch_that_leaves_no_room_for_later_ones_is_not_left_behind(epoch: int) -> None:
+    counter = EpochCounter()
+    counter.leave_behind(epoch)
+    assert counter.stamp(frame(7, 50.0), 1_700_000_000.0) == Stamp(1_700_000_000_000, 7)
+
+
 def test_newer_epoch_of_another_gateway_begins_a_new_one_and_an_older_one_does_not() -> None:
     counter = started()
     counter.leave_behind(1_700_000_000_500)
