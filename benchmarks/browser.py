@@ -63,7 +63,6 @@ def served(fleet: str) -> Iterator[str]:
     )
     try:
         assert process.stdout is not None
-        # The web server prints a greeting on the same stream.
         address = next((line.split()[0] for line in process.stdout if line.startswith("http")), None)
         if address is None:
             raise OSError(f"the page has ended with exit code {process.wait()}")

@@ -6,7 +6,9 @@ browser without a graphics card, and record the page:
     rcopterx demo --seconds 45
     rcopterx replay --speed 0.5 &
     rcopterx ground --watch-only --port 8099 -f trio &
-    python docs/figures/record_page.py http://127.0.0.1:8099 docs/figures/ground
+    python docs/figures/record_page.py ADDRESS docs/figures/ground
+
+ADDRESS is the one that `rcopterx ground` prints.
 """
 
 import io

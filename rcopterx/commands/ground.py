@@ -7,8 +7,9 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from importlib.util import find_spec
+from tempfile import NamedTemporaryFile
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -51,27 +52,39 @@ def ground(
     """Show and control the fleet in the browser until Ctrl-C. The space bar cuts all motors."""
     if not installed():
         raise failure(f"the web page needs viser: {INSTALL}")
-    import viser
-
+    from rcopterx.deploy.hosts.run_directory import run_directory
     from rcopterx.deploy.roles.run import end_with_parent
+    from rcopterx.ground_station.page.guard import PageServer, kept_key
     from rcopterx.ground_station.page.page import FleetPage, PageFrame
 
     end_with_parent()
     with user_errors():
         file, host = wanted_fleet(fleet)
-        server = viser.ViserServer("127.0.0.1", port, label=f"rcopterx {file.name}", verbose=False)
+        directory = run_directory(file.name, file.bus.namespace)
+        key = kept_key(directory / ("watch.key" if watch_only else "page.key"))
+        server = PageServer(port, f"rcopterx {file.name}", key)
         try:
             with suppress(KeyboardInterrupt):
                 # Browsers load the page while a fleet that has just been started comes up.
                 frame = PageFrame(server, file.name)
-                address = f"http://127.0.0.1:{server.get_port()}"
-                typer.echo(f"{address}  (Ctrl-C ends the page, the fleet goes on)")
-                if open_browser:
-                    webbrowser.open(address)
-                with joined_fleet(file, host, fleet, COMES_UP_S) as running:
+                typer.echo(f"{server.address}  (Ctrl-C ends the page, the fleet goes on)")
+                with (
+                    _opened(server.address) if open_browser else nullcontext(),
+                    joined_fleet(file, host, fleet, COMES_UP_S) as running,
+                ):
                     _keep(FleetPage(running, frame, steers=not watch_only))
         finally:
             server.stop()
+
+
+@contextmanager
+def _opened(address: str) -> Iterator[None]:
+    """Open an address in the browser by a file: other users can read the arguments of a browser's process."""
+    with NamedTemporaryFile("w", prefix="rcopterx-", suffix=".html") as file:
+        file.write(f'<meta http-equiv="refresh" content="0; url={address}">')
+        file.flush()
+        webbrowser.open(f"file://{file.name}")
+        yield
 
 
 def _keep(page: "FleetPage") -> None:
@@ -126,7 +139,6 @@ def page_of(fleet: str, announce: Callable[[str], object]) -> Iterator[None]:
 
 def _announce_lines(page: subprocess.Popen[str], announce: Callable[[str], object]) -> None:
     assert page.stdout is not None
-    # The web server prints other lines as well.
     for line in page.stdout:
         if line.startswith(("http", "error")):
             announce(f"web page: {line.partition('  (')[0].strip()}")

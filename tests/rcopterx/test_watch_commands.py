@@ -7,6 +7,7 @@ import select
 import signal
 import subprocess
 import time
+import urllib.error
 import urllib.request
 from pathlib import Path
 
@@ -155,9 +156,12 @@ def test_the_web_page_is_served_until_ctrl_c(up: str) -> None:
     )  # fmt: skip
     try:
         assert process.stdout is not None
-        assert any(line.startswith(f"http://127.0.0.1:{port} ") for line in process.stdout)
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=DEADLINE_S) as answer:
+        address = next(line.split()[0] for line in process.stdout if line.startswith("http"))
+        assert address.startswith(f"http://127.0.0.1:{port}/")
+        with urllib.request.urlopen(address, timeout=DEADLINE_S) as answer:
             assert b"<html" in answer.read().lower()
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=DEADLINE_S)
         process.send_signal(signal.SIGINT)
         assert process.wait(DEADLINE_S) == 0
     finally:

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import viser
 from support.bus import free_port
 from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
+from rcopterx.ground_station.page.guard import PageServer
 from rcopterx.ground_station.page.page import FleetPage, PageFrame
 from rcopterx.ground_station.scripting.fleet import Fleet
 
@@ -53,24 +53,24 @@ def kept_up_to_date(page: FleetPage) -> Iterator[None]:
 
 
 @contextmanager
-def served(fleet: Fleet, port: int) -> Iterator[None]:
+def served(fleet: Fleet, port: int = 0) -> Iterator[PageServer]:
     """The page, kept up to date."""
-    server = viser.ViserServer("127.0.0.1", port, verbose=False)
+    server = PageServer(port or free_port(), fleet.file.name, "key-of-this-test")
     with kept_up_to_date(FleetPage(fleet, PageFrame(server, fleet.file.name))):
-        yield
+        yield server
     server.stop()
 
 
 @pytest.fixture
-def open_window() -> Iterator[Callable[[int, tuple[int, int]], Any]]:
-    """Open the page of a port in a window of a size."""
+def open_window() -> Iterator[Callable[[str, tuple[int, int]], Any]]:
+    """Open an address in a window of a size."""
     sync_api = pytest.importorskip("playwright.sync_api", reason=NEEDED)
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_RENDERING)
 
-        def opened(port: int, size: tuple[int, int]) -> Any:
+        def opened(address: str, size: tuple[int, int]) -> Any:
             window = browser.new_page(viewport={"width": size[0], "height": size[1]})
-            window.goto(f"http://127.0.0.1:{port}")
+            window.goto(address)
             window.get_by_role("button", name="KILL: cut").wait_for(state="visible", timeout=60_000)
             return window
 
@@ -79,11 +79,10 @@ def open_window() -> Iterator[Callable[[int, tuple[int, int]], Any]]:
 
 
 @pytest.fixture
-def browse(fleet: Fleet, open_window: Callable[[int, tuple[int, int]], Any]) -> Iterator[Browse]:
+def browse(fleet: Fleet, open_window: Callable[[str, tuple[int, int]], Any]) -> Iterator[Browse]:
     """Open the page in a window of a size."""
-    port = free_port()
-    with served(fleet, port):
-        yield lambda size: open_window(port, size)
+    with served(fleet) as server:
+        yield lambda size: open_window(server.address, size)
 
 
 def all_killed(vehicles: Vehicles) -> bool:
@@ -154,11 +153,11 @@ def test_the_space_bar_is_kill_wherever_the_focus_is(browse: Browse, vehicles: V
 
 
 def test_kill_that_is_pressed_without_a_connection_is_sent_once_there_is_one(
-    fleet: Fleet, vehicles: Vehicles, open_window: Callable[[int, tuple[int, int]], Any]
+    fleet: Fleet, vehicles: Vehicles, open_window: Callable[[str, tuple[int, int]], Any]
 ) -> None:
     port = free_port()
-    with served(fleet, port):
-        window = open_window(port, DESKTOP)
+    with served(fleet, port) as server:
+        window = open_window(server.address, DESKTOP)
     window.get_by_role("button", name="KILL does not reach the fleet").wait_for(timeout=30_000)
     window.keyboard.press("Space")
     window.get_by_role("button", name="KILL waits").wait_for(timeout=5_000)

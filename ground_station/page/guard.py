@@ -1,0 +1,137 @@
+"""The web server of the page, for browsers that know its secret address and for pages of its own only.
+
+viser itself accepts every connection, from any user of the computer and from every web page that is open in a
+browser.
+"""
+
+import hmac
+import io
+import logging
+import os
+import secrets
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import replace
+from http import HTTPStatus
+from pathlib import Path
+from typing import Any, Final
+
+import viser
+import websockets.asyncio.server as websocket_server
+from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+HOST: Final = "127.0.0.1"
+NAMES: Final = (HOST, "localhost")
+"""Names under which this computer serves the page; a name that was rebound to its address is another one."""
+KEY_BYTES: Final = 32
+
+Respond = Callable[[ServerConnection, Request], Response | None]
+
+
+class PageServer(viser.ViserServer):
+    """A web server on this computer whose address contains a secret.
+
+    The path of the address is the secret, which the script of the page repeats for its WebSocket. Cookies
+    would reach other servers of this computer, because browsers ignore the port.
+
+    Raises `RuntimeError`: viser does not use the guard.
+    """
+
+    def __init__(self, port: int, label: str, key: str) -> None:
+        self._guard = Guard(key)
+        # The greeting of viser has an address without the secret.
+        with self._guard.in_front(), redirect_stdout(io.StringIO()):
+            super().__init__(HOST, port, label=label, verbose=False)
+        if not self._guard.used:
+            self.stop()
+            raise RuntimeError("this version of viser has a web server that cannot be protected")
+
+    @property
+    def address(self) -> str:
+        """Address for browsers, which contains the secret."""
+        return f"http://{HOST}:{self.get_port()}/{self._guard.key}/"
+
+    def request_share_url(self, verbose: bool = True) -> None:
+        """Refuse to open a public tunnel, for which every browser can send a message."""
+
+
+def kept_key(path: Path) -> str:
+    """Return the secret in a file, created if missing.
+
+    Windows of a page that was restarted connect again, so that KILL works in them.
+    """
+    if not path.exists():
+        fresh = path.with_suffix(f".{os.getpid()}")
+        fresh.touch(0o600)
+        fresh.write_text(secrets.token_urlsafe(KEY_BYTES))
+        fresh.replace(path)
+    return path.read_text()
+
+
+class Guard:
+    """Decides which requests reach a web server."""
+
+    def __init__(self, key: str) -> None:
+        self.key = key
+        self.used = False
+
+    def refusal(self, path: str, hosts: list[str], origins: list[str]) -> str | None:
+        """Return why a request is refused, None if it is accepted.
+
+        Parameters
+        ----------
+        path
+            Path of the request, without its query.
+        hosts, origins
+            Values of its headers `Host` and `Origin`. Programs send no origin, browsers always do when they
+            open a WebSocket.
+        """
+        if len(hosts) != 1 or hosts[0].rpartition(":")[0] not in NAMES:
+            return "the page has no such host name"
+        if origins not in ([], [f"http://{hosts[0]}"]):
+            return "only the page itself may connect"
+        if not hmac.compare_digest(path.strip("/").encode(errors="replace"), self.key.encode()):
+            return "the address of the page is the one that `rcopterx ground` has printed"
+        return None
+
+    @contextmanager
+    def in_front(self) -> Iterator[None]:
+        """Check the requests of every server that the library `websockets` starts in the block."""
+        serve = websocket_server.serve
+
+        def guarded(*arguments: Any, process_request: Respond, **options: Any) -> Any:
+            self.used = True
+            return serve(*arguments, process_request=self._before(process_request), **options)
+
+        websocket_server.serve = guarded  # type: ignore[assignment, misc]
+        try:
+            yield
+        finally:
+            websocket_server.serve = serve  # type: ignore[misc]
+
+    def _before(self, respond: Respond) -> Respond:
+        def checked(connection: ServerConnection, request: Request) -> Response | None:
+            path = request.path.partition("?")[0]
+            headers = request.headers
+            refusal = self.refusal(path, headers.get_all("Host"), headers.get_all("Origin"))
+            if refusal is None:
+                return respond(connection, replace(request, path="/"))
+            body = f"{refusal}\n".encode()
+            return Response(
+                HTTPStatus.FORBIDDEN,
+                "Forbidden",
+                Headers({"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}),
+                body,
+            )
+
+        return checked
+
+
+def _no_failed_handshake(record: logging.LogRecord) -> bool:
+    """Strangers must not fill the terminal of the page with tracebacks."""
+    return "handshake failed" not in record.getMessage()
+
+
+logging.getLogger("websockets.server").addFilter(_no_failed_handshake)
