@@ -309,7 +309,7 @@ class Arbiter:
             self.state,
             self.reason,
             self._shaping.u,
-            throttle_low=self.state in (State.CUT, State.KILLED),
+            throttle_low=self.state not in FLYING,
             kill=self.state is State.KILLED,
             bridging_step=self._bridging_step,
             cause=None if acting is None else acting.command.cause,

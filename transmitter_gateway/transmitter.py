@@ -293,8 +293,7 @@ class Transmitter:
     def _write(self, now_s: float) -> Write:
         output = self._output
         flying = output.state in FLYING
-        low = output.throttle_low or (self._shutdown and not flying)
-        pulses = self._calibration.pulses_us(output.u, throttle_low=low)
+        pulses = self._calibration.pulses_us(output.u, throttle_low=output.throttle_low)
         disarmed = output.state is State.DISARMED
         if disarmed and now_s < self._shown_until_s:
             pulses = self._shown

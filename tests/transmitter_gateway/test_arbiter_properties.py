@@ -248,7 +248,7 @@ class ArbiterMachine(RuleBasedStateMachine):
             assert math.isfinite(value)
             assert lower <= value <= upper
         assert output.state in FLYING or output.u == (0, 0, 0, 0)
-        assert output.throttle_low == (output.state in (State.CUT, State.KILLED))
+        assert output.throttle_low == (output.state not in FLYING)
         assert output.kill == (output.state is State.KILLED)
         if output.state is State.LAND or (output.state is State.HOLD and self.yaw_rad is not None):
             hover = U_HOVER, LIMITS.hover_correction + LIMITS.landing.thrust

@@ -12,7 +12,7 @@ def test_arbiter_starts_disarmed_with_neutral_output() -> None:
     assert (output.state, output.u, output.throttle_low, output.kill) == (
         State.DISARMED,
         NEUTRAL,
-        False,
+        True,
         False,
     )
     assert output.cause is None

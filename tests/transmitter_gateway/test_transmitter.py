@@ -247,14 +247,22 @@ def test_shutdown_lands_sends_at_least_25_low_frames_and_finishes(bench: Bench) 
     assert 30 <= len(low) <= 32
 
 
-def test_shutdown_on_the_ground_sends_throttle_low_too(tmp_path: Path) -> None:
+def test_disarmed_vehicles_get_throttle_low_without_trim_also_in_bind_frames(tmp_path: Path) -> None:
     bench = Bench(tmp_path / "h1")
     calibration = Calibration(throttle=ThrottleCalibration(us0=1180))
     protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
     bench.transmitter = Transmitter("h1", ArbiterLimits(), calibration, protocol, bench.port)
     bench.transmitter.arbiter.bid(1, bench.now_s, take_over=False)
     bench.run(1.0, IDLE)
-    assert set(bench.received()) == {1180}
+    assert bench.transmitter.bind(bench.now_s).accepted
+    bench.run(1.0, IDLE)
+    assert any(frame.bind for frame in bench.frames)
+    bench.run(12.0, IDLE)
+    assert not bench.transmitter.busy(bench.now_s)
+    assert set(bench.received()) == {1100}
+    bench.request(Action.ARM)
+    bench.run(0.1, IDLE)
+    assert bench.received()[-1] == 1180
     bench.request(Action.SHUTDOWN)
     bench.run(0.9, None)
     assert bench.received()[-25:] == [1100] * 25
