@@ -1,25 +1,48 @@
-"""Which bounds are active: rows beyond a bound get the weight s and the bound for a target, others lose them.
+"""The active-set iteration: rows beyond a bound are pulled to it with the weight s, other rows are not.
 
-This is Newton's method for the piecewise quadratic cost of the problem.
+This is Newton's method for the piecewise quadratic cost of the problem. Every iteration is one sweep.
 """
 
-from typing import Final
+from typing import Any, Final, NamedTuple
 
-from rcopterx.compiling.compiled import MATRIX, compiled
-from rcopterx.control.solver.problem import PROBLEM, OptimalControlProblem
+import numpy as np
+
+from rcopterx.compiling.compiled import FLAG, MATRIX, compiled, part, record
+from rcopterx.control.solver.problem import PROBLEM, TRAJECTORIES, OptimalControlProblem, Trajectories
+from rcopterx.control.solver.sweep import FACTOR, Factor, factorize, solve
 from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-12
 """A row changes between active and inactive by more than this; times `HARD` it is a derivative of 1e-4."""
+MOST_SWEEPS: Final = 8
+"""Sweeps after which an iteration that has not converged is given up."""
+
+
+class ActiveSet(NamedTuple):
+    """Active bounds of all rows, and what they add to a sweep; arrays of shape (N, ny)."""
+
+    side: Array
+    """1 where the upper bound is active, -1 where the lower one is, 0 elsewhere."""
+    e: Array
+    """Weights."""
+    target: Array
+
+    @classmethod
+    def empty(cls, stages: int, rows: int) -> "ActiveSet":
+        """Return a set without active bounds."""
+        return cls(*np.zeros((3, stages, rows)))
+
+
+ACTIVE_SET: Final[Any] = record(ActiveSet, *3 * [MATRIX])
 
 
 @compiled(PROBLEM, MATRIX, MATRIX)
-def update_active_set(p: OptimalControlProblem, y: Array, active: Array) -> int:
-    """Set the active bounds of a plan's rows, shape (N, ny); return how many changed."""
+def update_active_set(p: OptimalControlProblem, y: Array, side: Array) -> int:
+    """Set the active bounds of a plan's rows; return how many changed."""
     changed = 0
     for k in range(y.shape[0]):
         for row in range(y.shape[1]):
-            before = active[k, row]
+            before = side[k, row]
             after = 0.0
             if p.s[k, row] > 0.0:
                 if y[k, row] > p.high[k, row] + (-TOLERANCE if before > 0.0 else TOLERANCE):
@@ -27,17 +50,52 @@ def update_active_set(p: OptimalControlProblem, y: Array, active: Array) -> int:
                 elif y[k, row] < p.low[k, row] - (-TOLERANCE if before < 0.0 else TOLERANCE):
                     after = -1.0
             if after != before:
-                active[k, row] = after
+                side[k, row] = after
                 changed += 1
     return changed
 
 
-@compiled(PROBLEM, MATRIX, MATRIX, MATRIX)
-def set_pulls(p: OptimalControlProblem, active: Array, e: Array, target: Array) -> None:
-    """Set weights and targets of the active rows; zero elsewhere."""
-    for k in range(active.shape[0]):
-        for row in range(active.shape[1]):
-            e[k, row] = target[k, row] = 0.0
-            if active[k, row] != 0.0:
-                e[k, row] = p.s[k, row]
-                target[k, row] = p.high[k, row] if active[k, row] > 0.0 else p.low[k, row]
+@part
+def set_pulls(p: OptimalControlProblem, a: ActiveSet) -> bool:
+    """Set weights and targets of the rows; return whether any bound is active."""
+    pulled = False
+    for k in range(a.side.shape[0]):
+        for row in range(a.side.shape[1]):
+            a.e[k, row] = a.target[k, row] = 0.0
+            if a.side[k, row] != 0.0:
+                a.e[k, row] = p.s[k, row]
+                a.target[k, row] = p.high[k, row] if a.side[k, row] > 0.0 else p.low[k, row]
+                pulled = True
+    return pulled
+
+
+@compiled(PROBLEM, ACTIVE_SET, FACTOR, FACTOR, FLAG, TRAJECTORIES)
+def iterate_active_set(
+    p: OptimalControlProblem, a: ActiveSet, free: Factor, pulled: Factor, factored: bool, plan: Trajectories
+) -> tuple[int, bool, bool]:
+    """Sweep until the active set stays.
+
+    Parameters
+    ----------
+    free, pulled
+        Factors of sweeps without and with active bounds.
+    factored
+        Whether `free` is the factor of this problem.
+
+    Returns
+    -------
+    sweeps, converged, factored
+        Number of sweeps, whether the active set stayed, and whether `free` is the factor afterwards.
+    """
+    for sweep in range(1, MOST_SWEEPS + 1):
+        if set_pulls(p, a):
+            factorize(p, a.e, pulled)
+            solve(p, a.e, a.target, pulled, plan)
+        else:
+            if not factored:
+                factorize(p, a.e, free)
+                factored = True
+            solve(p, a.e, a.target, free, plan)
+        if update_active_set(p, plan.y, a.side) == 0:
+            return sweep, True, factored
+    return MOST_SWEEPS, False, factored

@@ -1,14 +1,22 @@
-"""The plan that is flown when a solver stops before it converges: the best one known, within hard bounds."""
+"""Plans with their quality; and the plan that is flown when a solver stops before it converges."""
 
 import numpy as np
 
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Trajectories
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan, Trajectories
 from rcopterx.control.solver.sweep import quality, roll_out
 from rcopterx.vehicles.state import Array
 
 
+def rated(
+    p: OptimalControlProblem, plan: Trajectories, active: Array, iterations: int, optimal: bool
+) -> Plan:
+    """Return a plan with its residuals; arguments as of `Plan`."""
+    _, primal, dual = quality(p, plan)
+    return Plan(*plan, active, iterations, primal, dual, optimal)
+
+
 def best_plan(p: OptimalControlProblem, inputs: Array, shifted: Array | None) -> Trajectories:
-    """Return the less costly of two plans: of the solver's inputs, and of the last plan's one stage on."""
+    """Return the less costly of two plans within hard bounds: of `inputs`, and of `shifted` ones."""
     known = [inputs] if shifted is None else [inputs, shifted]
     plans = [rolled_out(p, within_hard_bounds(p, candidate)) for candidate in known]
     return min(plans, key=lambda plan: float(np.nan_to_num(quality(p, plan)[0], nan=np.inf)))

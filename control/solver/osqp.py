@@ -7,10 +7,9 @@ import numpy as np
 import osqp
 
 from rcopterx.control.solver.active_set import update_active_set
-from rcopterx.control.solver.candidates import best_plan, shift
+from rcopterx.control.solver.candidates import best_plan, rated, shift
 from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
 from rcopterx.control.solver.sparse_qp import SparseQP
-from rcopterx.control.solver.sweep import quality
 from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-4
@@ -71,8 +70,7 @@ class OsqpSolver:
         plan = qp.plan_of(result.x, p)
         if not optimal:
             plan = best_plan(p, plan.u, self._inputs)
-        _, primal, dual = quality(p, plan)
         active = np.zeros(plan.y.shape)
         update_active_set(p, plan.y, active)
         self._inputs = shift(plan.u)
-        return Plan(*plan, active, int(result.info.iter), primal, dual, optimal)
+        return rated(p, plan, active, int(result.info.iter), optimal)

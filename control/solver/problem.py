@@ -11,6 +11,8 @@ is `HARD`, which leaves an excess of about 1e-6 of a stick; the weights of all o
 
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+
 from rcopterx.compiling.compiled import BLOCKS, MATRIX, VECTOR, record
 from rcopterx.vehicles.state import Array
 
@@ -90,6 +92,19 @@ PROBLEM: Final[Any] = record(
 )
 """Type of a problem as an argument of kernels."""
 TRAJECTORIES: Final[Any] = record(Trajectories, *3 * [MATRIX])
+
+
+def repeated(
+    stages: int, A: Array, B: Array, C: Array, D: Array, W: Array, s: Array, P: Array
+) -> OptimalControlProblem:
+    """Return a problem whose stages are the same; everything else is zero, and there are no bounds yet."""
+    nx, ny = len(A), len(C)
+    c, r = np.zeros((stages, nx)), np.zeros((stages, ny))
+    low, high = np.full((stages, ny), -np.inf), np.full((stages, ny), np.inf)
+    A, B, C, D = (np.tile(matrix, (stages, 1, 1)) for matrix in (A, B, C, D))
+    W, s = np.tile(W, (stages, 1)), np.tile(s, (stages, 1))
+    x_end, x_0 = np.zeros((2, nx))
+    return OptimalControlProblem(A, B, c, C, D, W, r, low, high, s, np.array(P, order="C"), x_end, x_0)
 
 
 def never() -> bool:

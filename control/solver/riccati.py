@@ -11,15 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.solver import interior_point
-from rcopterx.control.solver.active_set import set_pulls, update_active_set
-from rcopterx.control.solver.candidates import best_plan, empty_plan, shift
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
-from rcopterx.control.solver.sweep import Factor, factorize, quality, solve
+from rcopterx.control.solver.active_set import ActiveSet, iterate_active_set, update_active_set
+from rcopterx.control.solver.candidates import best_plan, empty_plan, rated, shift
+from rcopterx.control.solver.interior_point import FEASIBLE, Barrier, active_rows, iterate, residuals, start
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories, never
+from rcopterx.control.solver.sweep import Factor
 from rcopterx.vehicles.state import Array
 
-ACTIVE_SET_SWEEPS: Final = 8
-"""Sweeps after which an active-set iteration that has not converged is given up."""
 READABLE: Final = (1e-3, 1e-5, 1e-7)
 """Mean complementarities at which the active set is read from the interior point; the last one is optimal."""
 
@@ -35,45 +33,33 @@ class RiccatiSolver:
 
     def __init__(self, max_iterations: int = 40) -> None:
         self._max_iterations = max_iterations
-        self._shape: tuple[int, ...] = ()
-        self._factored = False
-        self._active: Array = np.zeros((0, 0))
+        self._active = ActiveSet.empty(0, 0)
         self._inputs: Array | None = None
+        self._factored = False
+        self.reset()
 
     def reset(self) -> None:
         """Start the next solve cold."""
-        self._shape = ()
+        self._shape: tuple[int, ...] = ()
 
     def solve(
         self, p: OptimalControlProblem, same_cost: bool = False, expired: Callable[[], bool] = never
     ) -> Plan:
-        """Solve a problem, one stage after the last one.
-
-        Parameters
-        ----------
-        p
-            The problem.
-        same_cost
-            Whether A, B, P and the rows with weights are those of the last solve.
-        expired
-            Deadline, checked before every factorization.
-        """
+        """Solve a problem, one stage after the last one (`rcopterx.control.solver.solvers.Solver`)."""
         if self._shape != p.C.shape + p.D.shape:
             self._allocate(p)
         self._factored = self._factored and same_cost
-        self._plan = empty_plan(p)
-        shifted = self._inputs
-        self._active = shift(self._active)
-        sweeps, optimal = self._iterate_active_set(p, expired)
+        self._active.side[:-1] = self._active.side[1:]
+        plan = empty_plan(p)
+        iterations, optimal = self._iterate_active_set(p, plan)
         if not optimal and not expired():
-            further, optimal = self._interior_point(p, expired)
-            sweeps += further
+            plan, further, optimal = self._interior_point(p, plan, expired)
+            iterations += further
         if not optimal:
-            self._plan = best_plan(p, self._plan.u, shifted)
-            update_active_set(p, self._plan.y, self._active)
-        _, primal, dual = quality(p, self._plan)
-        self._inputs = shift(self._plan.u)
-        return Plan(*self._plan, self._active.copy(), sweeps, primal, dual, optimal)
+            plan = best_plan(p, plan.u, self._inputs)
+            update_active_set(p, plan.y, self._active.side)
+        self._inputs = shift(plan.u)
+        return rated(p, plan, self._active.side.copy(), iterations, optimal)
 
     def _allocate(self, p: OptimalControlProblem) -> None:
         """Make room for problems of these shapes; nothing is known of them yet."""
@@ -85,45 +71,36 @@ class RiccatiSolver:
             for _ in range(2)
         )
         self._factored = False
-        self._active = np.zeros((stages, rows))
-        self._e, self._target = np.zeros((stages, rows)), np.zeros((stages, rows))
+        self._active = ActiveSet.empty(stages, rows)
         self._inputs = None
 
-    def _iterate_active_set(self, p: OptimalControlProblem, expired: Callable[[], bool]) -> tuple[int, bool]:
+    def _iterate_active_set(self, p: OptimalControlProblem, plan: Trajectories) -> tuple[int, bool]:
         """Sweep until the active set stays; return the number of sweeps, and whether it does."""
-        for sweep in range(1, ACTIVE_SET_SWEEPS + 1):
-            set_pulls(p, self._active, self._e, self._target)
-            free = not self._active.any()
-            factor = self._free if free else self._pulled
-            if not (free and self._factored):
-                if sweep > 1 and expired():
-                    return sweep - 1, False
-                factorize(p, self._e, factor)
-                self._factored = self._factored or free
-            solve(p, self._e, self._target, factor, self._plan)
-            if update_active_set(p, self._plan.y, self._active) == 0:
-                return sweep, True
-        return ACTIVE_SET_SWEEPS, False
+        sweeps, converged, self._factored = iterate_active_set(
+            p, self._active, self._free, self._pulled, self._factored, plan
+        )
+        return sweeps, converged
 
-    def _interior_point(self, p: OptimalControlProblem, expired: Callable[[], bool]) -> tuple[int, bool]:
-        """Solve from the unconstrained plan; return the number of iterations, and whether it converged."""
-        barrier = interior_point.Barrier.zeros(*self._active.shape)
-        inside, trial = self._plan, empty_plan(p)
-        self._active[:] = 0.0
-        interior_point.start(p, inside, barrier)
+    def _interior_point(
+        self, p: OptimalControlProblem, inside: Trajectories, expired: Callable[[], bool]
+    ) -> tuple[Trajectories, int, bool]:
+        """Solve from a plan that satisfies the dynamics; return plan, iterations, and whether optimal."""
+        barrier = Barrier.zeros(*self._active.side.shape)
+        trial = empty_plan(p)
+        start(p, inside, barrier)
         levels = iter(READABLE)
         level = next(levels)
         for iteration in range(self._max_iterations):
-            complementarity, gap = interior_point.residuals(p, inside, barrier)
-            if complementarity < level and gap < interior_point.FEASIBLE:
-                self._plan, self._active = empty_plan(p), interior_point.active_rows(barrier)
-                if self._iterate_active_set(p, expired)[1]:
-                    return iteration, True
-                self._plan = inside
+            complementarity, gap = residuals(p, inside, barrier)
+            if complementarity < level and gap < FEASIBLE:
+                verified = empty_plan(p)
+                self._active.side[:] = active_rows(barrier)
+                if self._iterate_active_set(p, verified)[1]:
+                    return verified, iteration, True
                 if complementarity < READABLE[-1]:
-                    return iteration, True
+                    return inside, iteration, True
                 level = next(levels)
             if expired():
-                return iteration, False
-            interior_point.iterate(p, inside, trial, self._pulled, barrier, complementarity)
-        return self._max_iterations, False
+                return inside, iteration, False
+            iterate(p, inside, trial, self._pulled, barrier, complementarity)
+        return inside, self._max_iterations, False

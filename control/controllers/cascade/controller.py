@@ -17,10 +17,11 @@ from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.control.controllers.cascade.disturbance_observer import DisturbanceObserver
 from rcopterx.control.controllers.cascade.lags import LagDynamics
-from rcopterx.control.controllers.cascade.lateral import HorizontalProblem, HorizontalTask
+from rcopterx.control.controllers.cascade.lateral import HorizontalProblem
 from rcopterx.control.controllers.cascade.lateral_lags import LateralLags
-from rcopterx.control.controllers.cascade.lateral_tilt import LateralTilt
-from rcopterx.control.controllers.cascade.limits import PlanLimits
+from rcopterx.control.controllers.cascade.lateral_tilt import LateralTilt, with_tilt
+from rcopterx.control.controllers.cascade.limits import PlanLimits, recovery
+from rcopterx.control.controllers.cascade.task import Task
 from rcopterx.control.controllers.cascade.weights import (
     HORIZONTAL,
     CascadeWeights,
@@ -89,12 +90,10 @@ class CascadeController(BaseController):
         super().__init__(model, period_s, settings.horizon, settings.limits(model))
         self._settings = settings
         self._effort_factors = np.array(settings.effort_factors)[[0, 0, 1, 2]]
-        weights = self._weights()
         stages = settings.horizon - 1
-        self._heading, self._height = (
-            AxisProblem(axis, self._dynamics(slice(axis, axis + 1)), weights, stages) for axis in (YAW, Z)
-        )
-        self._horizontal = self._horizontal_problem(weights, stages)
+        self._recovery = recovery(period_s, stages)
+        self._heading, self._height = self._axis(YAW, stages), self._axis(Z, stages)
+        self._horizontal = self._horizontal_problem(stages)
         self._coupling = model.thrust_coupling if settings.actuator_lag else 0.0
         make = new_solver or settings.new_solver
         self._heading_solver, self._height_solver, self._horizontal_solver = make(), make(), make()
@@ -110,15 +109,17 @@ class CascadeController(BaseController):
         efforts = np.array(settings.input_weights or default_input_weights(model, self._period_s))
         return CascadeWeights(states[:4], states[4:], efforts * self._effort_factors, settings.soft_weight)
 
-    def _dynamics(self, axes: slice) -> LagDynamics:
-        return LagDynamics.of(self._model, self._period_s, self._settings.actuator_lag, axes)
+    def _axis(self, axis: int, stages: int) -> AxisProblem:
+        axes, settings = slice(axis, axis + 1), self._settings
+        dynamics = LagDynamics.of(self._model, self._period_s, settings.actuator_lag, axes)
+        return AxisProblem(axes, dynamics, self._weights(), stages, settings.feed_forward)
 
-    def _horizontal_problem(self, weights: CascadeWeights, stages: int) -> HorizontalProblem:
-        settings = self._settings
-        if self._model.tilt is None:
-            return LateralLags(self._dynamics(HORIZONTAL), weights, stages, settings.feed_forward)
-        compensate = settings.disturbance_compensation
-        return LateralTilt(self._model, self._period_s, weights, stages, settings.feed_forward, compensate)
+    def _horizontal_problem(self, stages: int) -> HorizontalProblem:
+        model, period_s, settings, weights = self._model, self._period_s, self._settings, self._weights()
+        if model.tilt is not None:
+            return LateralTilt(model, period_s, weights, stages, settings.feed_forward)
+        dynamics = LagDynamics.of(model, period_s, settings.actuator_lag, HORIZONTAL)
+        return LateralLags(HORIZONTAL, dynamics, weights, stages, settings.feed_forward)
 
     def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
         """Keep clear of these in the next step (`rcopterx.control.interfaces.AvoidsObstacles`)."""
@@ -148,27 +149,21 @@ class CascadeController(BaseController):
         reference: Trajectory,
         last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
     ) -> Solution:
-        disturbance, samples = self._disturbance(estimate), reference.samples
-        limits, feed_forward, expired = self._plan_limits, self._settings.feed_forward, self._expired
+        task, expired = self._task(estimate, reference.samples), self._expired
         self._expired = never
-        clear = self._clearances(estimate, samples) if self._obstacles else None
-        heights = None if clear is None else clear.heights(limits.position[:, Z])[:, :-1]
-        load = float(disturbance[U_YAW])
-        heading_problem = self._heading.problem(estimate, load, samples, limits, None, feed_forward)
-        heading = self._heading_solver.solve(heading_problem, True, expired)
-        load = float(disturbance[U_THRUST]) - self._model.gravity_m_s2
-        height_problem = self._height.problem(estimate, load, samples, limits, heights, feed_forward)
-        height = self._height_solver.solve(height_problem, True, expired)
+        clear = self._clearances(task) if self._obstacles else None
+        heights = None if clear is None else clear.heights(task.bounds.position[:, Z])[:, :-1]
+        heading = self._heading_solver.solve(self._heading.problem(task), True, expired)
+        height = self._height_solver.solve(self._height.problem(task, heights), True, expired)
         headings = one_more(heading.x[:, 0], heading.x[-1, 1], self._period_s)
-        task = HorizontalTask(estimate, disturbance, headings, samples)
         rows = None if clear is None else clear.rows(height.x[:, 0], self._settings.separation_weight)
-        horizontal_problem = self._horizontal.problem(task, limits, rows)
+        horizontal_problem = self._horizontal.along(headings, task, rows)
         horizontal = self._horizontal_solver.solve(horizontal_problem, self._horizontal.same_cost, expired)
         inputs = np.column_stack((self._horizontal.sticks(horizontal, task), height.u, heading.u))
         if self._coupling:
             inputs[:, U_YAW] -= self._coupling * (height.u[:, 0] - height.x[:-1, 2])
         flown = np.column_stack((horizontal.x[:, :2], height.x[:, 0], heading.x[:, 0]))
-        velocity = self._horizontal.velocity_at_end(horizontal, task)
+        velocity = self._horizontal.velocity_at_end(horizontal, headings)
         at_end = np.array((*velocity, height.x[-1, 1], heading.x[-1, 1]))
         plans = (heading, height, horizontal)
         return Solution(
@@ -178,23 +173,34 @@ class CascadeController(BaseController):
             not all(plan.optimal for plan in plans),
         )
 
-    def _clearances(self, estimate: Estimate, samples: Array) -> Clearances:
+    def _task(self, estimate: Estimate, reference: Array) -> Task:
+        """What the problems of this step depend on."""
+        model, load = self._model, self._disturbance(estimate)
+        if model.tilt is not None:
+            estimate = with_tilt(model, estimate, load, self._settings.disturbance_compensation)
+        load[U_THRUST] -= model.gravity_m_s2
+        balance = load / model.b
+        if model.tilt is not None:
+            balance[HORIZONTAL] = estimate.tilt.trim
+        bounds = self._plan_limits.bounds(estimate.motion, balance, self._recovery)
+        return Task(estimate, load, reference, bounds)
+
+    def _clearances(self, task: Task) -> Clearances:
         """Separation constraints around the previous plan."""
         own = self._last_plan
         if own is None:
-            previous = np.tile(estimate.motion[:3], (self._horizon, 1))
+            previous = np.tile(task.estimate.motion[:3], (self._horizon, 1))
         else:
             previous = own.positions_from(self._period_s, self._period_s, self._horizon)
-        return clearances(previous, samples[:, POSITION], self._obstacles)
+        return clearances(previous, task.reference[:, POSITION], self._obstacles)
 
     def _disturbance(self, estimate: Estimate) -> Array:
         """Accelerations to predict with, in the order of `Estimate.disturbance`."""
-        estimated = estimate.disturbance if self._settings.disturbance_compensation else np.zeros(4)
+        settings = self._settings
+        estimated = estimate.disturbance.copy() if settings.disturbance_compensation else np.zeros(INPUT_SIZE)
         if (self._effort_factors > 1.0).any():
             estimated = self._filtered(estimated)
-        integrate = self._settings.integrators
-        if integrate is None:
-            integrate = not estimated.any()
+        integrate = not estimated.any() if settings.integrators is None else settings.integrators
         if not integrate:
             return estimated
         if self._last_plan is not None:

@@ -3,25 +3,11 @@
 from typing import Protocol
 
 import numpy as np
-from msgspec import Struct
 
 from rcopterx.control.controllers.cascade.clearance import ClearRows
-from rcopterx.control.controllers.cascade.limits import PlanLimits
-from rcopterx.control.interfaces import Estimate
+from rcopterx.control.controllers.cascade.task import Task
 from rcopterx.control.solver.problem import OptimalControlProblem, Plan
 from rcopterx.vehicles.state import Array
-
-
-class HorizontalTask(Struct, frozen=True):
-    """What the horizontal problem of a control step depends on."""
-
-    estimate: Estimate
-    disturbance: Array
-    """Accelerations to predict with, in the order of `Estimate.disturbance`, shape (4,)."""
-    heading: Array
-    """Planned heading of the N + 1 stages and one more, shape (N + 2,)."""
-    reference: Array
-    """Samples, shape (N + 1, 12)."""
 
 
 class HorizontalProblem(Protocol):
@@ -32,17 +18,19 @@ class HorizontalProblem(Protocol):
         """Whether A, B, P and the rows with weights are the same in every step."""
         ...
 
-    def problem(
-        self, task: HorizontalTask, limits: PlanLimits, clear: ClearRows | None
-    ) -> OptimalControlProblem:
-        """State the problem; its first two states are the position in the inertial frame."""
+    def along(self, heading: Array, task: Task, clear: ClearRows | None) -> OptimalControlProblem:
+        """State the problem along a planned heading of the N + 1 stages and one more, shape (N + 2,).
+
+        Its first two states are the position in the inertial frame. Its arrays may be used again for the next
+        problem.
+        """
         ...
 
-    def velocity_at_end(self, plan: Plan, task: HorizontalTask) -> Array:
+    def velocity_at_end(self, plan: Plan, heading: Array) -> Array:
         """Return the velocity after the last stage, inertial frame, shape (2,)."""
         ...
 
-    def sticks(self, plan: Plan, task: HorizontalTask) -> Array:
+    def sticks(self, plan: Plan, task: Task) -> Array:
         """Return the pitch and roll sticks of a plan, shape (N, 2)."""
         ...
 
@@ -56,6 +44,6 @@ def turns(heading: Array) -> Array:
     return R
 
 
-def turned(R: Array, inertial: Array) -> Array:
-    """Return vectors of the inertial frame in the body frame, shape (k, 2)."""
-    return np.asarray(np.einsum("kji,kj->ki", R, inertial))
+def turned(R: Array, vectors: Array) -> Array:
+    """Return R v of vectors, shape (k, 2)."""
+    return np.asarray((R @ vectors[:, :, None])[:, :, 0])

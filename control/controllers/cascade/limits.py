@@ -7,7 +7,7 @@ import numpy as np
 from rcopterx.control.controllers.settings import Limits
 from rcopterx.control.interfaces import LimitScale
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.state import XD_BODY, YAW_RATE, Array
 
 NARROWEST: Final = 0.01
 """Range of an input that is still worth planning with."""
@@ -15,8 +15,20 @@ RECOVERY_S: Final = 0.2
 """Time constant with which a velocity beyond its bounds returns to them."""
 
 
+class Bounds(NamedTuple):
+    """Lower and upper bounds of one control step for the axes x, y, z, yaw."""
+
+    position: Array
+    """Inertial frame, shape (2, 4); infinite for the heading."""
+    lowest_velocity: Array
+    highest_velocity: Array
+    """Body frame, shape (N, 4)."""
+    stick: Array
+    """Shape (2, 4)."""
+
+
 class PlanLimits(NamedTuple):
-    """Lower and upper bounds of the axes x, y, z, yaw; every array has shape (2, 4)."""
+    """Limits of the axes x, y, z, yaw; every array has shape (2, 4): lower, upper."""
 
     position: Array
     """Inertial frame; infinite for the heading."""
@@ -37,31 +49,36 @@ class PlanLimits(NamedTuple):
         positions = np.column_stack((states[:, :3], (-np.inf, np.inf)))
         return cls(positions, states[:, 3:] * np.array(scale.rates), sticks, share)
 
-    def sticks(self, axes: slice, balance: Array) -> Array:
-        """Return the bounds of sticks that balance a disturbance, shape (2, m).
+    def bounds(self, motion: Array, balance: Array, recovery: Array) -> Bounds:
+        """Return the bounds of a control step.
 
-        Where the balance leaves less than `NARROWEST` of the share, the whole range counts.
+        A velocity measured beyond its limits returns to them with `RECOVERY_S`: by noise and gusts a vehicle
+        that flies along a limit is beyond it half of the time, and to be back at the next stage would take a
+        stick from stop to stop. Where balancing leaves less than `NARROWEST` of the share of a stick, the
+        whole range counts.
+
+        Parameters
+        ----------
+        motion
+            Estimated motion state, shape (8,).
+        balance
+            Sticks that balance the disturbance, shape (4,).
+        recovery
+            Share of an excess that is left at every stage, shape (N, 1).
         """
-        whole, shared = self.input[:, axes], self.share[:, axes] - balance
-        narrowed = np.array((np.maximum(whole[0], shared[0]), np.minimum(whole[1], shared[1])))
-        return np.where(narrowed[1] - narrowed[0] > NARROWEST, narrowed, whole)
-
-    def velocities(self, axes: slice, measured: Array, recovery: Array) -> Array:
-        """Return the bounds of velocities, shape (2, N, m).
-
-        A velocity measured beyond its bounds returns to them with `RECOVERY_S`: by noise and gusts a vehicle
-        that flies along a bound is beyond it half of the time, and to be back at the next stage would take a
-        stick from stop to stop.
-        """
-        low, high = self.velocity[:, axes]
-        return np.array(
-            (
-                low + recovery * np.minimum(measured - low, 0.0),
-                high + recovery * np.maximum(measured - high, 0.0),
-            )
+        measured = motion[XD_BODY : YAW_RATE + 1]
+        below = np.minimum(measured - self.velocity[0], 0.0)
+        above = np.maximum(measured - self.velocity[1], 0.0)
+        low = np.maximum(self.input[0], self.share[0] - balance)
+        high = np.minimum(self.input[1], self.share[1] - balance)
+        return Bounds(
+            self.position,
+            self.velocity[0] + recovery * below,
+            self.velocity[1] + recovery * above,
+            np.where(high - low > NARROWEST, (low, high), self.input),
         )
 
 
 def recovery(period_s: float, stages: int) -> Array:
-    """Return the share of an excess over velocity bounds that is left at every stage, shape (N, 1)."""
+    """Return the share of an excess over velocity limits that is left at every stage, shape (N, 1)."""
     return np.exp(-period_s / RECOVERY_S * np.arange(float(stages)))[:, None]

@@ -9,9 +9,9 @@ from rcopterx.benchmarks.flight import at_rest
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.controller import CascadeSettings
 from rcopterx.control.controllers.cascade.lags import LagDynamics
-from rcopterx.control.controllers.cascade.lateral import HorizontalTask
-from rcopterx.control.controllers.cascade.lateral_tilt import LateralTilt
-from rcopterx.control.controllers.cascade.limits import PlanLimits
+from rcopterx.control.controllers.cascade.lateral_tilt import LateralTilt, with_tilt
+from rcopterx.control.controllers.cascade.limits import PlanLimits, recovery
+from rcopterx.control.controllers.cascade.task import Task
 from rcopterx.control.controllers.cascade.weights import (
     CascadeWeights,
     default_input_weights,
@@ -87,14 +87,19 @@ def weights_of(states: tuple[float, ...], efforts: tuple[float, ...]) -> Cascade
     return CascadeWeights(np.array(states[:4]), np.array(states[4:]), np.array(efforts), 1e5)
 
 
-LIMITS = PlanLimits.scaled(COAXIAL, CascadeSettings().limits(COAXIAL), LimitScale())
+def resting(model: Model) -> Task:
+    """Task of a vehicle that rests at the origin."""
+    estimate, limits = at_rest(model), PlanLimits.scaled(model, CascadeSettings().limits(model), LimitScale())
+    bounds = limits.bounds(estimate.motion, np.zeros(4), recovery(PERIOD_S, 20))
+    return Task(estimate, np.zeros(4), np.zeros((21, 12)), bounds)
 
 
 def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
     weights = weights_of((100.0, 100.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), (10.0, 10.0, 1.0, 1.0))
-    formulation = LateralTilt(EVEN, PERIOD_S, weights, 20, True, True)
-    task = HorizontalTask(at_rest(EVEN), np.zeros(4), np.zeros(22), np.zeros((21, 12)))
-    gain = feedback_of(formulation.problem(task, LIMITS, None))
+    formulation = LateralTilt(EVEN, PERIOD_S, weights, 20, True)
+    task = resting(EVEN)
+    task = task._replace(estimate=with_tilt(EVEN, task.estimate, np.zeros(4), True))
+    gain = feedback_of(formulation.along(np.zeros(22), task, None))
     loop = tilt_loop(EVEN, PERIOD_S, (100.0, 1.0, 10.0 / 4.0))
     known = gain.shape[1] // 2
     assert loop.feedback[:known] == pytest.approx(gain[0, 0::2] + 1j * gain[1, 0::2], rel=1e-6, abs=1e-9)
@@ -103,9 +108,10 @@ def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
 @pytest.mark.parametrize("axis", [U_THRUST, U_YAW])
 def test_height_and_yaw_have_the_feedback_of_the_cascade(axis: int) -> None:
     states, efforts = default_state_weights(COAXIAL), default_input_weights(COAXIAL, PERIOD_S)
-    dynamics = LagDynamics.of(COAXIAL, PERIOD_S, True, slice(axis, axis + 1))
-    formulation = AxisProblem(axis, dynamics, weights_of(states, efforts), 20)
-    gain = feedback_of(formulation.problem(at_rest(COAXIAL), 0.0, np.zeros((21, 12)), LIMITS))
+    axes = slice(axis, axis + 1)
+    dynamics = LagDynamics.of(COAXIAL, PERIOD_S, True, axes)
+    formulation = AxisProblem(axes, dynamics, weights_of(states, efforts), 20, True)
+    gain = feedback_of(formulation.problem(resting(COAXIAL)))
     loop = lag_loop(COAXIAL, PERIOD_S, axis, (states[axis], states[4 + axis], efforts[axis]))
     assert loop.feedback[:3] == pytest.approx(gain[0], rel=1e-6)
     assert loop.feedback[3] * COAXIAL.input_gain[axis] == pytest.approx(1.0 + loop.feedback[2])
