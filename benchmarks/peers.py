@@ -11,9 +11,9 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from scipy import sparse
 
+from rcopterx.control.solver.candidates import rated
 from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
 from rcopterx.control.solver.sparse_qp import SparseQP
-from rcopterx.control.solver.sweep import quality
 from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-6
@@ -48,8 +48,7 @@ class PeerSolver(ABC):
         self._qp = qp
         z, iterations, optimal = self._run(qp, p, first)
         plan = qp.plan_of(z, p)
-        _, primal, dual = quality(p, plan)
-        return Plan(*plan, np.zeros(plan.y.shape), iterations, primal, dual, optimal)
+        return rated(p, plan, np.zeros(plan.y.shape), iterations, optimal)
 
     @abstractmethod
     def _run(self, qp: SparseQP, p: OptimalControlProblem, first: bool) -> tuple[Array, int, bool]:

@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.benchmarks.flight import Moment, record_flight
+from rcopterx.benchmarks.hpipm import Hpipm
 from rcopterx.benchmarks.peers import EXACT, Clarabel, PeerSolver, PiqpMultistage, PiqpSparse, Proxqp
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.control.controllers.paper.controller import PaperController, PaperSettings
@@ -78,7 +79,7 @@ class Contestant:
         return CascadeController(self.model, PERIOD_S, CascadeSettings(horizon=horizon), chosen)
 
 
-def _peer(kind: type[PeerSolver]) -> Contestant:
+def _peer(kind: type[PeerSolver] | type[Hpipm]) -> Contestant:
     return Contestant(kind, package=kind.package)
 
 
@@ -97,6 +98,7 @@ CONTESTANTS: Final[Mapping[str, Contestant]] = MappingProxyType(
         "piqp_multistage": _peer(PiqpMultistage),
         "clarabel": _peer(Clarabel),
         "proxqp": _peer(Proxqp),
+        "hpipm": _peer(Hpipm),
     }
 )
 """`cascade` is the default; peers solve its three problems, `paper` and `osqp_paper` the one of the paper."""
