@@ -6,10 +6,10 @@ from typing import Final
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_changes import LeaderChanges
-from rcopterx.agents.following.leader_plans import LeaderPlans
+from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses
 from rcopterx.agents.following.links import followed_leader
 from rcopterx.agents.following.lost_leaders import LostLeaders
-from rcopterx.agents.following.peers import PeerStatuses
+from rcopterx.agents.following.traffic import Traffic
 from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.load.load_relief import LoadRelief
 from rcopterx.agents.load.pacing import Pacing, SolveTimer
@@ -17,7 +17,6 @@ from rcopterx.agents.observation import Observation
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.requests.external_control import ExternalControl
 from rcopterx.agents.requests.request_handler import RequestHandler
-from rcopterx.agents.separation.traffic import Traffic
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.takeover.handover import Handover
 from rcopterx.agents.takeover.lease import ControlLease

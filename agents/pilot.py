@@ -15,20 +15,17 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rcopterx.agents.flight.bumpless_transfer import BumplessTransfer
-from rcopterx.agents.flight.fleet_clock import FleetClock, InputHistory
-from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance, resting
+from rcopterx.agents.flight.inputs import BumplessTransfer, InputHistory, as_sent
 from rcopterx.agents.flight.lift_off import LiftOff
-from rcopterx.agents.flight.self_check import SelfCheck
-from rcopterx.agents.flight.sent_inputs import as_sent
-from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
+from rcopterx.agents.flight.task import LeaderPlan
+from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
 from rcopterx.agents.guards.estimator_guard import EstimatorGuard
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.phases import Event, Phase
-from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
-from rcopterx.agents.separation.plan_avoidance import PlanAvoidance
+from rcopterx.agents.separation.avoidance import Neighbour, PlanAvoidance, SeparationEllipsoid
 from rcopterx.control.identification.exciter import Exciter
 from rcopterx.control.interfaces import Controller, Estimate, Estimator, Measurement
 from rcopterx.control.models.prediction import predict
@@ -107,7 +104,7 @@ class Pilot:
         """Newest plan of the controller; None on the floor."""
         self.reference: Array | None = None
         """Position and yaw at which the plan should begin; None on the floor."""
-        self.self_check = SelfCheck(model, hover_thrust_limits, controller.period_s)
+        self.vehicle_watch = VehicleWatch(model, hover_thrust_limits, controller.period_s)
         self.exciter = Exciter()
         self.clock = FleetClock()
         self.input_history = InputHistory(np.zeros(INPUT_SIZE))
@@ -137,7 +134,7 @@ class Pilot:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks for people: the last failures, and what has been replaced."""
-        found = [remark for remark in (self.self_check.remark, self.guidance.remark) if remark]
+        found = [remark for remark in (self.vehicle_watch.remark, self.guidance.remark) if remark]
         if self.step_guard.calls.failure:
             stays = "; the default controller flies until one is chosen" if self.controller_replaced else ""
             found.append(self.step_guard.calls.failure + stays)
@@ -252,7 +249,7 @@ class Pilot:
         refusal = self.guidance.take_off(self.estimate, height_m, time_s)
         if refusal is None:
             self._lift_off.begin(time_s, float(self.estimate.motion[Z]))
-            self.self_check.begin()
+            self.vehicle_watch.begin()
         return refusal
 
     def limit_time(self, limit: TimeLimit) -> None:
@@ -322,9 +319,9 @@ class Pilot:
         inputs = self._transfer.smoothed(step.inputs[: self._bridged_rows], last_input, period_s)
         if exciter.under_way:
             inputs = np.clip(exciter.added(inputs, time_s, period_s), self.model.u_min, self.model.u_max)
-        inputs = as_sent(self.self_check.without_broken_axis(inputs), self.model)
+        inputs = as_sent(self.vehicle_watch.without_broken_axis(inputs), self.model)
         command, self._planned = inputs[0], inputs[1:]
-        self._check_vehicle(command, time_s, period_s)
+        self._check_vehicle(command, time_s)
         self.input_history.append(time_s + delay_s, self.sequence, command)
         return ControlOutput(command, self._planned, step.plan, delay_s, self.reference)
 
@@ -335,10 +332,10 @@ class Pilot:
             self._planned = self._planned[1:]
             self.fallbacks["control_left_out"] += 1
 
-    def _check_vehicle(self, command: Array, time_s: float, period_s: float) -> None:
+    def _check_vehicle(self, command: Array, time_s: float) -> None:
         """Land if the vehicle does not follow its sticks."""
         informative = self._blind_s == 0.0 and self.guidance.phase in _INFORMATIVE
-        fault = self.self_check.observe(command, self.estimate.motion, time_s, period_s, informative)
+        fault = self.vehicle_watch.observe(command, self.estimate.motion, time_s, informative)
         if fault is not None:
             self.fallbacks[fault.kind] += 1
             self.guidance.land(self.estimate, time_s)

@@ -7,11 +7,10 @@ import time
 from collections.abc import Callable
 
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, assemble
-from rcopterx.agents.guards.time_limit import AlarmTimeLimit, NotedTimeLimit, NoTimeLimit, TimeLimit
+from rcopterx.agents.guards.time_limit import AlarmTimeLimit, NotedTimeLimit, TimeLimit
 from rcopterx.agents.pilot import ControlOutput, Pilot
-from rcopterx.agents.reporting import Reporter
+from rcopterx.agents.reporting import Reporter, command_message, plan_message, timing_of
 from rcopterx.agents.settings import AgentSettings
-from rcopterx.agents.telemetry import command_message, plan_message, timing_of
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
 from rcopterx.bus.messages import LeaseBid
@@ -49,7 +48,7 @@ class Agent:
     ) -> None:
         self._settings, self._pilot, self._bus = settings, pilot, bus
         self._stopwatch = stopwatch
-        self._limit = NotedTimeLimit(NoTimeLimit() if limit is None else limit)
+        self._limit = NotedTimeLimit(limit or TimeLimit())
         pilot.limit_time(self._limit)
         self.parts = assemble(settings, pilot, bus)
         """The parts of the agent beside its pilot."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.links import followed_leader
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink

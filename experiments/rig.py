@@ -15,13 +15,13 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.assembly import build_pilot
-from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.links import target_link
+from rcopterx.agents.following.traffic import ellipsoid_scale
 from rcopterx.agents.formation.limit_scaling import limit_scale_of, turn_limits_of
 from rcopterx.agents.formation.topology import leaders_of, places
 from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
-from rcopterx.agents.separation.ellipsoid_scales import ellipsoid_scale
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import OscillationGuard
@@ -158,7 +158,7 @@ class Rig:
             name: OscillationGuard(pilot, self.tunings[name]) for name, pilot in self.pilots.items()
         }
         for name, pilot in self.pilots.items():
-            pilot.self_check.active = options.watch
+            pilot.vehicle_watch.active = options.watch
             pilot.observe(self._measured(name))
             # As for an agent that starts while its vehicle is in the air.
             pilot.note_applied("armed", 0, self._vehicles[name].model.hover_input)

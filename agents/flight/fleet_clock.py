@@ -1,12 +1,4 @@
-"""The Tracker's frame number as a clock, and the inputs under way to the vehicle on that clock."""
-
-from collections import deque
-from dataclasses import dataclass
-
-from rcopterx.vehicles.state import Array
-
-HISTORY_LENGTH = 64
-TIME_TOLERANCE_S = 1e-6
+"""The Tracker's frame number as a clock."""
 
 
 class FleetClock:
@@ -53,55 +45,3 @@ class FleetClock:
         self.coasted += 1
         self.current_frame += 1
         self.pass_period()
-
-
-@dataclass(slots=True)
-class _Entry:
-    effect_from_s: float
-    sequence: int
-    input: Array
-
-
-class InputHistory:
-    """Inputs sent and not yet, or just, acting; ordered by the time their effect begins."""
-
-    def __init__(self, initial_input: Array) -> None:
-        self._entries: deque[_Entry] = deque([_Entry(-1.0, 0, initial_input)], maxlen=HISTORY_LENGTH)
-
-    @property
-    def newest(self) -> Array:
-        """Input sent last, shape (4,)."""
-        return self._entries[-1].input
-
-    def append(self, effect_from_s: float, sequence: int, value: Array) -> None:
-        """Record an input that acts from a time on."""
-        self._entries.append(_Entry(effect_from_s, sequence, value))
-
-    def correct(self, sequence: int, value: Array) -> None:
-        """Replace the input of a sequence number by the one that the transmitter gateway applied."""
-        for entry in reversed(self._entries):
-            if entry.sequence == sequence:
-                entry.input = value
-                return
-            if entry.sequence < sequence:
-                return
-
-    def between(self, start_s: float, end_s: float) -> list[tuple[Array, float]]:
-        """Return the inputs that act in an interval, in order, with the duration [s] of each."""
-        if start_s >= end_s - TIME_TOLERANCE_S:
-            return []
-        pieces: list[tuple[Array, float]] = []
-        until_s = end_s
-        for entry in reversed(self._entries):
-            from_s = entry.effect_from_s
-            if from_s <= start_s + TIME_TOLERANCE_S:
-                pieces.append((entry.input, until_s - start_s))
-                break
-            if until_s - from_s > TIME_TOLERANCE_S:
-                pieces.append((entry.input, until_s - from_s))
-                until_s = from_s
-        else:
-            # Before the oldest known input, the same one is assumed.
-            pieces.append((self._entries[0].input, until_s - start_s))
-        pieces.reverse()
-        return pieces

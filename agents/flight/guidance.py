@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan, offset_between
-from rcopterx.agents.flight.task import Task
+from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan, Task, offset_between
 from rcopterx.agents.flight.touchdown import Touchdown
 from rcopterx.agents.formation.law import combined_reference, follower_reference
 from rcopterx.agents.phases import AIRBORNE, Event, Phase, next_phase

@@ -1,10 +1,67 @@
-"""The task of a vehicle at one moment, from which the guidance of a successor continues."""
+"""The task of a vehicle at one moment, and its leaders: their plans on its clock, and offsets to them."""
 
+import math
 from dataclasses import dataclass
 
-from rcopterx.agents.flight.followed import FollowedLeader
+import numpy as np
+from msgspec import Struct
+
+from rcopterx.agents.formation.law import FormationOffset, OffsetTransition
 from rcopterx.agents.phases import Phase
+from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.set_points import ReferenceSource
+from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.control.references.turns import whole_turns
+from rcopterx.vehicles.state import YAW
+
+
+class LeaderPlan(Struct, frozen=True):
+    """A leader's plan on this vehicle's clock."""
+
+    trajectory: Trajectory
+    ahead_s: float
+    """Fleet time from the first stage of the plan to the present of this vehicle; the plan's own delay
+    compensation makes it negative for a plan of the same frame."""
+    followable: bool = True
+    """Whether the leader is in free flight."""
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedLeader:
+    """One leader, and the offset to it, which may move from `start` to `target`."""
+
+    leader: str
+    target: FormationOffset
+    weight: float = 1.0
+    start: FormationOffset | None = None
+    start_s: float = 0.0
+    duration_s: float = 0.0
+
+    def course(self, time_s: float) -> FormationOffset | OffsetTransition:
+        """Return the offset from a time on: at rest, or moving to the target."""
+        if self.start is None or time_s >= self.start_s + self.duration_s:
+            return self.target
+        return OffsetTransition(self.start, self.target, time_s - self.start_s, self.duration_s)
+
+    def offset_at(self, time_s: float) -> FormationOffset:
+        """Return the offset at one moment."""
+        course = self.course(time_s)
+        if isinstance(course, FormationOffset):
+            return course
+        value = course.sampled(1.0, 1)[0][0]
+        return FormationOffset(value[:3], float(value[3]), self.target.frame)
+
+
+def offset_between(leader: Trajectory, estimate: Estimate, like: FormationOffset) -> FormationOffset:
+    """Return the present offset from a leader, in the frame of another offset."""
+    gap = estimate.motion[:3] - leader.position_m[0]
+    yaw = float(leader.yaw_rad[0])
+    if like.frame == "heading":
+        c, s = np.cos(yaw), np.sin(yaw)
+        gap = np.array([c * gap[0] + s * gap[1], -s * gap[0] + c * gap[1], gap[2]])
+    yaw_gap = float(estimate.motion[YAW]) - yaw - like.yaw_rad
+    yaw_rad = like.yaw_rad + yaw_gap - math.tau * whole_turns(yaw_gap)
+    return FormationOffset(gap, yaw_rad, like.frame)
 
 
 @dataclass(frozen=True, slots=True)

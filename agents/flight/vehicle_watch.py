@@ -94,10 +94,15 @@ class _Moment(NamedTuple):
 
 
 class VehicleWatch:
-    """Watches one vehicle in flight."""
+    """Watches one vehicle from take-off to landing."""
 
     def __init__(self, model: Model, limits: HoverThrustLimits, period_s: float) -> None:
-        self._limits = limits
+        self.fault: VehicleFault | None = None
+        """Why the vehicle lands, or has landed, by itself; None for no reason."""
+        self.active = True
+        """Whether the vehicle lands by itself."""
+        self._limits, self._period_s, self._rest = limits, period_s, model.hover_input
+        self._watched_at_s = 0.0
         self._sticks_under_way: deque[Array] = deque(maxlen=1 + round(model.delay_s / period_s))
         self._moments: deque[_Moment] = deque(maxlen=1 + round(THRUST_WINDOW_S / period_s))
         self._axes = [_StickEffect(model, axis, period_s) for axis in range(INPUT_SIZE)]
@@ -107,10 +112,11 @@ class VehicleWatch:
 
     def begin(self) -> None:
         """Begin a flight, perhaps with another battery."""
+        self.fault = None
         self._thrust.reset()
-        self.forget()
+        self._forget()
 
-    def forget(self) -> None:
+    def _forget(self) -> None:
         """Begin new windows, because the observed motion has a gap."""
         self._sticks_under_way.clear()
         self._moments.clear()
@@ -124,8 +130,10 @@ class VehicleWatch:
         return self._thrust.hover_thrust
 
     @property
-    def warning(self) -> str:
-        """Warning of a battery that will soon be empty; else an empty string."""
+    def remark(self) -> str:
+        """The fault, or a warning of a battery that will soon be empty, for people; empty without one."""
+        if self.fault is not None:
+            return f"it lands: {self.fault.text}"
         hover_thrust = self.hover_thrust
         if hover_thrust is None or hover_thrust < self._limits.warn_at:
             return ""
@@ -134,11 +142,35 @@ class VehicleWatch:
             f"{self._limits.land_at:g}"
         )
 
-    def observe(self, command: Array, motion: Array) -> VehicleFault | None:
-        """Process one control period of free flight; return a fault as soon as it is certain.
+    def observe(
+        self, command: Array, motion: Array, time_s: float, informative: bool = True
+    ) -> VehicleFault | None:
+        """Process one control period; return a fault as soon as it is certain, once.
 
-        Arguments: the sticks of this period, shape (4,), and the state at its beginning, shape (8,).
+        Parameters
+        ----------
+        command, motion
+            The sticks of this period, shape (4,), and the state at its beginning, shape (8,).
+        informative
+            Whether the vehicle is seen and its controller flies it.
         """
+        gap_s, self._watched_at_s = time_s - self._watched_at_s, time_s
+        if not (self.active and informative) or self.fault is not None or gap_s > 1.5 * self._period_s:
+            self._forget()
+            return None
+        self.fault = self._judge(command, motion)
+        return self.fault
+
+    def without_broken_axis(self, inputs: Array) -> Array:
+        """Return inputs, shape (k, 4), that leave a broken axis at rest."""
+        if self.fault is None or self.fault.axis is None:
+            return inputs
+        kept = inputs.copy()
+        kept[:, self.fault.axis] = self._rest[self.fault.axis]
+        return kept
+
+    def _judge(self, command: Array, motion: Array) -> VehicleFault | None:
+        """Return the fault that the present windows show."""
         self._sticks_under_way.append(command)
         moment = self._advance(self._sticks_under_way[0].tolist(), motion.tolist())
         moments = self._moments

@@ -10,15 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rcopterx.agents.flight.state import FlightState
-from rcopterx.agents.following.leader_plans import LeaderPlans
+from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses
 from rcopterx.agents.following.links import followed_leader
-from rcopterx.agents.following.peers import PeerStatuses
 from rcopterx.agents.following.regrouping import Regrouping
 from rcopterx.agents.formation.placement import Room, offset_problem, place_problem
-from rcopterx.agents.formation.present import formation_of
-from rcopterx.agents.formation.topology import ancestors, in_words, line_between
+from rcopterx.agents.formation.topology import ancestors, formation_of, in_words, line_between
 from rcopterx.agents.phases import Phase
+from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
 from rcopterx.bus.session import Incoming
@@ -44,7 +42,7 @@ class LeaderChanges:
         vehicle: str,
         vehicles: Sequence[str],
         room: Room,
-        flight: FlightState,
+        pilot: Pilot,
         plans: LeaderPlans,
         peers: PeerStatuses,
         clock: Callable[[], float],
@@ -52,7 +50,7 @@ class LeaderChanges:
         self._vehicle = vehicle
         self._vehicles = vehicles
         self._room = room
-        self._flight = flight
+        self._pilot = pilot
         self._plans = plans
         self._peers = peers
         self._clock = clock
@@ -88,7 +86,7 @@ class LeaderChanges:
 
     def commit(self, request: CommitLeaders) -> str | None:
         """Apply the prepared leaders at a future frame; return the reason of a refusal, or None."""
-        return self._regrouping.commit(request.operation, request.epoch, request.frame, self._flight.clock)
+        return self._regrouping.commit(request.operation, request.epoch, request.frame, self._pilot.clock)
 
     def withdraw(self, request: WithdrawLeaders) -> None:
         """Discard the prepared leaders."""
@@ -106,7 +104,7 @@ class LeaderChanges:
     def lead(self) -> None:
         """Follow no leader."""
         self._discard_promises()
-        self._flight.guidance.lead(self._flight.estimate)
+        self._pilot.guidance.lead(self._pilot.estimate)
         self.update_subscriptions()
 
     def decide(self) -> bool:
@@ -132,11 +130,11 @@ class LeaderChanges:
 
     def apply_prepared(self) -> None:
         """Apply the prepared leaders if their frame has come."""
-        flight = self._flight
-        change = self._regrouping.due(flight.clock)
+        pilot = self._pilot
+        change = self._regrouping.due(pilot.clock)
         if change is None:
             return
-        if flight.guidance.phase is not Phase.FLYING:
+        if pilot.guidance.phase is not Phase.FLYING:
             # It lands meanwhile, or the transmitter gateway flies it.
             self._regrouping.events["regrouping_missed"] += 1
             self.update_subscriptions()
@@ -144,17 +142,17 @@ class LeaderChanges:
         self._discard_promises()
         if change.links:
             # For a moment the plans of the new leaders still name the ancestors that are given up now.
-            clock = flight.clock
+            clock = pilot.clock
             self.cycles_from = (clock.epoch, clock.current_frame + len(self._vehicles) + 1)
-            plans = self._plans.plans(flight.clock, self.cycles_from)
-            flight.guidance.follow(change.links, plans, flight.estimate, flight.clock.time_s, None)
+            plans = self._plans.plans(pilot.clock, self.cycles_from)
+            pilot.guidance.follow(change.links, plans, pilot.estimate, pilot.clock.time_s, None)
         else:
-            flight.guidance.take_lead(change.position_m, change.yaw_rad)
+            pilot.guidance.take_lead(change.position_m, change.yaw_rad)
         self.update_subscriptions()
 
     def update_subscriptions(self) -> None:
         """Subscribe to present and assigned leaders, and to those that requests wait for."""
-        guidance = self._flight.guidance
+        guidance = self._pilot.guidance
         followed = {link.leader for link in (*guidance.followed, *guidance.assigned)}
         self._plans.subscribe_to(
             followed.union(
@@ -175,8 +173,8 @@ class LeaderChanges:
             return "a leader is named twice"
         if isinstance(request, Follow):
             return None
-        if self._flight.guidance.phase is not Phase.FLYING:
-            return f"leaders change together only in flight, the phase is {self._flight.guidance.phase}"
+        if self._pilot.guidance.phase is not Phase.FLYING:
+            return f"leaders change together only in flight, the phase is {self._pilot.guidance.phase}"
         if bool(names) == (request.set_point is not None):
             return "set_point: needed exactly where following is empty"
         if request.set_point is not None:
@@ -197,7 +195,7 @@ class LeaderChanges:
         missing = [link.leader for link in following if self._plans.fresh(link.leader, now_s) is None]
         recent = self._peers.statuses(RECENT_STATUS_S)
         flying = all(name in recent and recent[name].phase == Phase.FLYING for name in missing)
-        if not (missing and flying and self._flight.guidance.rotor_on):
+        if not (missing and flying and self._pilot.guidance.rotor_on):
             return None, ""
         links, _ = formation_of(self._peers.statuses(), flying=(self._vehicle,))
         after = {**links, self._vehicle: following}
@@ -212,7 +210,7 @@ class LeaderChanges:
     def _decide(self, request: Follow | PrepareLeaders) -> tuple[str | None, str]:
         """Return refusal and acceptance of a request for which the plans of all leaders have arrived."""
         following = request.following
-        refusal = self._grounded(following) if self._flight.guidance.rotor_on else None
+        refusal = self._grounded(following) if self._pilot.guidance.rotor_on else None
         if refusal is not None:
             return refusal, ""
         if isinstance(request, PrepareLeaders):
@@ -242,7 +240,7 @@ class LeaderChanges:
             if line is not None:
                 return f"a cycle: {in_words((self._vehicle, *line))}"
         problem = offset_problem(self._vehicle, following, self._room)
-        if problem is not None or not self._flight.guidance.rotor_on:
+        if problem is not None or not self._pilot.guidance.rotor_on:
             return problem
         links, heads = formation_of(self._peers.statuses(), flying=(self._vehicle,))
         for link in following:
@@ -254,10 +252,10 @@ class LeaderChanges:
         return place_problem(self._vehicle, following, links, heads, self._room)
 
     def _follow(self, request: Follow) -> None:
-        flight = self._flight
+        pilot = self._pilot
         links = [followed_leader(following) for following in request.following]
-        plans = self._plans.plans(flight.clock, self.cycles_from)
-        flight.guidance.follow(links, plans, flight.estimate, flight.clock.time_s, request.transition_s)
+        plans = self._plans.plans(pilot.clock, self.cycles_from)
+        pilot.guidance.follow(links, plans, pilot.estimate, pilot.clock.time_s, request.transition_s)
 
     def _line(self, following: Sequence[LeaderLink]) -> str:
         """Describe the leaders and theirs, by their plans."""

@@ -1,11 +1,12 @@
 """Plans of the leaders: following a vehicle is a subscription to its plan."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
-from rcopterx.agents.flight.followed import LeaderPlan
-from rcopterx.bus.messages import Plan
+from rcopterx.agents.flight.task import LeaderPlan
+from rcopterx.bus.messages import AgentStatus, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.references.trajectory import Trajectory
 
@@ -113,3 +114,26 @@ class LeaderPlans:
         ages = [None if inbox is None else inbox.age_s(now_s) for inbox in inboxes]
         known = [age_s for age_s in ages if age_s is not None]
         return max(known) if known and len(known) == len(ages) else None
+
+
+class PeerStatuses:
+    """Newest statuses of the other vehicles; `clock` is monotonic [s]."""
+
+    def __init__(
+        self, vehicle: str, inboxes: Mapping[str, Inbox[AgentStatus]], clock: Callable[[], float]
+    ) -> None:
+        self._vehicle = vehicle
+        self._inboxes = inboxes
+        self._clock = clock
+
+    def statuses(self, within_s: float = math.inf) -> dict[str, AgentStatus]:
+        """Statuses of the vehicles that are not silent and not older than `within_s`."""
+        now_s = self._clock()
+        found = {}
+        for name, inbox in tuple(self._inboxes.items()):
+            received = None if name == self._vehicle else inbox.latest()
+            if received is not None:
+                limit_s = min(within_s, inbox.channel.stale_after_s)
+                if now_s - received.arrived_s <= limit_s:
+                    found[name] = received.message
+        return found

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rcopterx.agents.flight.followed import FollowedLeader
+from rcopterx.agents.flight.task import FollowedLeader
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.bus.messages import LeaderLink
 

@@ -4,22 +4,21 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 
-from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
-from rcopterx.agents.flight.state import FlightState
-from rcopterx.agents.following.leader_plans import LeaderPlans
+from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
+from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses
 from rcopterx.agents.following.links import followed_leader, target_link
-from rcopterx.agents.following.peers import PeerStatuses
 from rcopterx.agents.formation.succession import (
-    FOLLOWING_MODES,
     Finding,
     FollowingMode,
     Policy,
     Succession,
     Successor,
+    following_mode,
     link_to_successor,
     successor_of,
 )
 from rcopterx.agents.phases import Phase
+from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
 
 LATE_AFTER_S = 0.1
@@ -33,7 +32,7 @@ class LostLeaders:
         self,
         vehicle: str,
         succession: Succession,
-        flight: FlightState,
+        pilot: Pilot,
         plans: LeaderPlans,
         peers: PeerStatuses,
         clock: Callable[[], float],
@@ -43,7 +42,7 @@ class LostLeaders:
         self._vehicle = vehicle
         self._succession = succession
         self._policy = Policy(succession.policy)
-        self._flight = flight
+        self._pilot = pilot
         self._plans = plans
         self._peers = peers
         self._clock = clock
@@ -53,11 +52,11 @@ class LostLeaders:
 
     def expect(self) -> None:
         """Assume that the leaders are here now: an agent that restarts waits for them again."""
-        self._assigned, self._here_s = self._flight.guidance.assigned, self._clock()
+        self._assigned, self._here_s = self._pilot.guidance.assigned, self._clock()
 
     def update(self, plans: Mapping[str, LeaderPlan]) -> bool:
         """Update the following mode by the leaders' newest plans; return whether the leaders change."""
-        guidance = self._flight.guidance
+        guidance = self._pilot.guidance
         if guidance.assigned is not self._assigned or guidance.phase is not Phase.FLYING:
             self._assigned, self._here_s = guidance.assigned, None
             self.following_mode, self._successor = FollowingMode.FOLLOW, None
@@ -67,14 +66,14 @@ class LostLeaders:
         who, successor = Successor.NONE, None
         if finding is Finding.LOST and self._policy is Policy.PROMOTE:
             who, successor = self._find_successor()
-        following_mode = FOLLOWING_MODES[finding, self._policy, who]
-        if (following_mode, successor) == (self.following_mode, self._successor):
+        mode = following_mode(finding, self._policy, who)
+        if (mode, successor) == (self.following_mode, self._successor):
             return False
         before = self.following_mode
-        self.following_mode, self._successor = following_mode, successor
-        if following_mode is not FollowingMode.FOLLOW:
-            self.events[f"leader_lost_{following_mode}"] += 1
-        return self._take(following_mode, successor, before)
+        self.following_mode, self._successor = mode, successor
+        if mode is not FollowingMode.FOLLOW:
+            self.events[f"leader_lost_{mode}"] += 1
+        return self._take(mode, successor, before)
 
     def _finding(self, plans: Mapping[str, LeaderPlan]) -> Finding:
         now_s, ahead_s = self._clock(), math.inf
@@ -85,7 +84,7 @@ class LostLeaders:
         if ahead_s <= LATE_AFTER_S:
             self._here_s = now_s
             return Finding.HERE
-        if ahead_s + self._flight.model.delay_s <= self._flight.guidance.plan_limit_s:
+        if ahead_s + self._pilot.model.delay_s <= self._pilot.guidance.plan_limit_s:
             return Finding.LATE
         if self._here_s is None or now_s - self._here_s <= self._succession.after_s:
             return Finding.GONE
@@ -109,12 +108,12 @@ class LostLeaders:
             return Successor.NONE, None
         return (Successor.SELF if name == self._vehicle else Successor.OTHER), name
 
-    def _take(self, following_mode: FollowingMode, successor: str | None, before: FollowingMode) -> bool:
-        guidance = self._flight.guidance
-        if following_mode is FollowingMode.LEAD:
+    def _take(self, mode: FollowingMode, successor: str | None, before: FollowingMode) -> bool:
+        guidance = self._pilot.guidance
+        if mode is FollowingMode.LEAD:
             guidance.follow_instead(())
             return True
-        if following_mode is FollowingMode.FOLLOW_SUCCESSOR and successor is not None:
+        if mode is FollowingMode.FOLLOW_SUCCESSOR and successor is not None:
             lost = self._assigned[0].leader
             plan = self._plans.newest(lost)
             yaw_rad = 0.0 if plan is None else float(plan.samples()[0, 3])
@@ -122,8 +121,8 @@ class LostLeaders:
             if link is not None:
                 guidance.follow_instead((followed_leader(link),))
             return True
-        if following_mode is FollowingMode.LAND:
-            guidance.land(self._flight.estimate, self._flight.clock.time_s)
+        if mode is FollowingMode.LAND:
+            guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
             return False
         if before in (FollowingMode.LEAD, FollowingMode.FOLLOW_SUCCESSOR):
             guidance.rejoin()

@@ -6,8 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rcopterx.agents.formation.present import AT_WORK, formation_of
-from rcopterx.agents.formation.topology import FormationGraph, followers, places
+from rcopterx.agents.formation.topology import AT_WORK, FormationGraph, followers, formation_of, places
 from rcopterx.bus.messages import AgentStatus, LeaderLink
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three

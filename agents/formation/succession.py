@@ -7,8 +7,6 @@ then holds its place; after a while it applies the policy of the fleet file.
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from types import MappingProxyType
-from typing import Final
 
 import numpy as np
 
@@ -73,7 +71,8 @@ class Succession:
     """Vehicles whose policy is `promote`."""
 
 
-def _row(finding: Finding, policy: Policy, successor: Successor) -> FollowingMode:
+def following_mode(finding: Finding, policy: Policy, successor: Successor) -> FollowingMode:
+    """Return what a follower does; only the present decides: a leader that returns is followed again."""
     match finding, policy, successor:
         case Finding.HERE, _, _:
             return FollowingMode.FOLLOW
@@ -87,17 +86,6 @@ def _row(finding: Finding, policy: Policy, successor: Successor) -> FollowingMod
             return FollowingMode.FOLLOW_SUCCESSOR
         case _:
             return FollowingMode.HOLD
-
-
-FOLLOWING_MODES: Final = MappingProxyType(
-    {
-        (finding, policy, successor): _row(finding, policy, successor)
-        for finding in Finding
-        for policy in Policy
-        for successor in Successor
-    }
-)
-"""Every combination; only the present decides, so that a leader that returns is followed again."""
 
 
 def successor_of(

@@ -10,15 +10,11 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from rcopterx.agents.guards.guarded_call import FailureKinds, GuardedCall
-from rcopterx.agents.guards.time_limit import TimeLimit
+from rcopterx.agents.guards.guarded_call import GuardedCall
 from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Estimator, Measurement
 from rcopterx.control.models.finite import flaw_of
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
 
-RAISED: Final = "estimator_raised"
-UNUSABLE: Final = "estimator_unusable"
-LATE: Final = "estimator_late"
 STEP_LIMIT_S: Final = 0.006
 """Longest duration of one call."""
 FIRST_CALLS: Final = 10
@@ -43,11 +39,8 @@ class EstimatorGuard:
         Whether the default estimator has replaced the selected one.
     """
 
-    def __init__(
-        self, estimator: Estimator, default: Estimator | None = None, limit: TimeLimit | None = None
-    ) -> None:
-        kinds = FailureKinds(RAISED, UNUSABLE, LATE)
-        self.calls = GuardedCall(kinds, FIRST_CALLS, FIRST_CALLS_FACTOR, limit)
+    def __init__(self, estimator: Estimator, default: Estimator | None = None) -> None:
+        self.calls = GuardedCall("estimator", FIRST_CALLS, FIRST_CALLS_FACTOR)
         self.replaced = False
         self.estimate = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
         self._estimator = estimator

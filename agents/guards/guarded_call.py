@@ -2,23 +2,13 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from rcopterx.agents.guards.time_limit import NoTimeLimit, OutOfTimeError, TimeLimit
+from rcopterx.agents.guards.time_limit import OutOfTimeError, TimeLimit
 
 LONGEST_TEXT: Final = 300
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class FailureKinds:
-    """Names under which exceptions, unusable results and calls out of time are counted."""
-
-    raised: str
-    unusable: str
-    late: str
 
 
 class GuardedCall:
@@ -26,25 +16,19 @@ class GuardedCall:
 
     Parameters
     ----------
+    part
+        Begins the names of failures: `controller` or `estimator`.
     first_calls, first_calls_factor
         The first calls load code and fill caches; so many of them may take so many times as long.
-    limit
-        None for no time limit.
     """
 
-    def __init__(
-        self,
-        kinds: FailureKinds,
-        first_calls: int,
-        first_calls_factor: float,
-        limit: TimeLimit | None = None,
-    ) -> None:
-        self.limit = NoTimeLimit() if limit is None else limit
+    def __init__(self, part: str, first_calls: int, first_calls_factor: float) -> None:
+        self.limit = TimeLimit()
         self.failures: Counter[str] = Counter()
-        """Failures by kind."""
+        """Failures by kind: `..._raised`, `..._unusable`, `..._late`."""
         self.failure = ""
         """Description of the last failure; empty before the first one."""
-        self._kinds = kinds
+        self._part = part
         self._first_calls, self._first_calls_factor = first_calls, first_calls_factor
         self._calls = 0
 
@@ -84,12 +68,12 @@ class GuardedCall:
             # The alarm rang while an exception was handled.
             late = limit.end(allowed_s)
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
-            self._note(self._kinds.raised, f"{name}: {type(error).__name__}: {error}")
+            self._note("raised", f"{name}: {type(error).__name__}: {error}")
             return None
         if late:
-            self._note(self._kinds.late, f"{name}: a call took longer than {1e3 * allowed_s:.0f} ms")
+            self._note("late", f"{name}: a call took longer than {1e3 * allowed_s:.0f} ms")
         elif found is not None:
-            self._note(self._kinds.unusable, f"{name}: {found}")
+            self._note("unusable", f"{name}: {found}")
         else:
             return result
         return None
@@ -99,12 +83,12 @@ class GuardedCall:
         try:
             action()
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
-            self._note(self._kinds.raised, f"{name}: {type(error).__name__}: {error}")
+            self._note("raised", f"{name}: {type(error).__name__}: {error}")
             return False
         return True
 
     def _note(self, kind: str, text: str) -> None:
-        self.failures[kind] += 1
+        self.failures[f"{self._part}_{kind}"] += 1
         self.failure = text[:LONGEST_TEXT]
 
 

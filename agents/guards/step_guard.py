@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from rcopterx.agents.guards.guarded_call import FailureKinds, GuardedCall
-from rcopterx.agents.guards.time_limit import SOLVER_SHARE, STEP_SHARE, TimeLimit
+from rcopterx.agents.guards.guarded_call import GuardedCall
+from rcopterx.agents.guards.time_limit import SOLVER_SHARE, STEP_SHARE
 from rcopterx.control.controllers.hovering import hovering_input
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
 from rcopterx.control.models.finite import is_finite
@@ -33,10 +33,6 @@ DEFAULT_CONTROLLER: Final = "default_controller"
 """Counted for every step that the default controller flew for one that failed."""
 HOVER: Final = "hover"
 """Counted for every step that the feedback law flew, or that had no reference to fly."""
-RAISED: Final = "controller_raised"
-UNUSABLE: Final = "controller_unusable"
-"""Counted for every result that was no command: wrong shape, not finite, outside the limits."""
-LATE: Final = "controller_late"
 
 PATIENCE_S: Final = 0.1
 """Failures in a row for so long mean that the controller is given up."""
@@ -63,13 +59,11 @@ class _Task(NamedTuple):
 class StepGuard:
     """Steps controllers, and replaces steps that fail."""
 
-    def __init__(
-        self, model: Model, default: Controller | None = None, limit: TimeLimit | None = None
-    ) -> None:
+    def __init__(self, model: Model, default: Controller | None = None) -> None:
         self.default = default
         """Flies in the place of a controller that fails; None for the feedback law alone."""
-        self.calls = GuardedCall(FailureKinds(RAISED, UNUSABLE, LATE), FIRST_STEPS, FIRST_STEPS_FACTOR, limit)
-        """Counts failures."""
+        self.calls = GuardedCall("controller", FIRST_STEPS, FIRST_STEPS_FACTOR)
+        """Counts failures; a result is unusable if it has a wrong shape, is not finite or beyond limits."""
         self._model = model
         self._age_s = 0.0
         """Time since the last usable step."""

@@ -3,7 +3,6 @@
 import math
 import signal
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Final
 
@@ -23,38 +22,24 @@ class OutOfTimeError(BaseException):
     """
 
 
-class TimeLimit(ABC):
+class TimeLimit:
     """Time limit of the present call, which is what happens between `begin` and `end`.
 
     A call that takes longer is ended by `OutOfTimeError`, as far as possible. It may still be raised in
     `end`: the caller that catches it calls `end` again.
+
+    This class never ends a call, for experiments, whose results must not depend on the speed of the machine.
     """
 
-    @abstractmethod
     def begin(self, limit_s: float) -> None:
         """Begin a call that may take `limit_s`."""
 
-    @abstractmethod
-    def end(self, limit_s: float) -> bool:
-        """End the call; return whether it has used more time than `limit_s`."""
-
-    @abstractmethod
-    def over(self, limit_s: float) -> bool:
-        """Return whether the present call has used more time than `limit_s`."""
-
-
-class NoTimeLimit(TimeLimit):
-    """For experiments, whose results must not depend on the speed of the machine."""
-
-    def begin(self, limit_s: float) -> None:
-        """See `TimeLimit.begin`."""
-
     def end(self, limit_s: float) -> bool:  # noqa: ARG002 - there is no limit
-        """See `TimeLimit.end`."""
+        """End the call; return whether it has used more time than `limit_s`."""
         return False
 
     def over(self, limit_s: float) -> bool:  # noqa: ARG002 - there is no limit
-        """See `TimeLimit.over`."""
+        """Return whether the present call has used more time than `limit_s`."""
         return False
 
 

@@ -10,8 +10,15 @@ import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
-from rcopterx.agents.formation.present import formation_of
-from rcopterx.agents.formation.topology import TopologyError, exchanged, in_words, line_between, places, roots
+from rcopterx.agents.formation.topology import (
+    TopologyError,
+    exchanged,
+    formation_of,
+    in_words,
+    line_between,
+    places,
+    roots,
+)
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError

@@ -3,8 +3,8 @@
 import numpy as np
 from support.flight import ExactEstimator, NotedController
 
-from rcopterx.agents.flight.followed import FollowedLeader
 from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.flight.task import FollowedLeader
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.control.controllers.registry import CONTROLLERS

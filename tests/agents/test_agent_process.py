@@ -11,10 +11,10 @@ from support.plans import plan_of
 from support.waiting import DEADLINE_S
 
 from rcopterx.agents.assembly import build_pilot
-from rcopterx.agents.flight.sent_inputs import INPUT_UNIT
+from rcopterx.agents.flight.inputs import INPUT_UNIT
 from rcopterx.agents.pilot import BLIND_LIMIT_S
 from rcopterx.agents.process import Agent
-from rcopterx.agents.telemetry import status_message
+from rcopterx.agents.reporting import status_message
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Plan

@@ -28,11 +28,11 @@ def rig_of(seed: int, conditions: Conditions = HELICOPTERS) -> Rig:
 def broken(seed: int, faults: PlantFaults, after_s: float, longest_s: float) -> Rig:
     rig = rig_of(seed)
     rig.fly(after_s)
-    assert rig.pilots["h1"].self_check.fault is None
+    assert rig.pilots["h1"].vehicle_watch.fault is None
     rig.laboratory.plant("h1").faults = faults
     for _ in range(round(longest_s / 0.2)):
         rig.fly(0.2)
-        if rig.pilots["h1"].self_check.fault is not None:
+        if rig.pilots["h1"].vehicle_watch.fault is not None:
             return rig
     raise AssertionError(f"it flies on with {faults}")
 
@@ -72,7 +72,7 @@ def test_no_sound_vehicle_of_the_family_lands(
 
     rig = rig_of(seed, replace(HELICOPTERS, turbulence_rms=turbulence))
     rig.fly(20.0, events)
-    assert rig.pilots["h1"].self_check.fault is None
+    assert rig.pilots["h1"].vehicle_watch.fault is None
 
 
 @pytest.mark.campaign
@@ -85,7 +85,7 @@ def test_every_vehicle_of_the_family_lands_with_a_broken_axis(
     gains = [1.0, 1.0, 1.0, 1.0]
     gains[axis] = gain
     rig = broken(seed, PlantFaults(stick_gain=tuple(gains)), 5.0, longest_s)  # type: ignore[arg-type]
-    fault = rig.pilots["h1"].self_check.fault
+    fault = rig.pilots["h1"].vehicle_watch.fault
     assert fault is not None
     assert fault.axis == axis
     assert np.linalg.norm(rig.laboratory.plant("h1").motion[:2]) < 1.2

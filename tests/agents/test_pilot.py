@@ -5,10 +5,10 @@ import pytest
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen
 from support.flight import ExactEstimator, NotedController
 
-from rcopterx.agents.flight.followed import FollowedLeader
 from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.flight.inputs import INPUT_UNIT
 from rcopterx.agents.flight.lift_off import SPOOL_UP_S
-from rcopterx.agents.flight.sent_inputs import INPUT_UNIT
+from rcopterx.agents.flight.task import FollowedLeader
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.pilot import BRIDGED_S, Pilot

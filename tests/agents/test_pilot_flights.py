@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pilot_bench import HOVER, real, seen
 from support.flight import Lab, Plant, assert_sound, measured, still
 
-from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
+from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import StampedMeasurement

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
 from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Event
 from rcopterx.control.interfaces import Estimate

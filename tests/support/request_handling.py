@@ -6,8 +6,7 @@ import numpy as np
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_changes import LeaderChanges
-from rcopterx.agents.following.leader_plans import LeaderPlans
-from rcopterx.agents.following.peers import PeerStatuses
+from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses
 from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.phases import Event
 from rcopterx.agents.pilot import Pilot, StampedMeasurement

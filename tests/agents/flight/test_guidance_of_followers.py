@@ -18,8 +18,8 @@ from support.guidance import (
     standing_leader,
 )
 
-from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
 from rcopterx.agents.flight.guidance import OFFSET_SPEED_M_S
+from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
 
 
 @settings(max_examples=20, deadline=None)

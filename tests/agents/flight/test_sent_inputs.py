@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from rcopterx.agents.flight.sent_inputs import INPUT_UNIT, as_sent
+from rcopterx.agents.flight.inputs import INPUT_UNIT, as_sent
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.types import TYPES
 

@@ -29,6 +29,7 @@ class Flown:
     def __init__(self, limits: HoverThrustLimits | None = None, period_s: float = 0.02) -> None:
         self.watch = VehicleWatch(COAXIAL_LAG, limits or HoverThrustLimits(), period_s)
         self.period_s = period_s
+        self.time_s = 0.0
         self.gain = np.ones(4)
         self.wind = CALM.copy()
         self.state = Estimate(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), HOVER.copy(), CALM)
@@ -38,7 +39,8 @@ class Flown:
         """Fly with sticks; the first fault ends the flight."""
         for step in range(round(seconds / self.period_s)):
             command = stick(step * self.period_s) if callable(stick) else stick
-            fault = self.watch.observe(command, self.state.motion)
+            self.time_s += self.period_s
+            fault = self.watch.observe(command, self.state.motion, self.time_s)
             if fault is not None:
                 return fault
             pushed = Estimate(self.state.motion, self.state.actuator, self.wind)
@@ -148,10 +150,10 @@ def test_full_thrust_that_lifts_is_none_of_its_business() -> None:
 def test_an_ageing_battery_is_warned_of_and_then_lands() -> None:
     flown = Flown(HoverThrustLimits(0.65, 0.75))
     assert flown.holding(LEARNING_S + 1.5) is None
-    assert not flown.watch.warning
+    assert not flown.watch.remark
     flown.gain[U_THRUST] = HOVER[U_THRUST] / 0.7
     assert flown.holding(12.0) is None
-    assert "hovers at 0.6" in flown.watch.warning or "hovers at 0.70" in flown.watch.warning
+    assert "hovers at 0.6" in flown.watch.remark or "hovers at 0.70" in flown.watch.remark
     flown.gain[U_THRUST] = HOVER[U_THRUST] / 0.77
     fault = flown.holding(30.0)
     assert fault is not None
@@ -166,7 +168,7 @@ def test_a_battery_that_empties_slowly_is_warned_of_before_it_lands_and_is_no_we
     for percent in range(100, 50, -1):
         flown.gain[U_THRUST] = percent / 100
         fault = flown.holding(3.0)
-        warned_at = warned_at or (percent if flown.watch.warning else None)
+        warned_at = warned_at or (percent if flown.watch.remark else None)
         if fault is not None:
             break
     assert fault is not None
@@ -181,9 +183,9 @@ def test_another_flight_begins_with_another_battery() -> None:
     flown = Flown(HoverThrustLimits(0.6, 0.95))
     flown.gain[U_THRUST] = HOVER[U_THRUST] / 0.8
     flown.holding(6.0)
-    assert flown.watch.warning
+    assert flown.watch.remark
     flown.watch.begin()
-    assert not flown.watch.warning
+    assert not flown.watch.remark
 
 
 def test_a_gap_in_what_is_known_of_the_motion_begins_new_windows() -> None:
@@ -191,7 +193,7 @@ def test_a_gap_in_what_is_known_of_the_motion_begins_new_windows() -> None:
     flown.gain[U_PITCH] = 0.0
     for _ in range(5):
         assert flown.fly(0.5, held(U_PITCH, 0.9)) is None
-        flown.watch.forget()
+        flown.watch.observe(HOVER, flown.state.motion, flown.time_s, informative=False)
 
 
 @pytest.mark.parametrize(("warn_at", "land_at"), [(0.9, 0.8), (0.0, 0.8), (0.8, 1.1)])

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rcopterx.agents.formation.succession import (
-    FOLLOWING_MODES,
     Finding,
     FollowingMode,
     Policy,
     Successor,
+    following_mode,
     link_to_successor,
     successor_of,
 )
@@ -24,21 +24,21 @@ NAMES = ("h1", "h2", "h3", "h4", "h5")
 def test_every_situation_has_its_following_mode(
     finding: Finding, policy: Policy, successor: Successor
 ) -> None:
-    following_mode = FOLLOWING_MODES[finding, policy, successor]
-    assert (following_mode is FollowingMode.FOLLOW) == (finding is Finding.HERE), (
+    mode = following_mode(finding, policy, successor)
+    assert (mode is FollowingMode.FOLLOW) == (finding is Finding.HERE), (
         "a leader that returns is followed again"
     )
-    assert (following_mode is FollowingMode.USE_LAST_PLAN) == (finding is Finding.LATE)
+    assert (mode is FollowingMode.USE_LAST_PLAN) == (finding is Finding.LATE)
     if finding is Finding.GONE:
-        assert following_mode is FollowingMode.HOLD, "leaders are waited for"
-    if following_mode in (FollowingMode.LEAD, FollowingMode.FOLLOW_SUCCESSOR):
+        assert mode is FollowingMode.HOLD, "leaders are waited for"
+    if mode in (FollowingMode.LEAD, FollowingMode.FOLLOW_SUCCESSOR):
         assert policy is Policy.PROMOTE
         assert successor is not Successor.NONE
-    assert (following_mode is FollowingMode.LAND) == (finding is Finding.LOST and policy is Policy.LAND)
+    assert (mode is FollowingMode.LAND) == (finding is Finding.LOST and policy is Policy.LAND)
 
 
 @pytest.mark.parametrize(
-    ("policy", "successor", "following_mode"),
+    ("policy", "successor", "mode"),
     [
         (Policy.HOLD, Successor.NONE, FollowingMode.HOLD),
         (Policy.PROMOTE, Successor.SELF, FollowingMode.LEAD),
@@ -48,9 +48,9 @@ def test_every_situation_has_its_following_mode(
     ],
 )
 def test_a_lost_leader_is_answered_as_the_fleet_file_says(
-    policy: Policy, successor: Successor, following_mode: FollowingMode
+    policy: Policy, successor: Successor, mode: FollowingMode
 ) -> None:
-    assert FOLLOWING_MODES[Finding.LOST, policy, successor] is following_mode
+    assert following_mode(Finding.LOST, policy, successor) is mode
 
 
 @st.composite

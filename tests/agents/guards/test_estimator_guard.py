@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from support.failing import BrokenError
 from support.flight import ExactEstimator, still
 
-from rcopterx.agents.guards.estimator_guard import FIRST_CALLS, LATE, RAISED, UNUSABLE, EstimatorGuard
-from rcopterx.agents.guards.time_limit import NoTimeLimit
+from rcopterx.agents.guards.estimator_guard import FIRST_CALLS, EstimatorGuard
+from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.control.interfaces import Estimate, Measurement, TiltEstimate
 from rcopterx.control.models.finite import is_finite
 from rcopterx.vehicles.state import Array
@@ -79,8 +79,8 @@ def test_the_default_estimator_goes_on_from_the_last_good_estimate(
     fly(guard, together=together)
     assert np.allclose(guard.estimate.motion, sound.estimate.motion)
     assert np.allclose(guard.estimate.actuator, sound.estimate.actuator)
-    assert guard.replaced == (guard.calls.failures[RAISED] > 0)
-    assert guard.calls.failures[RAISED] <= 1
+    assert guard.replaced == (guard.calls.failures["estimator_raised"] > 0)
+    assert guard.calls.failures["estimator_raised"] <= 1
     if guard.replaced:
         assert guard.calls.failure == "FailingEstimator: BrokenError: no covariance"
 
@@ -90,7 +90,7 @@ def test_without_another_estimator_the_last_good_estimate_stays(method: str) -> 
     guard = EstimatorGuard(FailingEstimator(method))
     fly(guard)
     assert is_finite(guard.estimate)
-    assert guard.calls.failures[RAISED] > 0
+    assert guard.calls.failures["estimator_raised"] > 0
 
 
 class Diverging(ExactEstimator):
@@ -119,7 +119,7 @@ def test_an_unusable_estimate_is_not_used(change: dict[str, Any]) -> None:
     guard = EstimatorGuard(Diverging(change), ExactEstimator())
     fly(guard)
     assert guard.replaced
-    assert guard.calls.failures[UNUSABLE] == 1
+    assert guard.calls.failures["estimator_unusable"] == 1
     assert guard.estimate.motion[:2] == pytest.approx(PLACE.position_m[:2], abs=1e-2)
 
 
@@ -131,22 +131,23 @@ def test_the_default_estimator_stays_until_another_one_is_selected() -> None:
     fly(guard)
     assert not guard.replaced
     assert not guard.calls.failure
-    assert guard.events == {RAISED: 1}
+    assert guard.events == {"estimator_raised": 1}
 
 
 def test_a_call_that_takes_too_long_is_a_failure_but_for_the_first_ones() -> None:
-    class Slow(NoTimeLimit):
+    class Slow(TimeLimit):
         def end(self, limit_s: float) -> bool:
             return limit_s < 0.02
 
-    guard = EstimatorGuard(ExactEstimator(), ExactEstimator(), Slow())
+    guard = EstimatorGuard(ExactEstimator(), ExactEstimator())
+    guard.calls.limit = Slow()
     guard.reset(PLACE)
     for _ in range(FIRST_CALLS - 2):
         guard.predict(HOVER, 0.02)
     assert not guard.replaced
     guard.predict(HOVER, 0.02)
     assert guard.replaced
-    assert guard.calls.failures[LATE] == 1
+    assert guard.calls.failures["estimator_late"] == 1
 
 
 def test_events_of_an_estimator_are_among_those_of_its_guard() -> None:
@@ -157,7 +158,12 @@ def test_events_of_an_estimator_are_among_those_of_its_guard() -> None:
 
 
 @pytest.mark.parametrize(
-    ("answer", "kind"), [(np.full(3, np.nan), UNUSABLE), (np.zeros(2), UNUSABLE), (None, RAISED)]
+    ("answer", "kind"),
+    [
+        (np.full(3, np.nan), "estimator_unusable"),
+        (np.zeros(2), "estimator_unusable"),
+        (None, "estimator_raised"),
+    ],
 )
 def test_an_unusable_uncertainty_is_unknown_and_the_estimator_stays(answer: Array | None, kind: str) -> None:
     class WithUncertainty(ExactEstimator):

@@ -4,14 +4,13 @@ from collections.abc import Callable
 
 import pytest
 
-from rcopterx.agents.guards.guarded_call import FailureKinds, GuardedCall
-from rcopterx.agents.guards.time_limit import NotedTimeLimit, NoTimeLimit, OutOfTimeError
+from rcopterx.agents.guards.guarded_call import GuardedCall
+from rcopterx.agents.guards.time_limit import NotedTimeLimit, OutOfTimeError, TimeLimit
 
-KINDS = FailureKinds("raised", "unusable", "late")
 LIMIT_S = 0.01
 
 
-class OverLimit(NoTimeLimit):
+class OverLimit(TimeLimit):
     """Every call has taken too long."""
 
     def end(self, limit_s: float) -> bool:
@@ -42,15 +41,16 @@ def broken() -> int:
 @pytest.mark.parametrize("question", [out_of_time, interrupted_in_compiled_code, interrupted_twice_over])
 def test_interrupted_calls_are_late_and_noted_for_a_replay(question: Callable[[], int]) -> None:
     noted = NotedTimeLimit(OverLimit())
-    call = GuardedCall(KINDS, 0, 1.0, noted)
+    call = GuardedCall("solver", 0, 1.0)
+    call.limit = noted
     assert call.attempt("solver", LIMIT_S, question, lambda _: None) is None
-    assert call.failures == {"late": 1}
+    assert call.failures == {"solver_late": 1}
     assert call.failure == "solver: a call took longer than 10 ms"
     assert noted.overtime == [(1, 0)]
 
 
 def test_other_errors_of_the_interpreter_are_failures_of_the_call() -> None:
-    call = GuardedCall(KINDS, 0, 1.0)
+    call = GuardedCall("solver", 0, 1.0)
     assert call.attempt("solver", LIMIT_S, broken, lambda _: None) is None
-    assert call.failures == {"raised": 1}
+    assert call.failures == {"solver_raised": 1}
     assert call.failure == "solver: SystemError: something else"

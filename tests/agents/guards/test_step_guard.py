@@ -10,12 +10,9 @@ from support.flight import ExactEstimator, Lab, NotedController, Plant, measured
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.guards.step_guard import (
     DEFAULT_CONTROLLER,
-    LATE,
     PATIENCE_S,
-    RAISED,
     SHIFTED_PLAN,
     SHIFTED_PLAN_LIMIT_S,
-    UNUSABLE,
     StepGuard,
 )
 from rcopterx.agents.guards.step_guard import HOVER as HOVERING
@@ -74,7 +71,9 @@ def test_the_vehicle_keeps_its_place_with_sound_commands_however_its_controller_
     flight = Flight(course)
     flight.fly(1.0)  # the laboratory checks every command
     assert flight.away_m < 0.05
-    failed = sum(flight.pilot.step_guard.events[kind] for kind in (RAISED, UNUSABLE))
+    failed = sum(
+        flight.pilot.step_guard.events[kind] for kind in ("controller_raised", "controller_unusable")
+    )
     asked = [course[step % len(course)] for step in range(flight.failing.steps)]
     assert failed == sum(failure is not None for failure in asked)
     longest = max((len(run) for run in "".join("x" if f else " " for f in course * 12).split()), default=0)
@@ -150,7 +149,7 @@ def test_a_default_controller_that_is_flown_itself_is_not_replaced_by_itself() -
     guard.reset(sound, estimate, HOVER)
     told = [guard.step(sound, estimate, reference, HOVER).fallback for _ in range(90)]
     assert set(told) == {None, SHIFTED_PLAN}
-    assert guard.events[RAISED] == 30
+    assert guard.events["controller_raised"] == 30
 
 
 def test_a_shifted_plan_has_an_end() -> None:
@@ -181,7 +180,7 @@ class Deaf(NotedController):
 def test_what_is_raised_in_a_reset_is_a_failure_like_any_other() -> None:
     guard, deaf = StepGuard(COAXIAL_LAG), Deaf(HOVER[None, :])
     guard.reset(deaf, still(), HOVER)
-    assert guard.events[RAISED] == 1
+    assert guard.events["controller_raised"] == 1
     assert guard.calls.failure == "Deaf: ValueError: not now"
 
 
@@ -199,17 +198,18 @@ class LimitOfTests:
 
 
 def test_a_step_that_took_too_long_does_not_count_although_it_came() -> None:
-    from rcopterx.agents.guards.time_limit import NoTimeLimit
+    from rcopterx.agents.guards.time_limit import TimeLimit
 
-    class Measured(NoTimeLimit):
+    class Measured(TimeLimit):
         def end(self, limit_s: float) -> bool:
             return LimitOfTests.used > limit_s
 
-    guard, slow = StepGuard(COAXIAL_LAG, limit=Measured()), Slow(HOVER[None, :])
+    guard, slow = StepGuard(COAXIAL_LAG), Slow(HOVER[None, :])
+    guard.calls.limit = Measured()
     estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, 8)
     guard.reset(slow, estimate, HOVER)
     assert guard.step(slow, estimate, reference, HOVER).fallback == HOVERING
-    assert guard.events[LATE] == 1
+    assert guard.events["controller_late"] == 1
 
 
 class Answers(NotedController):
@@ -249,5 +249,5 @@ def test_what_is_wrong_with_an_answer_is_told(inputs: object, samples: object, s
     estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, STAGES)
     guard.reset(wrong, estimate, HOVER)
     assert guard.step(wrong, estimate, reference, HOVER).fallback == HOVERING
-    assert guard.events == {UNUSABLE: 1}
+    assert guard.events == {"controller_unusable": 1}
     assert guard.calls.failure == f"Answers: {said}"

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.flight.followed import LeaderPlan
 from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.flight.task import LeaderPlan
+from rcopterx.agents.following.traffic import FORMATION_SCALE, ellipsoid_scale
 from rcopterx.agents.formation.topology import places
 from rcopterx.agents.phases import Event
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.agents.separation.avoidance import NEAR, TOUCHING, Neighbour, SeparationEllipsoid, near
-from rcopterx.agents.separation.ellipsoid_scales import FORMATION_SCALE, ellipsoid_scale
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.control.estimators.registry import ESTIMATORS

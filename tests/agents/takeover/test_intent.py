@@ -8,12 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.flight import still
 
-from rcopterx.agents.flight.followed import FollowedLeader, LeaderPlan
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.flight.task import Task
+from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan, Task
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Event, Phase
-from rcopterx.agents.takeover.intent import configuration_of, intent_of, passed_s, task_of
+from rcopterx.agents.takeover.handover import configuration_of, intent_of, passed_s, task_of
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.intent import Intent

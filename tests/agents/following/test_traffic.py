@@ -8,8 +8,8 @@ from support.plans import PlanBus, plan_of
 from support.statuses import hovering
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.following.traffic import MOST, PATIENCE, UPDATE_EVERY_TICKS, Traffic, way
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
-from rcopterx.agents.separation.traffic import MOST, PATIENCE, UPDATE_EVERY_TICKS, Traffic, way
 from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.vehicles.tuples import Three

@@ -1,4 +1,4 @@
-"""Plans of vehicles that could come near, received only as long as they could.
+"""Plans of vehicles that could come near, received only as long as they could; how far to keep from each.
 
 The plans of all vehicles would cost each agent fifty wake-ups per second and vehicle. Statuses, five per
 second, contain places and set points, from which follows which vehicles could meet. Their plans do not wake
@@ -12,16 +12,35 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
-from rcopterx.agents.flight.followed import LeaderPlan
+from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import leader_plan
-from rcopterx.agents.formation.present import formation_of
-from rcopterx.agents.formation.topology import FormationGraph, places, roots
+from rcopterx.agents.formation.topology import FormationGraph, ancestors, formation_of, places, roots
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
-from rcopterx.agents.separation.ellipsoid_scales import ellipsoid_scale
 from rcopterx.bus.messages import AgentStatus, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.vehicles.state import Array
+
+FORMATION_SCALE: Final = 0.9
+"""Fraction of the distance of two places in a formation that its vehicles keep."""
+
+
+def ellipsoid_scale(
+    ellipsoid: SeparationEllipsoid, links: FormationGraph, places: Mapping[str, Array], name: str, other: str
+) -> float:
+    """Return the scale, 0 to 1, of the ellipsoid that a vehicle keeps free of another one.
+
+    It is 0 for its followers, whose plans are made from its own. Vehicles of one formation keep at most
+    `FORMATION_SCALE` of the distance of their `places` (x, y, z first), which an operator has chosen.
+    """
+    if name in ancestors(links, other):
+        return 0.0
+    mates = set(roots(links, name)) & set(roots(links, other))
+    if not mates or name not in places or other not in places:
+        return 1.0
+    gap_m = places[name][:3] - places[other][:3]
+    return min(1.0, FORMATION_SCALE * float(ellipsoid.normalised(gap_m)))
+
 
 UPDATE_EVERY_TICKS: Final = 10
 AHEAD_S: Final = 1.2

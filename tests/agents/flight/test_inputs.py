@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rcopterx.agents.flight.bumpless_transfer import BumplessTransfer
+from rcopterx.agents.flight.inputs import BumplessTransfer
 from rcopterx.vehicles.types import COAXIAL
 
 LAST = COAXIAL.hover_input + 0.2

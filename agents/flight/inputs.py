@@ -1,0 +1,108 @@
+"""Inputs of a vehicle: without steps when controllers change, rounded before they are sent, and under way."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array
+
+FADING_TIME_S: Final = 0.09
+"""Time constant of the decay of the difference that another controller or estimator makes."""
+END: Final = 1e-3
+"""Difference that counts as none."""
+
+
+HISTORY_LENGTH: Final = 64
+TIME_TOLERANCE_S: Final = 1e-6
+
+
+class BumplessTransfer:
+    """Lets the first difference of the inputs after a change fade away."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._pending = False
+        self._difference: Array | None = None
+
+    def begin(self) -> None:
+        """Begin a transfer: the next inputs come from another controller or estimator."""
+        self._pending = True
+
+    def smoothed(self, inputs: Array, last_input: Array, period_s: float) -> Array:
+        """Return the inputs of this period and the next ones, shape (k, 4), with the rest of the difference.
+
+        `last_input` is the input of the last period, shape (4,); the result is within the limits.
+        """
+        if self._pending:
+            self._pending = False
+            self._difference = last_input - inputs[0]
+        if self._difference is None:
+            return inputs
+        ages_s = period_s * np.arange(1, len(inputs) + 1)
+        fading: Array = self._difference * np.exp(-ages_s / FADING_TIME_S)[:, None]
+        self._difference = fading[0] if np.abs(fading[0]).max() > END else None
+        return np.clip(inputs + fading, self._model.u_min, self._model.u_max)
+
+
+INPUT_UNIT: Final = 2.0**-12
+"""An eighth of the steps of the finest radio; a binary fraction, which flight logs hold in few bytes."""
+
+
+def as_sent(inputs: Array, model: Model) -> Array:
+    """Return inputs, shape (k, 4), in whole `INPUT_UNIT`, but for those at the limits of the vehicle."""
+    return np.clip(np.rint(inputs / INPUT_UNIT) * INPUT_UNIT, model.u_min, model.u_max)
+
+
+@dataclass(slots=True)
+class _Entry:
+    effect_from_s: float
+    sequence: int
+    input: Array
+
+
+class InputHistory:
+    """Inputs sent and not yet, or just, acting; ordered by the time their effect begins."""
+
+    def __init__(self, initial_input: Array) -> None:
+        self._entries: deque[_Entry] = deque([_Entry(-1.0, 0, initial_input)], maxlen=HISTORY_LENGTH)
+
+    @property
+    def newest(self) -> Array:
+        """Input sent last, shape (4,)."""
+        return self._entries[-1].input
+
+    def append(self, effect_from_s: float, sequence: int, value: Array) -> None:
+        """Record an input that acts from a time on."""
+        self._entries.append(_Entry(effect_from_s, sequence, value))
+
+    def correct(self, sequence: int, value: Array) -> None:
+        """Replace the input of a sequence number by the one that the transmitter gateway applied."""
+        for entry in reversed(self._entries):
+            if entry.sequence == sequence:
+                entry.input = value
+                return
+            if entry.sequence < sequence:
+                return
+
+    def between(self, start_s: float, end_s: float) -> list[tuple[Array, float]]:
+        """Return the inputs that act in an interval, in order, with the duration [s] of each."""
+        if start_s >= end_s - TIME_TOLERANCE_S:
+            return []
+        pieces: list[tuple[Array, float]] = []
+        until_s = end_s
+        for entry in reversed(self._entries):
+            from_s = entry.effect_from_s
+            if from_s <= start_s + TIME_TOLERANCE_S:
+                pieces.append((entry.input, until_s - start_s))
+                break
+            if until_s - from_s > TIME_TOLERANCE_S:
+                pieces.append((entry.input, until_s - from_s))
+                until_s = from_s
+        else:
+            # Before the oldest known input, the same one is assumed.
+            pieces.append((self._entries[0].input, until_s - start_s))
+        pieces.reverse()
+        return pieces
