@@ -70,8 +70,6 @@ class TrackerServer:
     ----------
     profile
         Age of the Tracker, which determines its offer: tracker1, tracker2 or tracker3.
-    compact
-        Leave unchanged dynamic objects out as well.
     replay
         Play these recordings, one connection each and so on in a circle, instead of published frames.
 
@@ -90,7 +88,6 @@ class TrackerServer:
         *,
         profile: str = "tracker3",
         rate_hz: float = 50.0,
-        compact: bool = False,
         clock: Callable[[], float] = time.monotonic,
         max_backlog_bytes: int = MAX_BACKLOG_BYTES,
         replay: Sequence[RecordedConnection] | None = None,
@@ -103,7 +100,6 @@ class TrackerServer:
             raise ValueError("the recording holds no connection")
         self._offer = PROFILES[profile]
         self._rate_hz = rate_hz
-        self._compact = compact
         self._clock = clock
         self._max_backlog_bytes = max_backlog_bytes
         self._replay = replay
@@ -217,7 +213,7 @@ class TrackerServer:
                 return
             link.setblocking(False)
             link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            client = TrackerLink(link, TrackerConnection(self._offer, self._compact))
+            client = TrackerLink(link, TrackerConnection(self._offer))
             self._clients[link.fileno()] = client
             self._selector.register(link, selectors.EVENT_READ)
             self._greet(client)

@@ -39,7 +39,7 @@ from rcopterx.simulator.faults import (
     YUp,
 )
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
-from rcopterx.vicon_gateway.control_objects import ObjectType
+from rcopterx.vicon_gateway.wire import ObjectType
 
 MAX_FRAME_ID = 0xFFFFFFFE
 FARTHEST_M = 1000.0

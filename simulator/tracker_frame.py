@@ -1,36 +1,24 @@
 """Captured frames of the Tracker emulator, and their objects on the wire (Vicon DataStream SDK)."""
 
 import math
+import struct
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from rcopterx.vicon_gateway.control_objects import ObjectType, WireObject
 from rcopterx.vicon_gateway.objects import (
     SDK_TICKS_PER_SECOND,
     ApplicationInfo,
     FrameInfo,
-    FrameRateInfo,
-    HardwareFrameInfo,
+    GlobalSegments,
     LatencyInfo,
     ObjectQuality,
+    Segment,
     SegmentInfo,
     StreamInfo,
-    SubjectHealth,
     SubjectInfo,
-    Timecode,
 )
 from rcopterx.vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
-from rcopterx.vicon_gateway.segment_objects import (
-    GlobalSegments,
-    LabeledRecons,
-    LightSegment,
-    LightweightSegments,
-    LocalSegments,
-    Segment,
-    SubjectScale,
-    SubjectTopology,
-    UnlabeledRecons,
-)
+from rcopterx.vicon_gateway.wire import ObjectType, encode_object
 
 _TRACKER1 = frozenset({100004, 1, 2, 5, 6, 7, 8, 9, 23, 26, 28, 29})
 _TRACKER2 = _TRACKER1 | {36, 37, 39}
@@ -41,6 +29,14 @@ PROFILES: Mapping[str, frozenset[int]] = {"tracker1": _TRACKER1, "tracker2": _TR
 
 ROOT_SEGMENT = 1
 _POSES = frozenset({ObjectType.LOCAL_SEGMENTS, ObjectType.GLOBAL_SEGMENTS, ObjectType.LIGHTWEIGHT_SEGMENTS})
+_NO_TIMECODE = struct.pack("<4B2H2IB", 0, 0, 0, 0, 0, 0, 0xFFFFFFFF, 0, 0)
+_NO_MARKERS = bytes(4)
+_SCALE = struct.Struct("<II")
+"""Subject, number of its segments with a scale."""
+_HEALTH = struct.Struct("<Idd")
+"""Subject, marker error [mm], health from 0 to 1."""
+_LIGHT = struct.Struct("<3I6f")
+"""Subject, number of segments, segment, translation [mm], rotation vector [rad]."""
 _Encoded = tuple[Sequence[int] | None, list[bytes]]
 """Objects of a type, and their subject ids where they belong to subjects."""
 
@@ -90,56 +86,51 @@ class FrameContent:
         return [item for subject, item in zip(subjects, data, strict=True) if subject in allowed]
 
     def _encode(self, kind: int) -> _Encoded:
-        single = self._object_of_stream(kind)
-        if single is not None:
-            return None, [single.encode()]
+        payload = self._payload_of_stream(kind)
+        if payload is not None:
+            return None, [encode_object(kind, payload)]
         bodies = [entry for entry in self._bodies if kind not in _POSES or not entry[1].occluded]
-        objects = [self._object_of_subject(kind, subject, body).encode() for subject, body in bodies]
-        return [subject for subject, _ in bodies], objects
+        payloads = [self._payload_of_subject(kind, subject, body) for subject, body in bodies]
+        return [subject for subject, _ in bodies], [encode_object(kind, payload) for payload in payloads]
 
-    def _object_of_stream(self, kind: int) -> WireObject | None:
-        """Object of the whole stream; None for a type that belongs to subjects."""
+    def _payload_of_stream(self, kind: int) -> bytes | None:
+        """Payload of an object of the whole stream; None for a type that belongs to subjects."""
         match kind:
             case ObjectType.STREAM_INFO:
-                return StreamInfo(round(SDK_TICKS_PER_SECOND / self._rate_hz))
-            case ObjectType.FRAME_INFO:
-                return FrameInfo(self.frame.frame)
-            case ObjectType.HARDWARE_FRAME_INFO:
-                return HardwareFrameInfo(self.frame.frame)
+                return StreamInfo(round(SDK_TICKS_PER_SECOND / self._rate_hz)).payload()
+            case ObjectType.FRAME_INFO | ObjectType.HARDWARE_FRAME_INFO:
+                return FrameInfo(self.frame.frame).payload()
             case ObjectType.LATENCY_INFO:
-                return LatencyInfo(self.frame.latency_samples)
+                return LatencyInfo(self.frame.latency_samples).payload()
             case ObjectType.TIMECODE:
-                return Timecode()
+                return _NO_TIMECODE
             case ObjectType.APPLICATION_INFO:
-                return ApplicationInfo(self._y_up)
+                return ApplicationInfo(self._y_up).payload()
             case ObjectType.FRAME_RATE_INFO:
-                return FrameRateInfo({"Hardware": self._rate_hz, "System": self._rate_hz})
-            case ObjectType.LABELED_RECONS:
-                return LabeledRecons()
-            case ObjectType.UNLABELED_RECONS:
-                return UnlabeledRecons()
+                # Named numbers, as in LatencyInfo.
+                return LatencyInfo((("Hardware", self._rate_hz), ("System", self._rate_hz))).payload()
+            case ObjectType.LABELED_RECONS | ObjectType.UNLABELED_RECONS:
+                return _NO_MARKERS
             case _:
                 return None
 
-    def _object_of_subject(self, kind: int, subject: int, body: TrackedBody) -> WireObject:
+    def _payload_of_subject(self, kind: int, subject: int, body: TrackedBody) -> bytes:
         match kind:
-            case ObjectType.GLOBAL_SEGMENTS:
-                return GlobalSegments(subject, (self._segment(body),))
-            case ObjectType.LOCAL_SEGMENTS:
-                return LocalSegments(subject, (self._segment(body),))
+            case ObjectType.GLOBAL_SEGMENTS | ObjectType.LOCAL_SEGMENTS:
+                return GlobalSegments(subject, (self._segment(body),)).payload()
             case ObjectType.LIGHTWEIGHT_SEGMENTS:
-                return LightweightSegments(subject, (self._light_segment(body),))
+                return self._light_segments(subject, body)
             case ObjectType.OBJECT_QUALITY:
-                return ObjectQuality(subject, body.quality)
+                return ObjectQuality(subject, body.quality).payload()
             case ObjectType.SUBJECT_INFO:
                 root = SegmentInfo(0, ROOT_SEGMENT, body.root_segment or body.name)
-                return SubjectInfo(subject, body.name, (root,))
+                return SubjectInfo(subject, body.name, (root,)).payload()
             case ObjectType.SUBJECT_TOPOLOGY:
-                return SubjectTopology(subject, (Segment(ROOT_SEGMENT),))
+                return GlobalSegments(subject, (Segment(ROOT_SEGMENT),)).payload()
             case ObjectType.SUBJECT_SCALE:
-                return SubjectScale(subject)
+                return _SCALE.pack(subject, 0)
             case _:
-                return SubjectHealth(subject, marker_error_mm=0.2, health=1.0)
+                return _HEALTH.pack(subject, 0.2, 1.0)
 
     def _pose(
         self, body: TrackedBody
@@ -156,9 +147,9 @@ class FrameContent:
         translation_mm, quaternion = self._pose(body)
         return Segment(ROOT_SEGMENT, translation_mm, matrix_from_quaternion(quaternion))
 
-    def _light_segment(self, body: TrackedBody) -> LightSegment:
+    def _light_segments(self, subject: int, body: TrackedBody) -> bytes:
         translation_mm, (x, y, z, w) = self._pose(body)
         sine = math.sqrt(x * x + y * y + z * z)
         # Near identity the angle over the sine of its half tends to two.
         factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
-        return LightSegment(ROOT_SEGMENT, translation_mm, (x * factor, y * factor, z * factor))
+        return _LIGHT.pack(subject, 1, ROOT_SEGMENT, *translation_mm, x * factor, y * factor, z * factor)

@@ -7,45 +7,31 @@ from collections.abc import Mapping
 from itertools import chain
 
 from rcopterx.simulator.tracker_frame import FrameContent
-from rcopterx.vicon_gateway.control_objects import (
-    STATIC_TYPES,
+from rcopterx.vicon_gateway.objects import (
     Contents,
     Filter,
     ObjectEnums,
-    ObjectType,
     Ping,
     RequestFrame,
     RequestNextFrame,
     WireObject,
-    offer_packet,
+    decode_body,
     packet,
 )
-from rcopterx.vicon_gateway.objects import decode_body
-from rcopterx.vicon_gateway.wire import PacketReader, encode_packet
+from rcopterx.vicon_gateway.wire import STATIC_TYPES, ObjectType, PacketReader, encode_packet
 
 EMPTY_PACKET = encode_packet()
 MAX_REQUEST_BYTES = 64 * 1024
 MAX_OWED_FRAMES = 1_000_000
 
-_CONTENTS = int(ObjectType.CONTENTS)
-_STREAM_INFO = int(ObjectType.STREAM_INFO)
 _SEND_ORDER = (1, 2, 37, 28, 28001, 29, 40, 5, 23, 26, 36, 39, 8, 9, 901, 6, 7)
 
 
 class TrackerConnection:
-    """Requests of one client, and the objects sent to it.
+    """Requests of one client, and the objects sent to it; `offer` are the types that this server can send."""
 
-    Parameters
-    ----------
-    offer
-        Object types this server can send.
-    compact
-        Leave out unchanged dynamic types as well, and name them (exercises a client's carry-over).
-    """
-
-    def __init__(self, offer: frozenset[int], compact: bool = False) -> None:
+    def __init__(self, offer: frozenset[int]) -> None:
         self.offer = offer
-        self.compact = compact
         self.selection: frozenset[int] | None = None
         self._kinds: tuple[int, ...] = ()
         self.streaming = False
@@ -60,7 +46,7 @@ class TrackerConnection:
 
     def greeting(self) -> bytes:
         """Return the first packet of the server: its offer."""
-        return offer_packet(self.offer)
+        return packet(ObjectEnums(self.offer))
 
     def receive(self, data: bytes) -> list[bytes]:
         """Handle bytes of the client and return the packets to send at once; raises `WireError` if they are
@@ -121,22 +107,21 @@ class TrackerConnection:
         self._sent = objects
         present = [[] if kind in unchanged else items for kind, items in objects.items()]
         parts = chain.from_iterable(present)
-        if _CONTENTS not in self.selection:
+        if ObjectType.CONTENTS not in self.selection:
             return encode_packet(*parts)
         counts = dict(zip(objects, map(len, present), strict=True))
         return encode_packet(Contents(counts, unchanged).encode(), *parts)
 
     def _unchanged(self, objects: Mapping[int, list[bytes]]) -> frozenset[int]:
         """Return the types to leave out; none for a client without the Contents object that names them."""
-        if _CONTENTS not in (self.selection or ()):
+        if ObjectType.CONTENTS not in (self.selection or ()):
             return frozenset()
         static = {kind: items for kind, items in objects.items() if kind in STATIC_TYPES}
-        leavable = objects if self.compact else static
-        same = {kind for kind, items in leavable.items() if items and items == self._sent.get(kind)}
+        same = {kind for kind, items in static.items() if items and items == self._sent.get(kind)}
         if same >= static.keys():
             return frozenset(same)
         emptied = any(self._sent.get(kind) and not items for kind, items in static.items())
         if emptied and all(kind in same or not items for kind, items in static.items()):
             # Without any static object in the packet the client would keep objects that are gone.
-            same.discard(_STREAM_INFO)
+            same.discard(ObjectType.STREAM_INFO)
         return frozenset(same)

@@ -26,11 +26,11 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from msgspec import structs
+from msgspec.structs import replace
 
 from rcopterx.vicon_gateway.client import ClientLimits, ClientState, FrameClient
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
-from rcopterx.vicon_gateway.root_pose import MAX_POSITION_MM
+from rcopterx.vicon_gateway.rotations import MAX_POSITION_MM
 
 BRANDS: Mapping[str, tuple[str, ...]] = {
     "optitrack": ("hostname", "interface_ip", "port_command"),
@@ -191,7 +191,7 @@ class BrandClient(FrameClient):
             doing=self._sentence(),
             last_error=self._last_error,
             connects=self._starts,
-            **structs.asdict(self._counters),
+            counters=replace(self._counters),
         )
 
     @property

@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Literal, NamedTuple, Self
 
-from msgspec import structs
+from msgspec.structs import replace
 
 from rcopterx.vicon_gateway.datastream import DataStreamSession, StreamCounters
 from rcopterx.vicon_gateway.frame import CapturedFrame
@@ -37,21 +37,13 @@ class ClientState(NamedTuple):
         first frame), up (frames with segments arrive), closed (by the caller).
     last_error, recording_error
         Why the last connection failed or ended, and the raw recording ended.
-    frames, skipped, lost, repeated, restarts, rejected
-        See `StreamCounters`.
     """
 
     name: StateName
     doing: str
     last_error: str | None
     connects: int
-    frames: int
-    skipped: int
-    lost: int
-    repeated: int
-    restarts: int
-    rejected: int
-    received_bytes: int = 0
+    counters: StreamCounters
     recorded_bytes: int = 0
     recording_error: str | None = None
 
@@ -167,7 +159,6 @@ class DataStreamClient(FrameClient):
         self._unsent = b""
         self._tries = 0
         self._connects = 0
-        self._received_bytes = 0
 
     @property
     def state(self) -> ClientState:
@@ -177,8 +168,7 @@ class DataStreamClient(FrameClient):
             doing=self._sentence(),
             last_error=self._last_error,
             connects=self._connects,
-            **structs.asdict(self._counters),
-            received_bytes=self._received_bytes,
+            counters=replace(self._counters),
             recorded_bytes=0 if self._recorder is None else self._recorder.recorded_bytes,
             recording_error=None if self._recorder is None else self._recorder.error,
         )
@@ -281,7 +271,6 @@ class DataStreamClient(FrameClient):
             if drained:
                 now_s = self._clock()
             drained += len(data)
-            self._received_bytes += len(data)
             if self._recorder is not None:
                 self._recorder.received(data)
             self._session.feed(data, now_s)

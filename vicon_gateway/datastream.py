@@ -5,51 +5,94 @@ Bytes and the time of their arrival go in, frames and bytes to send come out. No
 
 import statistics
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from msgspec import Struct
 
-from rcopterx.vicon_gateway.carry_over import CarryOver
-from rcopterx.vicon_gateway.control_objects import (
-    DYNAMIC_TYPES,
-    STATIC_TYPES,
-    ObjectEnums,
-    ObjectType,
-    Ping,
-    RequestFrame,
-    packet,
-)
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 from rcopterx.vicon_gateway.objects import (
     ApplicationInfo,
+    Contents,
     FrameInfo,
+    GlobalSegments,
     LatencyInfo,
+    ObjectEnums,
     ObjectQuality,
+    Ping,
+    RequestFrame,
+    Segment,
     StreamInfo,
     SubjectInfo,
+    packet,
 )
-from rcopterx.vicon_gateway.root_pose import RootNumbers, root_pose
-from rcopterx.vicon_gateway.segment_objects import GlobalSegments, Segment
-from rcopterx.vicon_gateway.wire import PacketReader, WireError, split_objects
+from rcopterx.vicon_gateway.rotations import RootNumbers, root_pose
+from rcopterx.vicon_gateway.wire import (
+    DYNAMIC_TYPES,
+    STATIC_TYPES,
+    ObjectType,
+    PacketReader,
+    WireError,
+    split_objects,
+)
+
+_NOTHING: frozenset[int] = frozenset()
+
+
+class CarryOver:
+    """Applies packets to the two classes of objects, each with its own rule.
+
+    Static objects stay until a packet carries any static object; then the types named as unchanged are kept
+    and all others become empty. Dynamic objects are rebuilt by every packet that carries one; types named as
+    unchanged are copied from the previous frame. Types are carried over as a whole. `payloads` are the
+    objects that are valid now, `contents` that of the last packet.
+    """
+
+    def __init__(self) -> None:
+        self.payloads: dict[int, list[bytes]] = {}
+        self.contents: Contents | None = None
+
+    def apply(self, objects: Iterable[tuple[int, bytes]]) -> bool:
+        """Apply one packet's objects; True when it makes a frame, that is, carries a dynamic object.
+
+        Raises `WireError` for a malformed Contents object.
+        """
+        present: dict[int, list[bytes]] = {}
+        for kind, payload in objects:
+            present.setdefault(kind, []).append(payload)
+        unchanged = self._unchanged(present.pop(ObjectType.CONTENTS, None))
+        is_frame = not DYNAMIC_TYPES.isdisjoint(present)
+        kept = self.payloads
+        if is_frame:
+            kept = {kind: was for kind, was in kept.items() if kind in unchanged or kind in STATIC_TYPES}
+        if not STATIC_TYPES.isdisjoint(present):
+            kept = {kind: was for kind, was in kept.items() if kind in unchanged or kind in DYNAMIC_TYPES}
+        known = {kind: new for kind, new in present.items() if kind in STATIC_TYPES or kind in DYNAMIC_TYPES}
+        self.payloads = {**kept, **known}
+        return is_frame
+
+    def _unchanged(self, payloads: list[bytes] | None) -> frozenset[int]:
+        if payloads is None:
+            self.contents = None
+            return _NOTHING
+        self.contents = Contents.parse(payloads[0])
+        return self.contents.unchanged
+
 
 REQUIRED_TYPES = {
-    int(ObjectType.STREAM_INFO): "the frame period",
-    int(ObjectType.SUBJECT_INFO): "the subjects",
-    int(ObjectType.FRAME_INFO): "the frame id",
-    int(ObjectType.GLOBAL_SEGMENTS): "the poses",
+    ObjectType.STREAM_INFO: "the frame period",
+    ObjectType.SUBJECT_INFO: "the subjects",
+    ObjectType.FRAME_INFO: "the frame id",
+    ObjectType.GLOBAL_SEGMENTS: "the poses",
 }
 """Without these no pose can be delivered."""
 
 WANTED_TYPES = frozenset(REQUIRED_TYPES) | {
-    int(kind)
-    for kind in (
-        ObjectType.LATENCY_INFO,
-        ObjectType.APPLICATION_INFO,
-        ObjectType.FRAME_RATE_INFO,
-        ObjectType.OBJECT_QUALITY,
-        ObjectType.CONTENTS,
-    )
+    ObjectType.LATENCY_INFO,
+    ObjectType.APPLICATION_INFO,
+    ObjectType.FRAME_RATE_INFO,
+    ObjectType.OBJECT_QUALITY,
+    ObjectType.CONTENTS,
 }
 
 PING_PERIOD_S = 1.0
@@ -58,16 +101,7 @@ MAX_LATENCY_S = 10.0
 MAX_PERIOD_S = 10.0
 _NO_FRAME_ID = 0xFFFFFFFF
 
-_PING = int(ObjectType.PING)
-_ENUMS = int(ObjectType.OBJECT_ENUMS)
-_STREAM_INFO = int(ObjectType.STREAM_INFO)
-_SUBJECT_INFO = int(ObjectType.SUBJECT_INFO)
-_FRAME_INFO = int(ObjectType.FRAME_INFO)
-_GLOBAL_SEGMENTS = int(ObjectType.GLOBAL_SEGMENTS)
-_LATENCY_INFO = int(ObjectType.LATENCY_INFO)
-_APPLICATION_INFO = int(ObjectType.APPLICATION_INFO)
-_OBJECT_QUALITY = int(ObjectType.OBJECT_QUALITY)
-_CARRIED = STATIC_TYPES | DYNAMIC_TYPES | {int(ObjectType.CONTENTS)}
+_CARRIED = STATIC_TYPES | DYNAMIC_TYPES | {ObjectType.CONTENTS}
 
 
 class StreamCounters(Struct):
@@ -125,12 +159,12 @@ class DataStreamSession:
         self._latency_samples: tuple[tuple[str, float], ...] = ()
         self._y_up = False
         self._decoders: dict[int, Callable[[list[bytes]], None]] = {
-            _STREAM_INFO: self._update_period,
-            _SUBJECT_INFO: self._update_subjects,
-            _APPLICATION_INFO: self._update_axes,
-            _LATENCY_INFO: self._update_latency,
-            _OBJECT_QUALITY: self._update_qualities,
-            _GLOBAL_SEGMENTS: self._update_segments,
+            ObjectType.STREAM_INFO: self._update_period,
+            ObjectType.SUBJECT_INFO: self._update_subjects,
+            ObjectType.APPLICATION_INFO: self._update_axes,
+            ObjectType.LATENCY_INFO: self._update_latency,
+            ObjectType.OBJECT_QUALITY: self._update_qualities,
+            ObjectType.GLOBAL_SEGMENTS: self._update_segments,
         }
         self._ping_number = 0
         self._ping_sent_s: float | None = None
@@ -185,9 +219,9 @@ class DataStreamSession:
     def _accept(self, body: bytes, now_s: float) -> None:
         objects = split_objects(body)
         for kind, payload in objects:
-            if kind == _ENUMS:
+            if kind == ObjectType.OBJECT_ENUMS:
                 self._select(ObjectEnums.parse(payload).types)
-            elif kind == _PING:
+            elif kind == ObjectType.PING:
                 self._answered(Ping.parse(payload).number, now_s)
         if self.offer is None:
             raise WireError("not a DataStream server: the first packet holds no offer")
@@ -197,7 +231,7 @@ class DataStreamSession:
             self._update(now_s)
 
     def _select(self, offer: frozenset[int]) -> None:
-        missing = [f"{what} (type {kind})" for kind, what in REQUIRED_TYPES.items() if kind not in offer]
+        missing = [f"{what} (type {kind:d})" for kind, what in REQUIRED_TYPES.items() if kind not in offer]
         if missing:
             raise WireError(f"the server does not offer {', '.join(missing)}")
         self.offer = offer
@@ -214,7 +248,7 @@ class DataStreamSession:
                 self._decoded[kind] = payloads
         self._segments_selected = self._segments_selected or self._carries_segments()
         if self._segments_selected:
-            self._update_frame(self._carry_over.payloads.get(_FRAME_INFO), now_s)
+            self._update_frame(self._carry_over.payloads.get(ObjectType.FRAME_INFO), now_s)
             self._ping(now_s)
 
     def _carries_segments(self) -> bool:
@@ -224,7 +258,7 @@ class DataStreamSession:
         contents = self._carry_over.contents
         if contents is None or self._segments:
             return True
-        return _GLOBAL_SEGMENTS in contents.counts or _GLOBAL_SEGMENTS in contents.unchanged
+        return ObjectType.GLOBAL_SEGMENTS in contents.counts.keys() | contents.unchanged
 
     def _update_period(self, payloads: list[bytes]) -> None:
         if not payloads:
@@ -301,7 +335,7 @@ class DataStreamSession:
         return SubjectPose(subject.name, False, pose[0], pose[1], quality)
 
     def _ping(self, now_s: float) -> None:
-        if self.offer is None or _PING not in self.offer or now_s < self._ping_due_s:
+        if self.offer is None or ObjectType.PING not in self.offer or now_s < self._ping_due_s:
             return
         self.unanswered_pings += self._ping_sent_s is not None
         self._ping_number += 1

@@ -3,26 +3,12 @@
 import re
 from collections import Counter
 from collections.abc import Mapping
-from typing import NamedTuple
 
+from rcopterx.bus.host_messages import SubjectState
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 
 VEHICLE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 """Names that are safe as one part of a bus key."""
-
-
-class SubjectStatus(NamedTuple):
-    """State of one subject of the Tracker; `vehicle` is None for a subject that is not configured.
-
-    `occluded_s` is None while it is seen or not listed; an ambiguous one is listed more than once and gets no
-    pose.
-    """
-
-    subject: str
-    vehicle: str | None
-    listed: bool
-    occluded_s: float | None
-    ambiguous: bool = False
 
 
 class SubjectMap:
@@ -75,13 +61,18 @@ class SubjectMap:
         self._occluded_since_s = occluded
         return known
 
-    def statuses(self, now_s: float) -> tuple[SubjectStatus, ...]:
+    def states(self, now_s: float) -> tuple[SubjectState, ...]:
         """Return every configured and every listed subject; `now_s` is the clock of the frames."""
-        statuses = []
+        states = []
         for name in dict.fromkeys((*self._vehicles, *self._listed)):
             since_s = self._occluded_since_s.get(name)
-            occluded_s = None if since_s is None else now_s - since_s
             listed = self._listed.get(name, 0)
-            vehicle = self._vehicles.get(name)
-            statuses.append(SubjectStatus(name, vehicle, listed > 0, occluded_s, listed > 1))
-        return tuple(statuses)
+            state = SubjectState(
+                subject=name[:400],
+                vehicle=self._vehicles.get(name),
+                listed=listed > 0,
+                occluded_s=None if since_s is None else max(0.0, now_s - since_s),
+                ambiguous=listed > 1,
+            )
+            states.append(state)
+        return tuple(states)

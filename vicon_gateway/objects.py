@@ -1,24 +1,171 @@
-"""Data objects of the DataStream protocol (Vicon DataStream SDK), and decoding by type number.
+"""Objects of the DataStream protocol that a client reads or sends (Vicon DataStream SDK), in its units.
 
-Objects with poses are in `segment_objects`. Units are those of the wire; conversion to metres and quaternions
-is `datastream`'s work.
+Every object is a frozen dataclass with its type number `KIND`, `payload()` to encode and `parse(payload)` to
+decode; `parse` raises `WireError` and nothing else. Poses are in millimetres, right-handed, with row-major
+rotation matrices that map segment to world coordinates.
 """
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
-from rcopterx.vicon_gateway.control_objects import CONTROL_OBJECTS, FixedObject, ObjectType, WireObject
-from rcopterx.vicon_gateway.segment_objects import SEGMENT_OBJECTS
-from rcopterx.vicon_gateway.wire import PayloadReader, encode_string, split_objects
+from rcopterx.vicon_gateway.wire import (
+    ObjectType,
+    PayloadReader,
+    encode_object,
+    encode_packet,
+    encode_string,
+    encode_u32_set,
+    split_objects,
+)
 
 SDK_TICKS_PER_SECOND = 135_000_000
 """Unit of the frame period in StreamInfo."""
 
+Vector3 = tuple[float, float, float]
+Matrix3 = tuple[float, float, float, float, float, float, float, float, float]
+IDENTITY: Matrix3 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
 _U32 = struct.Struct("<I")
 _F64 = struct.Struct("<d")
 _BOUNDS = struct.Struct("<6f")
+_SEGMENT = struct.Struct("<I12d")
+
+
+class WireObject:
+    """Base of all objects: a type number and a payload."""
+
+    __slots__ = ()
+    KIND: ClassVar[ObjectType]
+
+    def payload(self) -> bytes:
+        """Return the encoded payload; objects without fields have none."""
+        return b""
+
+    @classmethod
+    def parse(cls, payload: bytes) -> Self:
+        """Decode a payload, surplus bytes at its end ignored; raises `WireError`."""
+        del payload
+        return cls()
+
+    def encode(self) -> bytes:
+        """Return the object with its header."""
+        return encode_object(self.KIND, self.payload())
+
+
+class FixedObject(WireObject):
+    """An object whose fields have a fixed layout, in their order."""
+
+    __slots__ = ()
+    __match_args__: ClassVar[tuple[str, ...]]
+    LAYOUT: ClassVar[struct.Struct]
+
+    def payload(self) -> bytes:
+        """Return the encoded payload."""
+        return self.LAYOUT.pack(*[getattr(self, name) for name in self.__match_args__])
+
+    @classmethod
+    def parse(cls, payload: bytes) -> Self:
+        """Decode a payload; raises `WireError`."""
+        new: Callable[..., Self] = cls
+        return new(*PayloadReader(payload).take(cls.LAYOUT))
+
+
+def packet(*objects: WireObject) -> bytes:
+    """Return one packet with these objects in this order."""
+    return encode_packet(*(item.encode() for item in objects))
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectEnums(WireObject):
+    """The server's offer, or the client's selection out of it."""
+
+    KIND: ClassVar[ObjectType] = ObjectType.OBJECT_ENUMS
+    types: frozenset[int] = frozenset()
+
+    def payload(self) -> bytes:
+        """Return the encoded payload."""
+        return encode_u32_set(self.types)
+
+    @classmethod
+    def parse(cls, payload: bytes) -> Self:
+        """Decode a payload; raises `WireError`."""
+        return cls(frozenset(PayloadReader(payload).u32_list()))
+
+
+@dataclass(frozen=True, slots=True)
+class RequestFrame(FixedObject):
+    """Streaming: push every frame from now on. Otherwise: stop pushing and send one frame."""
+
+    KIND: ClassVar[ObjectType] = ObjectType.REQUEST_FRAME
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<?")
+    streaming: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RequestNextFrame(FixedObject):
+    """Ask for the next `number` frames, each as soon as it is captured (SDK 1.9 and later)."""
+
+    KIND: ClassVar[ObjectType] = ObjectType.REQUEST_NEXT_FRAME
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
+    number: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class KeepAlive(WireObject):
+    """No content; clients ignore it."""
+
+    KIND: ClassVar[ObjectType] = ObjectType.KEEP_ALIVE
+
+
+@dataclass(frozen=True, slots=True)
+class Contents(WireObject):
+    """Contents of a frame packet: objects per selected type, and types left out because unchanged."""
+
+    KIND: ClassVar[ObjectType] = ObjectType.CONTENTS
+    counts: Mapping[int, int] = field(default_factory=dict)
+    unchanged: frozenset[int] = frozenset()
+
+    def payload(self) -> bytes:
+        """Return the encoded payload."""
+        flat = tuple(number for pair in sorted(self.counts.items()) for number in pair)
+        return struct.pack(f"<I{len(flat)}I", len(flat) // 2, *flat) + encode_u32_set(self.unchanged)
+
+    @classmethod
+    def parse(cls, payload: bytes) -> Self:
+        """Decode a payload; raises `WireError`."""
+        reader = PayloadReader(payload)
+        counts = {reader.u32(): reader.u32() for _ in range(reader.count(8))}
+        return cls(counts, frozenset(reader.u32_list()))
+
+
+@dataclass(frozen=True, slots=True)
+class Ping(FixedObject):
+    """Echoed by the server at once, in a packet of its own."""
+
+    KIND: ClassVar[ObjectType] = ObjectType.PING
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Q")
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Filter(WireObject):
+    """For the named types send only objects of these subject (or camera) ids."""
+
+    KIND: ClassVar[ObjectType] = ObjectType.FILTER
+    allowed: Mapping[int, frozenset[int]] = field(default_factory=dict)
+
+    def payload(self) -> bytes:
+        """Return the encoded payload."""
+        entries = (_U32.pack(kind) + encode_u32_set(ids) for kind, ids in sorted(self.allowed.items()))
+        return _U32.pack(len(self.allowed)) + b"".join(entries)
+
+    @classmethod
+    def parse(cls, payload: bytes) -> Self:
+        """Decode a payload; raises `WireError`."""
+        reader = PayloadReader(payload)
+        return cls({reader.u32(): frozenset(reader.u32_list()) for _ in range(reader.count(8))})
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,23 +246,6 @@ class FrameInfo(FixedObject):
 
 
 @dataclass(frozen=True, slots=True)
-class Timecode(FixedObject):
-    """Video time code; `standard` 0xFFFFFFFF means none."""
-
-    KIND: ClassVar[ObjectType] = ObjectType.TIMECODE
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<4B2H2IB")
-    hours: int = 0
-    minutes: int = 0
-    seconds: int = 0
-    frames: int = 0
-    subframe: int = 0
-    subframes_per_frame: int = 0
-    standard: int = 0xFFFFFFFF
-    user_bits: int = 0
-    field_flag: int = 0
-
-
-@dataclass(frozen=True, slots=True)
 class LatencyInfo(WireObject):
     """Latency of each pipeline stage in seconds; the total is their sum."""
 
@@ -124,35 +254,14 @@ class LatencyInfo(WireObject):
 
     def payload(self) -> bytes:
         """Return the encoded payload."""
-        return _U32.pack(len(self.samples)) + b"".join(
-            _named_value(name, value) for name, value in self.samples
-        )
+        samples = (encode_string(name) + _F64.pack(value) for name, value in self.samples)
+        return _U32.pack(len(self.samples)) + b"".join(samples)
 
     @classmethod
     def parse(cls, payload: bytes) -> Self:
         """Decode a payload; raises `WireError`."""
         reader = PayloadReader(payload)
         return cls(tuple((reader.string(), reader.take(_F64)[0]) for _ in range(reader.count(12))))
-
-
-@dataclass(frozen=True, slots=True)
-class SubjectHealth(FixedObject):
-    """Marker error in millimetres and health from 0 to 1."""
-
-    KIND: ClassVar[ObjectType] = ObjectType.SUBJECT_HEALTH
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Idd")
-    subject: int
-    marker_error_mm: float
-    health: float
-
-
-@dataclass(frozen=True, slots=True)
-class HardwareFrameInfo(FixedObject):
-    """Camera frame counter."""
-
-    KIND: ClassVar[ObjectType] = ObjectType.HARDWARE_FRAME_INFO
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
-    counter: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,25 +282,6 @@ class ApplicationInfo(WireObject):
 
 
 @dataclass(frozen=True, slots=True)
-class FrameRateInfo(WireObject):
-    """Named frame rates in hertz, informative."""
-
-    KIND: ClassVar[ObjectType] = ObjectType.FRAME_RATE_INFO
-    rates_hz: Mapping[str, float] = field(default_factory=dict)
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        entries = (_named_value(name, self.rates_hz[name]) for name in sorted(self.rates_hz))
-        return _U32.pack(len(self.rates_hz)) + b"".join(entries)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        reader = PayloadReader(payload)
-        return cls({reader.string(): reader.take(_F64)[0] for _ in range(reader.count(12))})
-
-
-@dataclass(frozen=True, slots=True)
 class ObjectQuality(FixedObject):
     """Quality of one subject from 0 (bad) to 1 (good)."""
 
@@ -201,34 +291,54 @@ class ObjectQuality(FixedObject):
     quality: float
 
 
-DATA_OBJECTS: tuple[type[WireObject], ...] = (
-    *SEGMENT_OBJECTS,
-    StreamInfo,
-    SubjectInfo,
-    FrameInfo,
-    Timecode,
-    LatencyInfo,
-    SubjectHealth,
-    HardwareFrameInfo,
-    ApplicationInfo,
-    FrameRateInfo,
-    ObjectQuality,
-)
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """Pose of one segment: 100 bytes on the wire."""
 
-_BY_KIND: dict[int, type[WireObject]] = {int(item.KIND): item for item in (*CONTROL_OBJECTS, *DATA_OBJECTS)}
+    id: int
+    translation_mm: Vector3 = (0.0, 0.0, 0.0)
+    rotation: Matrix3 = IDENTITY
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalSegments(WireObject):
+    """One subject's segments in world coordinates; a subject without this object in a frame is occluded."""
+
+    KIND: ClassVar[ObjectType] = ObjectType.GLOBAL_SEGMENTS
+    subject: int
+    segments: tuple[Segment, ...]
+
+    def payload(self) -> bytes:
+        """Return the encoded payload."""
+        poses = (_SEGMENT.pack(item.id, *item.translation_mm, *item.rotation) for item in self.segments)
+        return _U32.pack(self.subject) + _U32.pack(len(self.segments)) + b"".join(poses)
+
+    @classmethod
+    def parse(cls, payload: bytes) -> Self:
+        """Decode a payload; raises `WireError`."""
+        reader = PayloadReader(payload)
+        subject = reader.u32()
+        segments = []
+        for _ in range(reader.count(_SEGMENT.size)):
+            number, x, y, z, a, b, c, d, e, f, g, h, i = reader.take(_SEGMENT)
+            segments.append(Segment(int(number), (x, y, z), (a, b, c, d, e, f, g, h, i)))
+        return cls(subject, tuple(segments))
+
+
+_OBJECTS: tuple[type[WireObject], ...] = (
+    ObjectEnums, RequestFrame, RequestNextFrame, KeepAlive, Contents, Ping, Filter, GlobalSegments,
+    StreamInfo, SubjectInfo, FrameInfo, LatencyInfo, ApplicationInfo, ObjectQuality,
+)  # fmt: skip
+_BY_KIND: dict[int, type[WireObject]] = {kind.KIND: kind for kind in _OBJECTS}
 
 
 def decode_object(kind: int, payload: bytes) -> WireObject | None:
-    """Decode one object; None for a type this package does not know. Raises `WireError`."""
+    """Decode one object; None for a type without a class here. Raises `WireError`."""
     known = _BY_KIND.get(kind)
     return None if known is None else known.parse(payload)
 
 
 def decode_body(body: bytes) -> list[WireObject]:
-    """Decode a packet body, unknown types skipped. Raises `WireError`."""
+    """Decode a packet body, other types skipped. Raises `WireError`."""
     decoded = (decode_object(kind, payload) for kind, payload in split_objects(body))
     return [item for item in decoded if item is not None]
-
-
-def _named_value(name: str, value: float) -> bytes:
-    return encode_string(name) + _F64.pack(value)

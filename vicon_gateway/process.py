@@ -8,9 +8,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import asdict
+
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from rcopterx.bus.host_messages import SubjectState, TrackerStatus
+from rcopterx.bus.host_messages import TrackerStatus
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import TIME_BITS, monotonic_s, rounded
@@ -21,7 +23,7 @@ from rcopterx.vicon_gateway.client import ClientState, DataStreamClient, FrameCl
 from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 from rcopterx.vicon_gateway.mapping import SubjectMap
-from rcopterx.vicon_gateway.recording_file import RecordingFile
+from rcopterx.vicon_gateway.recording import RecordingFile
 from rcopterx.vicon_gateway.settings import TrackerSettings
 
 _LOG = logging.getLogger(__name__)
@@ -142,12 +144,7 @@ class TrackerGateway:
         state = self._client.state
         counters = {
             "connects": state.connects,
-            "frames": state.frames,
-            "skipped": state.skipped,
-            "lost": state.lost,
-            "repeated": state.repeated,
-            "restarts": state.restarts,
-            "rejected": state.rejected,
+            **asdict(state.counters),
             "epochs": self.epochs.epochs,
             "standbys": self.standbys,
             "recording failures": int(state.recording_error is not None),
@@ -161,16 +158,7 @@ class TrackerGateway:
             frame=self._stamp.frame,
             period_s=0.0 if self._frame is None else self._frame.period_s,
             latency_s=0.0 if self._frame is None else self._frame.latency_s,
-            subjects=tuple(
-                SubjectState(
-                    subject=status.subject[:400],
-                    vehicle=status.vehicle,
-                    listed=status.listed,
-                    occluded_s=None if status.occluded_s is None else max(0.0, status.occluded_s),
-                    ambiguous=status.ambiguous,
-                )
-                for status in self._subjects.statuses(now_s)
-            ),
+            subjects=self._subjects.states(now_s),
             counters=counters,
             realtime=self._realtime,
             recording=self._recording_text(state)[:400],

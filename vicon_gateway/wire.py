@@ -1,4 +1,4 @@
-"""Framing and coding of the Vicon DataStream protocol (Vicon DataStream SDK).
+"""Framing, types of objects and coding of the Vicon DataStream protocol (Vicon DataStream SDK).
 
 Everything that reads bytes from the network goes through this module and raises exactly one error,
 `WireError`, for anything malformed. Lengths and counts are compared with the bytes that are really there
@@ -7,6 +7,7 @@ before anything is allocated.
 
 import struct
 from collections.abc import Iterable
+from enum import IntEnum
 
 MAGIC = 0x1A2B0001
 MAX_BODY_BYTES = 64 * 1024 * 1024
@@ -18,6 +19,65 @@ HEADER = struct.Struct("<II")
 
 _MAGIC_BYTES = MAGIC.to_bytes(4, "little")
 _U32 = struct.Struct("<I")
+
+
+class ObjectType(IntEnum):
+    """Type numbers of the objects this package knows; a reader skips all others."""
+
+    STREAM_INFO = 1
+    SUBJECT_INFO = 2
+    FRAME_INFO = 5
+    LABELED_RECONS = 6
+    UNLABELED_RECONS = 7
+    LOCAL_SEGMENTS = 8
+    GLOBAL_SEGMENTS = 9
+    TIMECODE = 23
+    LATENCY_INFO = 26
+    SUBJECT_TOPOLOGY = 28
+    SUBJECT_HEALTH = 29
+    HARDWARE_FRAME_INFO = 36
+    APPLICATION_INFO = 37
+    FRAME_RATE_INFO = 39
+    OBJECT_QUALITY = 40
+    PING = 42
+    LIGHTWEIGHT_SEGMENTS = 901
+    SUBJECT_SCALE = 28001
+    OBJECT_ENUMS = 100001
+    REQUEST_FRAME = 100002
+    KEEP_ALIVE = 100003
+    CONTENTS = 100004
+    FILTER = 100007
+    REQUEST_NEXT_FRAME = 100008
+
+
+STATIC_TYPES = frozenset(
+    {
+        ObjectType.STREAM_INFO,
+        ObjectType.SUBJECT_INFO,
+        ObjectType.SUBJECT_TOPOLOGY,
+        ObjectType.SUBJECT_SCALE,
+        ObjectType.SUBJECT_HEALTH,
+        ObjectType.APPLICATION_INFO,
+        ObjectType.OBJECT_QUALITY,
+    }
+)
+"""Static types: kept until a packet carries any object of this class."""
+
+DYNAMIC_TYPES = frozenset(
+    {
+        ObjectType.FRAME_INFO,
+        ObjectType.LABELED_RECONS,
+        ObjectType.UNLABELED_RECONS,
+        ObjectType.LOCAL_SEGMENTS,
+        ObjectType.GLOBAL_SEGMENTS,
+        ObjectType.LIGHTWEIGHT_SEGMENTS,
+        ObjectType.TIMECODE,
+        ObjectType.LATENCY_INFO,
+        ObjectType.HARDWARE_FRAME_INFO,
+        ObjectType.FRAME_RATE_INFO,
+    }
+)
+"""Dynamic types: rebuilt by every packet."""
 
 
 class WireError(ValueError):

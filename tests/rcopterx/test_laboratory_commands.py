@@ -75,7 +75,9 @@ def test_recording_is_played_to_who_connects_and_the_command_ends(tmp_path: Path
         running_tracker("heli1") as server,
         DataStreamClient(*server.address, limits=PATIENT, record_raw=sink) as client,
     ):
-        wait_for(lambda: client.next_frame(0.01) is not None and client.state.frames > 20, "no frames")
+        wait_for(
+            lambda: client.next_frame(0.01) is not None and client.state.counters.frames > 20, "no frames"
+        )
     command = [sys.executable, "-m", "rcopterx", "replay-tracker", str(path), "--port", "0", "--speed", "2"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
@@ -93,7 +95,7 @@ def test_recording_is_played_to_who_connects_and_the_command_ends(tmp_path: Path
 
 def _heard(client: DataStreamClient) -> int:
     """Frames that arrived; on a busy machine several are read at once and only the newest is given."""
-    return client.state.frames + client.state.skipped
+    return client.state.counters.frames + client.state.counters.skipped
 
 
 class ScriptedSimulator:

@@ -19,8 +19,15 @@ from rcopterx.simulator.faults import (
 )
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
-from rcopterx.vicon_gateway.control_objects import ObjectEnums, Ping, RequestFrame, WireObject, packet
-from rcopterx.vicon_gateway.objects import FrameInfo, decode_body
+from rcopterx.vicon_gateway.objects import (
+    FrameInfo,
+    ObjectEnums,
+    Ping,
+    RequestFrame,
+    WireObject,
+    decode_body,
+    packet,
+)
 from rcopterx.vicon_gateway.recording import RecordedConnection
 from rcopterx.vicon_gateway.wire import PacketReader
 

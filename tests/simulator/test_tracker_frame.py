@@ -4,9 +4,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rcopterx.simulator.tracker_frame import FrameContent, TrackedBody, TrackerFrame
-from rcopterx.vicon_gateway.objects import LatencyInfo, ObjectQuality, SegmentInfo, SubjectInfo
+from rcopterx.vicon_gateway.objects import (
+    GlobalSegments,
+    LatencyInfo,
+    ObjectQuality,
+    Segment,
+    SegmentInfo,
+    SubjectInfo,
+)
 from rcopterx.vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
-from rcopterx.vicon_gateway.segment_objects import GlobalSegments, LocalSegments, Segment
+from rcopterx.vicon_gateway.wire import encode_object
 
 NUMBERS = st.floats(-10.0, 10.0)
 BODIES = st.builds(
@@ -38,7 +45,9 @@ def test_objects_of_a_frame_are_those_of_the_protocol(
         if not body.occluded:
             segments.append((ids[body.name], (Segment(1, place, matrix_from_quaternion((x, y, z, w))),)))
     assert content.objects(9, allowed) == [GlobalSegments(*item).encode() for item in segments]
-    assert content.objects(8, allowed) == [LocalSegments(*item).encode() for item in segments]
+    assert content.objects(8, allowed) == [
+        encode_object(8, GlobalSegments(*item).payload()) for item in segments
+    ]
     assert len(content.objects(901, allowed)) == len(segments)
     assert content.objects(26, allowed) == [LatencyInfo(samples).encode()]
     assert content.objects(40, allowed) == [

@@ -1,5 +1,6 @@
 import json
 import math
+import struct
 from pathlib import Path
 
 import pytest
@@ -8,21 +9,25 @@ from hypothesis import strategies as st
 
 from rcopterx.simulator.tracker_frame import PROFILES, FrameContent, TrackedBody, TrackerFrame
 from rcopterx.simulator.tracker_session import EMPTY_PACKET, TrackerConnection
-from rcopterx.vicon_gateway.control_objects import (
+from rcopterx.vicon_gateway.datastream import DataStreamSession
+from rcopterx.vicon_gateway.objects import (
+    ApplicationInfo,
     Contents,
     Filter,
+    FrameInfo,
+    GlobalSegments,
     KeepAlive,
+    LatencyInfo,
     ObjectEnums,
     Ping,
     RequestFrame,
     RequestNextFrame,
+    SubjectInfo,
     WireObject,
+    decode_body,
     packet,
 )
-from rcopterx.vicon_gateway.datastream import DataStreamSession
-from rcopterx.vicon_gateway.objects import ApplicationInfo, FrameInfo, LatencyInfo, SubjectInfo, decode_body
-from rcopterx.vicon_gateway.segment_objects import GlobalSegments, LightweightSegments, LocalSegments
-from rcopterx.vicon_gateway.wire import WireError, encode_object, encode_packet
+from rcopterx.vicon_gateway.wire import ObjectType, WireError, encode_object, encode_packet, split_objects
 
 WORKED_EXAMPLE = {
     name: bytes.fromhex(text)
@@ -43,10 +48,8 @@ def body(number: int, name: str = "h1", occluded: bool = False) -> TrackedBody:
     return TrackedBody(name, (0.1 * number, 0.0, 1.0), occluded=occluded)
 
 
-def connection(
-    *requests: WireObject, offer: frozenset[int] = ALL, compact: bool = False
-) -> TrackerConnection:
-    session = TrackerConnection(offer, compact)
+def connection(*requests: WireObject, offer: frozenset[int] = ALL) -> TrackerConnection:
+    session = TrackerConnection(offer)
     assert session.receive(packet(*requests)) == []
     return session
 
@@ -56,8 +59,13 @@ def sent(data: bytes | None) -> list[WireObject]:
     return decode_body(data[8:])
 
 
+def payloads(data: bytes | None) -> list[tuple[int, bytes]]:
+    assert data is not None
+    return split_objects(data[8:])
+
+
 def kinds(data: bytes | None) -> set[int]:
-    return {int(item.KIND) for item in sent(data)}
+    return {kind for kind, _ in payloads(data)}
 
 
 def test_emulator_plays_the_worked_example_object_by_object() -> None:
@@ -196,16 +204,8 @@ def test_last_subject_that_goes_is_seen_to_go() -> None:
     assert frame.subjects == ()
 
 
-def test_compact_leaves_out_unchanged_dynamic_objects_as_well() -> None:
-    session = connection(ObjectEnums(TYPES), RequestFrame(True), compact=True)
-    still = TrackedBody("h1", (1.0, 2.0, 3.0))
-    session.publish(captured(0, still))
-    objects = sent(session.publish(captured(1, still)))
-    assert objects == [Contents({1: 0, 2: 0, 5: 1, 9: 0, 26: 0}, frozenset({1, 2, 9, 26})), FrameInfo(1)]
-
-
 def test_client_without_contents_gets_everything_in_every_frame() -> None:
-    session = connection(ObjectEnums(TYPES - {100004}), RequestFrame(True), compact=True)
+    session = connection(ObjectEnums(TYPES - {100004}), RequestFrame(True))
     assert kinds(session.publish(captured(0, body(0)))) == kinds(session.publish(captured(1, body(0))))
 
 
@@ -253,9 +253,10 @@ def test_requests_may_arrive_byte_by_byte() -> None:
 
 def test_occluded_subject_is_listed_without_poses() -> None:
     session = connection(ObjectEnums(ALL), RequestFrame(True))
-    objects = sent(session.publish(captured(0, body(0), body(0, "h2", occluded=True))))
-    for kind in (GlobalSegments, LocalSegments, LightweightSegments):
-        assert [item.subject for item in objects if isinstance(item, kind)] == [1]
+    objects = payloads(session.publish(captured(0, body(0), body(0, "h2", occluded=True))))
+    for kind in (ObjectType.GLOBAL_SEGMENTS, ObjectType.LOCAL_SEGMENTS, ObjectType.LIGHTWEIGHT_SEGMENTS):
+        subjects = [struct.unpack_from("<I", payload) for found, payload in objects if found == kind]
+        assert subjects == [(1,)]
 
 
 @given(st.tuples(*(st.floats(-1.0, 1.0),) * 4).filter(lambda q: sum(c * c for c in q) > 1e-2))
@@ -263,13 +264,12 @@ def test_lightweight_segments_carry_the_rotation_vector(raw: tuple[float, float,
     norm = math.sqrt(sum(c * c for c in raw))
     quaternion = (raw[0] / norm, raw[1] / norm, raw[2] / norm, raw[3] / norm)
     session = connection(ObjectEnums(frozenset({901})), RequestFrame(True))
-    (item,) = sent(session.publish(captured(0, TrackedBody("h1", (1.0, 2.0, 3.0), quaternion))))
-    assert isinstance(item, LightweightSegments)
-    (segment,) = item.segments
-    assert segment.translation_mm == (1000.0, 2000.0, 3000.0)
-    angle = math.hypot(*segment.rotation_vector_rad)
+    ((_, payload),) = payloads(session.publish(captured(0, TrackedBody("h1", (1.0, 2.0, 3.0), quaternion))))
+    subject, count, _, x, y, z, *rotation_vector_rad = struct.unpack("<3I6f", payload)
+    assert (subject, count, x, y, z) == (1, 1, 1000.0, 2000.0, 3000.0)
+    angle = math.hypot(*rotation_vector_rad)
     scale = math.sin(angle / 2.0) / angle if angle > 0.0 else 0.0
-    found = (*(component * scale for component in segment.rotation_vector_rad), math.cos(angle / 2.0))
+    found = (*(component * scale for component in rotation_vector_rad), math.cos(angle / 2.0))
     dot = sum(a * b for a, b in zip(found, quaternion, strict=True))
     assert abs(dot) == pytest.approx(1.0, abs=1e-6)
 
@@ -297,11 +297,11 @@ steps = st.lists(
 )
 
 
-@given(steps, st.booleans(), st.sampled_from(sorted(PROFILES)))
+@given(steps, st.sampled_from(sorted(PROFILES)))
 def test_our_client_sees_what_was_captured_through_any_carry_over(
-    sequence: list[tuple[frozenset[str], bool, int]], compact: bool, profile: str
+    sequence: list[tuple[frozenset[str], bool, int]], profile: str
 ) -> None:
-    server = TrackerConnection(PROFILES[profile], compact)
+    server = TrackerConnection(PROFILES[profile])
     client = DataStreamSession()
     client.feed(server.greeting(), 0.0)
     server.receive(client.take_outgoing())

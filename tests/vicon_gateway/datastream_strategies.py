@@ -4,43 +4,26 @@ import struct
 
 from hypothesis import strategies as st
 
-from rcopterx.vicon_gateway.control_objects import (
+from rcopterx.vicon_gateway.objects import (
+    ApplicationInfo,
     Contents,
     Filter,
+    FrameInfo,
+    GlobalSegments,
     KeepAlive,
+    LatencyInfo,
     ObjectEnums,
+    ObjectQuality,
     Ping,
     RequestFrame,
     RequestNextFrame,
-    WireObject,
-)
-from rcopterx.vicon_gateway.objects import (
-    ApplicationInfo,
-    FrameInfo,
-    FrameRateInfo,
-    HardwareFrameInfo,
-    LatencyInfo,
-    ObjectQuality,
+    Segment,
     SegmentInfo,
     StreamInfo,
-    SubjectHealth,
     SubjectInfo,
-    Timecode,
-)
-from rcopterx.vicon_gateway.segment_objects import (
-    GlobalSegments,
-    LabeledRecons,
-    LightSegment,
-    LightweightSegments,
-    LocalSegments,
-    Segment,
-    SubjectScale,
-    SubjectTopology,
-    UnlabeledRecons,
+    WireObject,
 )
 
-u8 = st.integers(0, 255)
-u16 = st.integers(0, 2**16 - 1)
 u32 = st.integers(0, 2**32 - 1)
 u64 = st.integers(0, 2**64 - 1)
 i64 = st.integers(-(2**63), 2**63 - 1)
@@ -58,7 +41,6 @@ def tuples_of(items: st.SearchStrategy[object]) -> st.SearchStrategy[tuple[objec
 
 segments = tuples_of(st.builds(Segment, u32, vectors, matrices))
 segment_infos = tuples_of(st.builds(SegmentInfo, u32, u32, names, st.tuples(*(f32,) * 6)))
-light_segments = tuples_of(st.builds(LightSegment, u32, st.tuples(f32, f32, f32), st.tuples(f32, f32, f32)))
 subject_infos = st.builds(
     SubjectInfo, u32, names, segment_infos, tuples_of(st.tuples(u32, names)), tuples_of(st.tuples(u32, u32))
 )
@@ -74,19 +56,9 @@ wire_objects: st.SearchStrategy[WireObject] = st.one_of(
     st.builds(StreamInfo, i64),
     subject_infos,
     st.builds(FrameInfo, u32),
-    st.builds(LabeledRecons, u32),
-    st.builds(UnlabeledRecons, u32),
-    st.builds(LocalSegments, u32, segments),
     st.builds(GlobalSegments, u32, segments),
-    st.builds(SubjectTopology, u32, segments),
-    st.builds(LightweightSegments, u32, light_segments),
-    st.builds(SubjectScale, u32, u32),
-    st.builds(Timecode, u8, u8, u8, u8, u16, u16, u32, u32, u8),
     st.builds(LatencyInfo, tuples_of(st.tuples(names, f64))),
-    st.builds(SubjectHealth, u32, f64, f64),
-    st.builds(HardwareFrameInfo, u32),
     st.builds(ApplicationInfo, st.booleans()),
-    st.builds(FrameRateInfo, st.dictionaries(names, f64, max_size=4)),
     st.builds(ObjectQuality, u32, f64),
 )
 

@@ -19,19 +19,26 @@ from collections.abc import Callable
 
 from rcopterx.simulator.tracker_frame import PROFILES, FrameContent, TrackedBody, TrackerFrame
 from rcopterx.simulator.tracker_session import TrackerConnection
-from rcopterx.vicon_gateway.control_objects import (
+from rcopterx.vicon_gateway.datastream import DataStreamSession
+from rcopterx.vicon_gateway.frame import CapturedFrame
+from rcopterx.vicon_gateway.objects import (
     Filter,
     ObjectEnums,
-    ObjectType,
     Ping,
     RequestFrame,
     RequestNextFrame,
+    decode_body,
+    decode_object,
     packet,
 )
-from rcopterx.vicon_gateway.datastream import DataStreamSession
-from rcopterx.vicon_gateway.frame import CapturedFrame
-from rcopterx.vicon_gateway.objects import decode_body, decode_object
-from rcopterx.vicon_gateway.wire import HEADER, WireError, encode_object, encode_packet, split_objects
+from rcopterx.vicon_gateway.wire import (
+    HEADER,
+    ObjectType,
+    WireError,
+    encode_object,
+    encode_packet,
+    split_objects,
+)
 
 MAX_INPUT_S = 1.0
 MAX_GROWTH_KIB = 128 * 1024
@@ -41,11 +48,11 @@ WORDS = (*HOSTILE, *KINDS, 0x1A2B0001)
 
 
 def server_streams() -> list[bytes]:
-    """Return what a client receives: the offer and some frames, of every profile, plain and compact."""
+    """Return what a client receives: the offer and some frames, of every profile."""
     streams = []
-    for profile, offer in PROFILES.items():
+    for offer in PROFILES.values():
         for selection in (offer, offer & {1, 2, 5, 9, 26, 40, 100004}):
-            connection = TrackerConnection(offer, compact=profile == "tracker3")
+            connection = TrackerConnection(offer)
             connection.receive(packet(ObjectEnums(selection), RequestFrame(streaming=True)))
             stream = connection.greeting() + packet(Ping(1))
             for number in range(4):

@@ -54,9 +54,9 @@ def is_running(pid: int) -> bool:
 
 def test_frames_of_the_library_arrive_as_frames_like_all_others() -> None:
     with BrandClient("mock", MOCK, 200.0, latency_s=0.004, limits=LIMITS) as client:
-        frames = run_until(client, lambda: client.state.frames >= 3)
+        frames = run_until(client, lambda: client.state.counters.frames >= 3)
         state = client.state
-    assert (state.name, state.connects, state.rejected, state.last_error) == ("up", 1, 0, None)
+    assert (state.name, state.connects, state.counters.rejected, state.last_error) == ("up", 1, 0, None)
     for frame in frames:
         assert (frame.connection, frame.period_s, frame.latency_s) == (1, 0.005, 0.004)
         h1, h2 = frame.subjects
@@ -69,7 +69,7 @@ def test_frames_of_the_library_arrive_as_frames_like_all_others() -> None:
 
 def test_killed_child_is_replaced_and_its_frames_counted_from_zero() -> None:
     with BrandClient("mock", MOCK, 200.0, limits=LIMITS) as client:
-        before = run_until(client, lambda: client.state.frames >= 100)[-1]
+        before = run_until(client, lambda: client.state.counters.frames >= 100)[-1]
         assert client.child_pid is not None
         os.kill(client.child_pid, signal.SIGKILL)
         run_until(client, lambda: client.state.last_error is not None)
@@ -269,10 +269,10 @@ def test_pose_that_is_none_is_refused_counted_and_shown_as_occluded(
     """
     fake_library(monkeypatch, tmp_path, code)
     with BrandClient("mock", MOCK, 200.0, limits=LIMITS) as client:
-        frame = run_until(client, lambda: client.state.frames >= 1)[-1]
+        frame = run_until(client, lambda: client.state.counters.frames >= 1)[-1]
         assert [subject.occluded for subject in frame.subjects] == [True, True, False]
         assert frame.subjects[2].quaternion_xyzw == (0.0, 0.0, 0.0, 1.0)
-        assert client.state.rejected == 2
+        assert client.state.counters.rejected == 2
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.vicon_gateway.carry_over import CarryOver
-from rcopterx.vicon_gateway.control_objects import DYNAMIC_TYPES, STATIC_TYPES, Contents
-from rcopterx.vicon_gateway.wire import WireError
+from rcopterx.vicon_gateway.datastream import CarryOver
+from rcopterx.vicon_gateway.objects import Contents
+from rcopterx.vicon_gateway.wire import DYNAMIC_TYPES, STATIC_TYPES, WireError
 
 STREAM, SUBJECT, HEALTH, QUALITY = 1, 2, 29, 40
 FRAME, SEGMENTS, LATENCY = 5, 9, 26

@@ -5,29 +5,27 @@ from datastream_strategies import positions_m, unit_quaternions
 from hypothesis import given
 from test_objects import TYPES, WORKED_EXAMPLE
 
-from rcopterx.vicon_gateway.control_objects import (
-    Contents,
-    KeepAlive,
-    ObjectEnums,
-    Ping,
-    RequestFrame,
-    offer_packet,
-    packet,
-)
 from rcopterx.vicon_gateway.datastream import NETWORK_LATENCY, DataStreamSession
 from rcopterx.vicon_gateway.frame import CapturedFrame, Position, Quaternion
 from rcopterx.vicon_gateway.objects import (
     ApplicationInfo,
+    Contents,
     FrameInfo,
+    GlobalSegments,
+    KeepAlive,
     LatencyInfo,
+    ObjectEnums,
     ObjectQuality,
+    Ping,
+    RequestFrame,
+    Segment,
     SegmentInfo,
     StreamInfo,
     SubjectInfo,
     decode_body,
+    packet,
 )
 from rcopterx.vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
-from rcopterx.vicon_gateway.segment_objects import GlobalSegments, Segment
 from rcopterx.vicon_gateway.wire import WireError, encode_object, encode_packet
 
 FULL_OFFER = frozenset({1, 2, 5, 6, 7, 8, 9, 23, 26, 28, 29, 36, 37, 39, 40, 42, 901, 28001, 100004})
@@ -41,7 +39,7 @@ STATICS = (
 
 def started(offer: frozenset[int] = TYPES) -> DataStreamSession:
     session = DataStreamSession()
-    session.feed(offer_packet(offer), 0.0)
+    session.feed(packet(ObjectEnums(frozenset(offer))), 0.0)
     session.take_outgoing()
     return session
 
@@ -87,7 +85,7 @@ def test_worked_example_is_played_and_understood() -> None:
 
 def test_selection_and_streaming_go_out_in_one_packet_with_what_is_wanted_and_offered() -> None:
     session = DataStreamSession()
-    session.feed(offer_packet(FULL_OFFER), 0.0)
+    session.feed(packet(ObjectEnums(frozenset(FULL_OFFER))), 0.0)
     outgoing = session.take_outgoing()
     assert decode_body(outgoing[8:]) == [
         ObjectEnums(frozenset({1, 2, 5, 9, 26, 37, 39, 40, 100004})),
@@ -112,7 +110,7 @@ def test_first_packet_without_offer_is_no_datastream_server() -> None:
 )
 def test_server_that_offers_no_poses_is_refused_loudly(missing: int, what: str) -> None:
     with pytest.raises(WireError, match=rf"does not offer .*{what} \(type {missing}\)"):
-        DataStreamSession().feed(offer_packet(TYPES - {missing}), 0.0)
+        DataStreamSession().feed(packet(ObjectEnums(TYPES - {missing})), 0.0)
 
 
 def test_frames_before_the_selection_show_nothing_and_are_ignored() -> None:

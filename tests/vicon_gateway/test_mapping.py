@@ -1,7 +1,8 @@
 import pytest
 
+from rcopterx.bus.host_messages import SubjectState
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
-from rcopterx.vicon_gateway.mapping import SubjectMap, SubjectStatus
+from rcopterx.vicon_gateway.mapping import SubjectMap
 
 
 def seen(name: str) -> SubjectPose:
@@ -42,21 +43,21 @@ def test_time_of_occlusion_counts_from_the_first_frame_without_pose() -> None:
     subjects = SubjectMap({"a": "h1", "b": "h2", "c": "h3"})
     subjects.update(frame(10.0, seen("a"), hidden("b")))
     subjects.update(frame(11.0, hidden("a"), hidden("b")))
-    assert subjects.statuses(12.5) == (
-        SubjectStatus("a", "h1", True, 1.5),
-        SubjectStatus("b", "h2", True, 2.5),
-        SubjectStatus("c", "h3", False, None),
+    assert subjects.states(12.5) == (
+        SubjectState(subject="a", vehicle="h1", listed=True, occluded_s=1.5),
+        SubjectState(subject="b", vehicle="h2", listed=True, occluded_s=2.5),
+        SubjectState(subject="c", vehicle="h3", listed=False, occluded_s=None),
     )
     subjects.update(frame(13.0, seen("a"), hidden("b"), hidden("wand")))
-    assert subjects.statuses(13.0)[0] == SubjectStatus("a", "h1", True, None)
-    assert subjects.statuses(13.0)[3] == SubjectStatus("wand", None, True, 0.0)
+    assert subjects.states(13.0)[0] == SubjectState(subject="a", vehicle="h1", listed=True, occluded_s=None)
+    assert subjects.states(13.0)[3] == SubjectState(subject="wand", vehicle=None, listed=True, occluded_s=0.0)
 
 
 def test_occlusion_starts_anew_for_a_subject_that_was_not_listed_meanwhile() -> None:
     subjects = SubjectMap({"a": "h1"})
     for received_s, poses in ((1.0, (hidden("a"),)), (2.0, ()), (3.0, (hidden("a"),))):
         subjects.update(frame(received_s, *poses))
-    assert subjects.statuses(3.5) == (SubjectStatus("a", "h1", True, 0.5),)
+    assert subjects.states(3.5) == (SubjectState(subject="a", vehicle="h1", listed=True, occluded_s=0.5),)
 
 
 def test_subject_listed_twice_is_ambiguous_and_gets_no_pose() -> None:
@@ -64,14 +65,14 @@ def test_subject_listed_twice_is_ambiguous_and_gets_no_pose() -> None:
     poses = subjects.update(frame(0.0, seen("a"), seen("b"), seen("a")))
     assert poses == [("h2", seen("b"))]
     assert subjects.ambiguous == ("a",)
-    assert subjects.statuses(2.0)[0].ambiguous
+    assert subjects.states(2.0)[0].ambiguous
 
 
 def test_number_of_remembered_names_is_bounded_by_the_last_frame() -> None:
     subjects = SubjectMap({})
     for number in range(100):
         subjects.update(frame(0.0, hidden(f"s{number}")))
-    assert len(subjects.statuses(0.0)) == 1
+    assert len(subjects.states(0.0)) == 1
 
 
 @pytest.mark.parametrize("name", ["", "h 1", "h/1", "*", "1h", "h1?", "hé", "x" * 33])

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from support.waiting import wait_for
 
-from rcopterx.vicon_gateway import recording_file
-from rcopterx.vicon_gateway.recording_file import RecordingFile, RecordingFileError, check_creatable
+from rcopterx.vicon_gateway import recording
+from rcopterx.vicon_gateway.recording import RecordingFile, RecordingFileError, check_creatable
 
 
 def test_what_was_written_is_in_the_file_without_closing_it(tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_full_disk_is_told_by_a_later_write(tmp_path: Path) -> None:
 def test_disk_that_hangs_delays_nobody_and_ends_the_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording_file, "MAX_WAITING_BYTES", 100)
+    monkeypatch.setattr(recording, "MAX_WAITING_BYTES", 100)
     released = threading.Event()
 
     class HangingDisk(io.BytesIO):

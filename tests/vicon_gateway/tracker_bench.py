@@ -31,13 +31,12 @@ class Bench:
         limits: ClientLimits = QUICK,
         *,
         profile: str = "tracker3",
-        compact: bool = False,
         period_s: float = 0.005,
         record_raw: BinaryIO | None = None,
     ) -> None:
         self.period_s = period_s
         self.clock = PatientClock(READING_S)
-        self.server = TrackerServer(port=0, profile=profile, rate_hz=200.0, compact=compact, clock=self.clock)
+        self.server = TrackerServer(port=0, profile=profile, rate_hz=200.0, clock=self.clock)
         self.client = DataStreamClient(
             *self.server.address, clock=self.clock, limits=limits, record_raw=record_raw
         )
