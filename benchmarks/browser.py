@@ -9,8 +9,6 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
 
-from rcopterx.benchmarks.programs import running
-
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
@@ -36,14 +34,6 @@ def browser() -> Iterator["Browser"]:
 
     with sync_playwright() as playwright:
         yield playwright.chromium.launch(executable_path=_chromium(), args=list(ARGUMENTS))
-
-
-@contextmanager
-def started(fleet: str) -> Iterator[None]:
-    """`rcopterx up` of a fleet, which need not be up yet, until the block is left; without a flight log."""
-    command = [sys.executable, "-m", "rcopterx", "up", fleet, "--no-record"]
-    with running(command, stdout=subprocess.DEVNULL, start_new_session=True):
-        yield
 
 
 @contextmanager

@@ -25,7 +25,8 @@ class Network:
 
     def __init__(self, hosts: Sequence[str]) -> None:
         self._prefix = f"rx{os.getpid()}"
-        self._switch = f"{self._prefix}-switch"
+        self.switch = f"{self._prefix}-switch"
+        """Namespace of the bridges; `far0` is the device in it that leads to the first host."""
         self.addresses = {host: f"{NETWORK}.{number}" for number, host in enumerate(hosts, 1)}
 
     def build(self) -> None:
@@ -36,7 +37,7 @@ class Network:
         NetworkUnavailableError
             The right or the program for it is missing.
         """
-        _ip("netns", "add", self._switch)
+        _ip("netns", "add", self.switch)
         self._in_switch("link", "add", "hub", "type", "bridge")
         self._in_switch("link", "set", "hub", "up")
         for number, (host, address) in enumerate(self.addresses.items()):
@@ -56,7 +57,7 @@ class Network:
 
     def remove(self) -> None:
         """Remove what `build` created."""
-        for space in (self._switch, *map(self.namespace, self.addresses)):
+        for space in (self.switch, *map(self.namespace, self.addresses)):
             subprocess.run(["ip", "netns", "del", space], stderr=subprocess.DEVNULL, check=False)
 
     def namespace(self, host: str) -> str:
@@ -84,43 +85,11 @@ class Network:
         """Join a host with the others again."""
         self._set_link(host, "up")
 
-    @contextmanager
-    def slow(self, host: str, delay_s: float, jitter_s: float) -> Iterator["subprocess.Popen[str]"]:
-        """Delay frames to and from a host, see `cable`; yields the process of the cable."""
-        number = list(self.addresses).index(host)
-        left, right, bridge, far = (f"{name}{number}" for name in ("left", "right", "slow", "far"))
-        words = ["-m", "rcopterx.benchmarks.cable", left, right, str(delay_s), str(jitter_s)]
-        cable = subprocess.Popen(
-            ["ip", "netns", "exec", self._switch, sys.executable, *words], stdout=subprocess.PIPE, text=True
-        )
-        try:
-            assert cable.stdout is not None
-            cable.stdout.readline()
-            self._in_switch("link", "add", bridge, "type", "bridge")
-            for device, master in ((left, bridge), (far, bridge), (right, "hub")):
-                self._in_switch("link", "set", device, "master", master)
-            for device in (left, right, bridge):
-                self._in_switch("link", "set", device, "up")
-            yield cable
-        finally:
-            self._in_switch("link", "set", far, "master", "hub")
-            self._in_switch("link", "del", bridge)
-            cable.terminate()
-            cable.wait()
-
-    def reset(self, host: str) -> None:
-        """Reset all connections of a host to others, as a firewall that was restarted does."""
-        subprocess.run(
-            ["ip", "netns", "exec", self.namespace(host), "ss", "-K", "-t", "dst", f"{NETWORK}.0/24"],
-            check=True,
-            capture_output=True,
-        )
-
     def _set_link(self, host: str, state: str) -> None:
         self._in_switch("link", "set", f"far{list(self.addresses).index(host)}", state)
 
     def _in_switch(self, *words: str) -> None:
-        _ip("-n", self._switch, *words)
+        _ip("-n", self.switch, *words)
 
 
 @contextmanager

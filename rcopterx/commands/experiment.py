@@ -1,7 +1,5 @@
 """Reproducing the paper's figures: `experiment`."""
 
-import json
-import os
 import sys
 import time
 from pathlib import Path
@@ -10,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcopterx.commands.numbers import different_numbers
+from rcopterx.commands.output import JsonOption, check_plot, print_document, write_plot
 from rcopterx.simulator.conditions import PRESETS
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ QUICK_HELP = "Short flights, as a test; their figures mean little."
 
 def experiment(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of an experiment, see --list.")] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="Print the JSON document.")] = False,
+    as_json: JsonOption = False,
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -69,7 +68,6 @@ def experiment(
 ) -> None:
     """Fly an experiment of the paper in simulation, faster than real time, and print its figures."""
     from rcopterx.experiments.catalogue import EXPERIMENTS
-    from rcopterx.experiments.figures import save_figure
     from rcopterx.experiments.kept import KeptFlights, KeptFlightsError
     from rcopterx.experiments.runner import Options
 
@@ -103,10 +101,9 @@ def experiment(
         documents[preset] = result.document
         if plot is not None:
             path = plot if len(presets) == 1 else plot.with_stem(f"{plot.stem}_{preset}")
-            save_figure(result.draw, path)
-            typer.echo(f"figure: {path}", err=True)
+            write_plot(result.draw, path)
     document = documents if len(presets) > 1 else documents[presets[0]]
-    typer.echo(json.dumps(document, indent=2) if as_json else readable(document))
+    print_document(document, as_json)
 
 
 def knowledge_levels(chosen: str | None, row: "Experiment") -> "tuple[Knowledge, ...]":
@@ -142,36 +139,3 @@ class ProgressLine:
         elif label != self._shown:
             self._shown = label
             typer.echo(text, err=True)
-
-
-def readable(document: object, indent: str = "") -> str:
-    """Nested figures as indented lines; innermost tables use one line."""
-    if not isinstance(document, dict):
-        return f"{indent}{document}"
-    lines = []
-    for key, value in document.items():
-        if isinstance(value, dict) and any(isinstance(inner, dict) for inner in value.values()):
-            lines += [f"{indent}{key}", readable(value, indent + "  ")]
-        elif isinstance(value, dict):
-            lines.append(
-                f"{indent}{key:26} " + "  ".join(f"{name} {number}" for name, number in value.items())
-            )
-        else:
-            lines.append(f"{indent}{key:26} {value}")
-    return "\n".join(lines)
-
-
-def check_plot(path: Path | None) -> None:
-    """Refuse a figure that could not be written before anything is computed."""
-    if path is None:
-        return
-    try:
-        import matplotlib  # noqa: F401 - only whether it is there
-    except ImportError:
-        raise typer.BadParameter(
-            "figures need matplotlib: pip install 'rcopterx[figures]'", param_hint="--plot"
-        ) from None
-    if path.suffix not in (".png", ".svg", ".pdf"):
-        raise typer.BadParameter(f"{path}: allowed endings are .png, .svg and .pdf", param_hint="--plot")
-    if not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
-        raise typer.BadParameter(f"{path}: the directory cannot be written to", param_hint="--plot")

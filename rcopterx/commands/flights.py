@@ -1,6 +1,5 @@
 """Flight logs: `flights` and `recover`."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -8,8 +7,8 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands.fleet_option import failure
+from rcopterx.commands.output import JsonOption, print_document
 
-JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
 DirectoryOption = Annotated[
     Path | None,
     typer.Option("--directory", metavar="DIR", help="Directory of the flight logs. Default: the usual one."),
@@ -28,7 +27,7 @@ def flights(as_json: JsonOption = False, directory: DirectoryOption = None) -> N
     where = directory or default_directory()
     found = [summary_of(flight) for flight in flights_in(where)]
     if as_json:
-        typer.echo(json.dumps([asdict(flight) for flight in found], indent=2))
+        print_document([asdict(flight) for flight in found], as_json)
         return
     if not found:
         typer.echo(f"no flights in {where}", err=True)

@@ -15,6 +15,7 @@ import typer
 from rcopterx.commands.fault_flights import FlightOptions, fly_chaos, fly_faults, list_faults
 from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
 from rcopterx.commands.launch import RecordOption, interruptible
+from rcopterx.commands.output import JsonOption
 
 if TYPE_CHECKING:
     from rcopterx.experiments.manoeuvre import Manoeuvre
@@ -51,7 +52,7 @@ def fly(
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write report.json and index.html into this directory.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+    as_json: JsonOption = False,
     show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres, or the faults.")] = False,
     seconds: Annotated[float, typer.Option(metavar="SECONDS", min=1, help="Duration of chaos.")] = 600.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of chaos.")] = 0,

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.commands.experiment import check_plot
 from rcopterx.commands.fleet_option import RunningFleetOption
+from rcopterx.commands.output import JsonOption, check_plot
 
 
 def identify(
@@ -43,7 +43,7 @@ def identify(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print the model without changing the fleet file.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+    as_json: JsonOption = False,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Excite a hovering vehicle, fit its model to the flight, and write it into the fleet file.

@@ -1,18 +1,16 @@
 """Stability margins of vehicles: `margins`."""
 
-import json
-from typing import Annotated
-
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, known_vehicles, user_errors
+from rcopterx.commands.output import JsonOption, print_document
 from rcopterx.commands.steer import Vehicles
 
 
 def margins(
     fleet: FleetArgument,
     vehicles: Vehicles = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON document.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Show gain, phase and delay margins of vehicles as a fleet file configures them.
 
@@ -29,7 +27,7 @@ def margins(
         known_vehicles(file.vehicles, vehicles)
         document = fleet_margins(file, vehicles or file.vehicles)
     if as_json:
-        typer.echo(json.dumps(document, indent=2))
+        print_document(document, as_json)
     else:
         table = Table(box=None, pad_edge=False)
         for heading in COLUMNS:

@@ -11,6 +11,7 @@ import typer
 
 from rcopterx.bus.realtime import ONE_THREAD
 from rcopterx.commands.fleet_option import EXIT_FAILED, failure, user_errors
+from rcopterx.commands.output import JsonOption, print_document
 
 if TYPE_CHECKING:
     from rcopterx.flights.flights import Flight
@@ -40,7 +41,7 @@ def replay(
     speed: Annotated[
         float, typer.Option(metavar="FACTOR", min=0.01, help="Speed relative to the flight.")
     ] = 1.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Publish a flight log for status, top and ground, or run an agent on its recorded inputs.
 
@@ -105,10 +106,7 @@ def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: b
     same = arithmetic(recorded.metadata) == arithmetic(provenance())
     fleet = changed(recorded.fleet, vehicle, changes) if changes else recorded.fleet
     result = replay(recorded, fleet, 0.0 if same else TOLERANCE)
-    if as_json:
-        typer.echo(json.dumps(asdict(result), indent=2))
-    else:
-        typer.echo("\n".join(_lines(result, _rule(same, changes))))
+    print_document(asdict(result), as_json, lambda _: "\n".join(_lines(result, _rule(same, changes))))
     if not changes and (result.first is not None or not result.periods):
         raise typer.Exit(EXIT_FAILED)
 

@@ -1,6 +1,5 @@
 """Watching a running fleet: `status`, `check` and `top`."""
 
-import json
 import os
 import select
 import sys
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, ROUTER_S, RunningFleetOption, running_fleet
+from rcopterx.commands.output import JsonOption, print_document
 from rcopterx.commands.steer import Vehicles
 
 if TYPE_CHECKING:
@@ -32,8 +32,6 @@ COLUMN_NAMES = (
     "command-ms", "radio-ms",
 )  # fmt: skip
 
-JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
-
 
 def status(as_json: JsonOption = False, fleet: RunningFleetOption = None) -> None:
     """Show the state of every vehicle. Exit code 1 if the fleet is not up."""
@@ -42,7 +40,7 @@ def status(as_json: JsonOption = False, fleet: RunningFleetOption = None) -> Non
     with running_fleet(fleet) as running:
         running.wait_for_status()
         table = fleet_status(running)
-    typer.echo(json.dumps(table, indent=2) if as_json else readable(table))
+    print_document(table, as_json, readable)
 
 
 def check(
@@ -61,7 +59,7 @@ def check(
         with suppress(NotReachedError):
             running.wait_ready(vehicles or None, timeout_s=wait)
         table = fleet_check(running, vehicles or None)
-    typer.echo(json.dumps(table, indent=2) if as_json else readable(table))
+    print_document(table, as_json, readable)
     if not table["ready"]:
         raise typer.Exit(EXIT_FAILED)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hosts_support import Obeyed, trio_in_flight
 from integration_support import NAMES, Flying, Truth
+from support.bad_links import reset, slow
 
 from rcopterx.benchmarks.namespaces import Network
 
@@ -47,7 +48,7 @@ def test_a_fleet_flies_over_a_link_that_delays_stalls_and_resets(
         assert all("cut" not in told for told in states)
         return max(silences.values())
 
-    with net.slow("compute1", DELAY_S, JITTER_S) as cable:
+    with slow(net, "compute1", DELAY_S, JITTER_S) as cable:
         fleet.wait_for_formation()
         began_s = time.monotonic()
         fleet["h1"].go_to((0.2, 0.0, 1.0))
@@ -59,6 +60,6 @@ def test_a_fleet_flies_over_a_link_that_delays_stalls_and_resets(
             assert stalled_s < 0.2 + FLYING_AGAIN_S
     fleet.wait_for_formation()
     for _ in range(TIMES):
-        assert flown_again_s("reset", lambda: net.reset("compute1")) < FLYING_AGAIN_S
+        assert flown_again_s("reset", lambda: reset(net, "compute1")) < FLYING_AGAIN_S
     truth.assert_none_touched_down()
     fleet.land()

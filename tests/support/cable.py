@@ -1,7 +1,7 @@
 """A cable between two Linux bridges that delays and stalls, for kernels without `tc netem`.
 
-`python -m rcopterx.benchmarks.cable LEFT RIGHT DELAY_S JITTER_S` makes two TAP devices of these names in its
-network namespace and carries frames between them, in order, until it is ended. SIGUSR1 stalls it once.
+`python cable.py LEFT RIGHT DELAY_S JITTER_S` makes two TAP devices of these names in its network namespace,
+and carries frames between them, in order, until it is ended. SIGUSR1 stalls it once.
 """
 
 import fcntl

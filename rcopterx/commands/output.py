@@ -1,0 +1,62 @@
+"""What many commands print and draw: JSON documents, figures as text, pictures."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
+PlotOption = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Draw the figure into this file (png, svg, pdf).")
+]
+
+
+def readable(document: object, indent: str = "") -> str:
+    """Nested figures as indented lines; innermost tables use one line."""
+    if not isinstance(document, dict):
+        return f"{indent}{document}"
+    lines = []
+    for key, value in document.items():
+        if isinstance(value, dict) and any(isinstance(inner, dict) for inner in value.values()):
+            lines += [f"{indent}{key}", readable(value, indent + "  ")]
+        elif isinstance(value, dict):
+            lines.append(
+                f"{indent}{key:26} " + "  ".join(f"{name} {number}" for name, number in value.items())
+            )
+        else:
+            lines.append(f"{indent}{key:26} {value}")
+    return "\n".join(lines)
+
+
+def print_document(document: Any, as_json: bool, text: Callable[[Any], str] = readable) -> None:
+    """Print a document as JSON, or as text for people."""
+    typer.echo(json.dumps(document, indent=2) if as_json else text(document))
+
+
+def check_plot(path: Path | None) -> None:
+    """Refuse a figure that could not be written before anything is computed."""
+    if path is None:
+        return
+    try:
+        import matplotlib  # noqa: F401 - only whether it is there
+    except ImportError:
+        raise typer.BadParameter(
+            "figures need matplotlib: pip install 'rcopterx[figures]'", param_hint="--plot"
+        ) from None
+    if path.suffix not in (".png", ".svg", ".pdf"):
+        raise typer.BadParameter(f"{path}: allowed endings are .png, .svg and .pdf", param_hint="--plot")
+    if not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
+        raise typer.BadParameter(f"{path}: the directory cannot be written to", param_hint="--plot")
+
+
+def write_plot(draw: Callable[[Any], None], path: Path | None) -> None:
+    """Draw a figure into a file, if one is named."""
+    if path is None:
+        return
+    from rcopterx.experiments.figures import save_figure
+
+    save_figure(draw, path)
+    typer.echo(f"figure: {path}", err=True)
