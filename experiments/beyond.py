@@ -10,9 +10,8 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from rcopterx.experiments.family import Flown, Programme, TrueVehicle, distribution, fly_member
-from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.rig import GUARDED, Progress, RigOptions
-from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
+from rcopterx.experiments.runner import Cases, Experiment, Options
 from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import helicopter_of
@@ -24,7 +23,6 @@ from rcopterx.vehicles.types import COAXIAL_LAG
 
 PROGRAMME: Final = Programme(settled_s=4.0, hover_s=11.0, slot_s=3.5, rest_s=1.0)
 QUICK_PROGRAMME: Final = Programme(settled_s=3.0, hover_s=5.0, slot_s=1.0, rest_s=0.5)
-FIGURES: Final = ("hover_mm", "height_mm", "yaw_mrad", "eight_max_mm")
 
 Change = Callable[[HelicopterParameters], HelicopterParameters]
 
@@ -159,27 +157,17 @@ def fly_departure(
     return fly_member(CASCADE, programme, true, seed, progress, vehicle, departure.options)
 
 
-def run(options: Options, show: ShowProgress) -> Result:
-    """Fly every departure with every seed.
-
-    Returns
-    -------
-    Result
-        Document: departure -> figure -> median, 95 %, worst, and counts.
-    """
+def cases(options: Options) -> Cases[Flown]:
+    """Every departure."""
     programme = QUICK_PROGRAMME if options.quick else PROGRAMME
-    flights = {name: partial(fly_departure, name, programme) for name in DEPARTURES}
-    document = {name: distribution(flown) for name, flown in fly_seeds(flights, options, show).items()}
-    return Result(document, partial(draw_beyond, document))
+    return {name: partial(fly_departure, name, programme) for name in DEPARTURES}
 
 
-def draw_beyond(document: Mapping[str, Mapping[str, Any]], figure: Any) -> None:
-    """Draw the median and worst vehicle of every departure."""
-    figure.set_size_inches(12, 6)
-    names = list(document)[::-1]
-    for axes, name in zip(figure.subplots(1, len(FIGURES), sharey=True), FIGURES, strict=True):
-        for which, mark in (("median", "o"), ("worst", "|")):
-            axes.semilogx([document[row][name][which] for row in names], names, mark, label=which)
-        axes.set_xlabel(name)
-    figure.axes[0].legend(fontsize="small")
-    finish_figure(figure)
+EXPERIMENT: Final = Experiment(
+    "beyond",
+    "Helicopters further off than any of the family",
+    {"helicopters": 3},
+    cases,
+    lambda _, flights: distribution(flights),
+    first_seed=0,
+)

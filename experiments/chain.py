@@ -16,7 +16,7 @@ from rcopterx.experiments.events import Event, GoTo
 from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.record import rms_and_max_mm
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigVehicle
-from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
+from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, HORIZON
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
@@ -60,6 +60,9 @@ def shapes() -> dict[str, FormationGraph]:
     return found
 
 
+SHAPES: Final = shapes()
+
+
 def vehicles(
     links: FormationGraph, conditions: Conditions, seed: int, horizon: int = HORIZON
 ) -> list[RigVehicle]:
@@ -91,28 +94,18 @@ def fly_shape(
     return {name: record[name].formation_error_m(SETTLED_S) for name, own in links.items() if own}
 
 
-def run(options: Options, show: ShowProgress) -> Result:
-    """Fly every formation on every seed.
-
-    Returns
-    -------
-    Result
-        Document: formation -> vehicle -> generation, root mean square and largest error.
-    """
-    formations = shapes()
-    flown = fly_seeds(
-        {name: partial(fly_shape, links, options.quick) for name, links in formations.items()}, options, show
-    )
-    document = {name: figures(formations[name], list(flights.values())) for name, flights in flown.items()}
-    return Result(document, partial(draw_chain, document))
+def cases(options: Options) -> Cases[dict[str, Array]]:
+    """Every formation."""
+    return {name: partial(fly_shape, links, options.quick) for name, links in SHAPES.items()}
 
 
-def figures(links: FormationGraph, flights: Sequence[Mapping[str, Array]]) -> dict[str, dict[str, float]]:
+def figures(shape: str, flights: Mapping[int, Mapping[str, Array]]) -> dict[str, dict[str, float]]:
     """Generation of each follower, and the errors of all flights together."""
+    links = SHAPES[shape]
     return {
         name: {
             "generation": generation(links, name),
-            **rms_and_max_mm(np.concatenate([errors[name] for errors in flights])),
+            **rms_and_max_mm(np.concatenate([errors[name] for errors in flights.values()])),
         }
         for name, own in links.items()
         if own
@@ -125,18 +118,27 @@ def generation(links: FormationGraph, name: str) -> int:
     return 0 if not ancestors(links, name) else 1 + max(generation(links, leader) for leader in own)
 
 
-def draw_chain(document: Mapping[str, Mapping[str, Mapping[str, float]]], figure: Any) -> None:
+def draw_chain(result: Result[Any], figure: Any) -> None:
     """Draw errors against the generation."""
     figure.set_size_inches(8, 4.5)
     axes = figure.subplots()
-    for name, table in document.items():
+    for name, table in result.document.items():
         rows = sorted((row["generation"], row["rms_mm"], row["max_mm"]) for row in table.values())
-        generations = [row[0] for row in rows]
-        (line,) = axes.plot(generations, [row[1] for row in rows], "o-", label=f"{name}, rms")
-        axes.plot(generations, [row[2] for row in rows], "^:", color=line.get_color(), label=f"{name}, max")
-    axes.set_xlabel("generation below the head")
-    axes.set_ylabel("distance from the place beside the own leaders [mm]")
+        generations, rms_mm, max_mm = zip(*rows, strict=True)
+        (line,) = axes.plot(generations, rms_mm, "o-", label=f"{name}, rms")
+        axes.plot(generations, max_mm, "^:", color=line.get_color(), label=f"{name}, max")
+    axes.set(xlabel="generation below the head", ylabel="distance from the place beside the own leaders [mm]")
     axes.set_ylim(bottom=0.0)
-    axes.set_xticks(sorted({int(row["generation"]) for table in document.values() for row in table.values()}))
+    axes.set_xticks(range(1, 5))
     axes.legend(fontsize="small", ncols=2)
     finish_figure(figure, "Errors along a chain, a tree and with several leaders, laboratory conditions")
+
+
+EXPERIMENT: Final = Experiment(
+    "chain",
+    "Errors along chains, trees and with several leaders",
+    {"laboratory": 3},
+    cases,
+    figures,
+    draw_chain,
+)

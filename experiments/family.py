@@ -5,7 +5,7 @@ knowledge of the vehicle, with the tilt measured and without.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import product
 from types import MappingProxyType
@@ -19,7 +19,7 @@ from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.knowledge import Knowledge
 from rcopterx.experiments.record import VehicleRecord, rms
 from rcopterx.experiments.rig import GUARDED, Progress, Rig, RigOptions
-from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
+from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Particulars
@@ -36,22 +36,18 @@ LIMIT_CYCLE_STICK: Final = 0.4
 0.7."""
 LIMIT_CYCLE_MRAD: Final = 100.0
 """Root mean square error of the heading in hover from which it counts as one; turbulence causes 25 to 50."""
-QUICK_VEHICLES: Final = 2
 
-LevelName = tuple[str, str]
-"""Knowledge of the pilot, and what the Tracker measures."""
-
-TARGETS_MM: Final[Mapping[LevelName, tuple[float, float]]] = MappingProxyType(
+TARGETS_MM: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(
     {
-        ("default", "tilt measured"): (22.0, 40.0),
-        ("default", "positions only"): (25.0, 50.0),
-        ("identified", "tilt measured"): (12.0, 22.0),
-        ("identified", "positions only"): (14.0, 28.0),
-        ("exact", "tilt measured"): (9.0, 16.0),
-        ("exact", "positions only"): (11.0, 20.0),
+        "default / tilt measured": (22.0, 40.0),
+        "default / positions only": (25.0, 50.0),
+        "identified / tilt measured": (12.0, 22.0),
+        "identified / positions only": (14.0, 28.0),
+        "exact / tilt measured": (9.0, 16.0),
+        "exact / positions only": (11.0, 20.0),
     }
 )
-"""Targets of hover: median and worst vehicle."""
+"""Targets of hover by level: median and worst vehicle."""
 PANELS: Final = MappingProxyType(
     {
         "hover_mm": "hover: rms error of the worse horizontal axis [mm]",
@@ -82,38 +78,14 @@ YAW_STEPS: Final[tuple[tuple[Three, float], ...]] = ((HOME_M, np.pi / 2), (HOME_
 EIGHT: Final = partial(figure_eight, HOME_M, (0.5, 0.25))
 
 
-@dataclass(frozen=True)
-class Level:
-    """What the pilot knows of its vehicle, and whether the Tracker measures the tilt."""
-
-    knowledge: Knowledge
-    tilt: bool
-
-    @property
-    def title(self) -> str:
-        """Title for figures and labels."""
-        return f"{self.knowledge}, {self.measured}"
-
-    @property
-    def measured(self) -> str:
-        """The Tracker's part of the title."""
-        return "tilt measured" if self.tilt else "positions only"
-
-    @property
-    def scheme(self) -> Scheme:
-        """The default configuration at this level."""
-        return Scheme(
-            CASCADE.name,
-            CASCADE.title,
-            CASCADE.controller,
-            estimator_settings={"measured_tilt": self.tilt},
-            knowledge=self.knowledge,
+def levels_of(knowledge: Sequence[Knowledge]) -> dict[str, Scheme]:
+    """The default configuration at every level of knowledge, with the tilt measured and without."""
+    return {
+        f"{known} / {'tilt measured' if tilt else 'positions only'}": replace(
+            CASCADE, estimator_settings={"measured_tilt": tilt}, knowledge=known
         )
-
-
-def levels_of(knowledge: Sequence[Knowledge]) -> tuple[Level, ...]:
-    """Every level of knowledge with the tilt measured and without."""
-    return tuple(Level(known, tilt) for known, tilt in product(knowledge, (True, False)))
+        for known, tilt in product(knowledge, (True, False))
+    }
 
 
 @dataclass(frozen=True)
@@ -217,46 +189,21 @@ def _figures(
     )
 
 
-def run(options: Options, show: ShowProgress) -> Result:
-    """Fly every vehicle at every level.
-
-    Returns
-    -------
-    Result
-        Document: knowledge -> what is measured -> figure -> median, 95 %, worst, and counts.
-    """
+def cases(options: Options) -> Cases[Flown]:
+    """Every level."""
     programme = QUICK_PROGRAMME if options.quick else PROGRAMME
-    if options.quick:
-        options = replace(options, seeds=options.seeds[:QUICK_VEHICLES])
-    levels = {level.title: level for level in levels_of(options.knowledge)}
-    flown = fly_seeds(
-        {title: partial(fly_member, level.scheme, programme) for title, level in levels.items()},
-        options,
-        show,
-    )
-    document: dict[str, dict[str, Any]] = {}
-    drawn: dict[tuple[str, str], dict[str, list[float]]] = {}
-    for title, level in levels.items():
-        vehicles = flown[title]
-        document.setdefault(level.knowledge, {})[level.measured] = distribution(vehicles)
-        drawn[level.knowledge, level.measured] = {
-            figure: [getattr(one, figure) for one in vehicles.values()] for figure in ("hover_mm", "eight_mm")
-        }
-    return Result(document, partial(draw_family, drawn, options.preset))
+    levels = levels_of(options.knowledge)
+    return {level: partial(fly_member, scheme, programme) for level, scheme in levels.items()}
 
 
 def distribution(vehicles: Mapping[int, Flown]) -> dict[str, Any]:
     """Median, 95 % and worst of every figure over vehicles by seed; seeds of those that failed."""
-    rows = {seed: asdict(flown) for seed, flown in vehicles.items()}
     table: dict[str, Any] = {}
     for name in DISTRIBUTED:
-        values = {seed: float(row[name]) for seed, row in rows.items()}
-        table[name] = {
-            "median": _rounded(np.median(list(values.values()))),
-            "95%": _rounded(np.percentile(list(values.values()), 95)),
-            "worst": _rounded(max(values.values())),
-            "worst_seed": max(values, key=lambda seed: values[seed]),
-        }
+        values = {seed: getattr(flown, name) for seed, flown in vehicles.items()}
+        median, most, worst = np.percentile(list(values.values()), (50, 95, 100)).round(3).tolist()
+        worst_seed = max(values, key=lambda seed: values[seed])
+        table[name] = {"median": median, "95%": most, "worst": worst, "worst_seed": worst_seed}
     return table | {
         "vehicles": len(vehicles),
         "lost": [seed for seed, one in vehicles.items() if one.lost],
@@ -266,29 +213,30 @@ def distribution(vehicles: Mapping[int, Flown]) -> dict[str, Any]:
     }
 
 
-def _rounded(value: float) -> float:
-    return round(float(value), 3)
-
-
-def draw_family(figures: Mapping[LevelName, Mapping[str, Sequence[float]]], preset: str, figure: Any) -> None:
-    """Draw cumulative distributions over the vehicles, and the targets of hover.
-
-    `figures` has one value per vehicle, by level and name.
-    """
+def draw_family(result: Result[Flown], figure: Any) -> None:
+    """Draw cumulative distributions over the vehicles, and the targets of hover."""
     figure.set_size_inches(11, 4.5)
     for axes, (name, label) in zip(figure.subplots(1, len(PANELS), sharey=True), PANELS.items(), strict=True):
-        for index, (level, values) in enumerate(figures.items()):
-            ordered = np.sort(values[name])
+        for index, (level, flown) in enumerate(result.flown.items()):
+            colour, title = f"C{index}", f"{level.replace(' / ', ', ')} ({len(flown)})"
+            ordered = np.sort([getattr(one, name) for one in flown.values()])
             share = np.arange(1, len(ordered) + 1) / len(ordered)
-            axes.step(
-                ordered, share, where="post", color=f"C{index}", label=f"{', '.join(level)} ({len(ordered)})"
-            )
+            axes.step(ordered, share, where="post", color=colour, label=title)
             if name == "hover_mm":
-                axes.plot(
-                    TARGETS_MM[level], (0.5, 1.0), "o", color=f"C{index}", fillstyle="none", clip_on=False
-                )
+                axes.plot(TARGETS_MM[level], (0.5, 1.0), "o", color=colour, fillstyle="none", clip_on=False)
         axes.set_xlabel(label)
         axes.set_xlim(left=0.0)
     figure.axes[0].set_ylabel("part of the vehicles")
     figure.axes[0].legend(fontsize="small", loc="lower right", title="circles: targets of median and worst")
-    finish_figure(figure, f"Vehicles drawn from the family, conditions `{preset}`")
+    finish_figure(figure, f"Vehicles drawn from the family, conditions `{result.options.preset}`")
+
+
+EXPERIMENT: Final = Experiment(
+    "family",
+    "Fifty drawn helicopters hover, step, turn and fly an eight",
+    {"helicopters": 50},
+    cases,
+    lambda _, flights: distribution(flights),
+    draw_family,
+    compares_knowledge=True,
+)

@@ -6,23 +6,16 @@ The sequence of `formation`, flown with the default configuration; every seed dr
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from types import MappingProxyType
 from typing import Any, Final
-
-import numpy as np
 
 from rcopterx.experiments.formation import FOLLOWERS, SLOT_S, events, formation, sequence
 from rcopterx.experiments.knowledge import Knowledge
 from rcopterx.experiments.record import rms
 from rcopterx.experiments.rig import GUARDED, SETTLED_S, Progress, Rig
-from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
+from rcopterx.experiments.runner import Cases, Experiment, Options, median_and_worst
 from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
 
-TARGETS_MM: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(
-    {"default": (45.0, 220.0), "identified": (22.0, 100.0), "exact": (16.0, 70.0)}
-)
-"""Targets of the worst fleet's root mean square and largest error."""
 LOST_M: Final = 0.5
 """Further from its place at the end of the flight, a follower is lost."""
 
@@ -56,29 +49,16 @@ def fly_fleet(
     )
 
 
-def run(options: Options, show: ShowProgress) -> Result:
-    """Fly every fleet at every level of knowledge.
-
-    Returns
-    -------
-    Result
-        Document: knowledge -> figures over the fleets, and `per_fleet`.
-    """
-    flights: dict[str, partial[Flown]] = {
-        level: partial(fly_fleet, level, options.quick) for level in options.knowledge
-    }
-    document = {level: figures(flown) for level, flown in fly_seeds(flights, options, show).items()}
-    return Result(document, partial(draw_fleets, document, options.preset))
+def cases(options: Options) -> Cases[Flown]:
+    """Every level of knowledge."""
+    return {level: partial(fly_fleet, level, options.quick) for level in options.knowledge}
 
 
-def figures(fleets: Mapping[int, Flown]) -> dict[str, Any]:
+def figures(_: str, fleets: Mapping[int, Flown]) -> dict[str, Any]:
     """Median and worst of the fleets by seed; what went wrong."""
-    errors = {name: [getattr(flown, name) for flown in fleets.values()] for name in ("rms_mm", "max_mm")}
     return {
-        **{
-            name: {"median": round(float(np.median(values)), 1), "worst": round(max(values), 1)}
-            for name, values in errors.items()
-        },
+        "rms_mm": median_and_worst([flown.rms_mm for flown in fleets.values()]),
+        "max_mm": median_and_worst([flown.max_mm for flown in fleets.values()]),
         "lost": [seed for seed, flown in fleets.items() if flown.lost],
         "touched_floor": [seed for seed, flown in fleets.items() if flown.touched_floor],
         "fallbacks": sum(flown.fallbacks for flown in fleets.values()),
@@ -89,18 +69,11 @@ def figures(fleets: Mapping[int, Flown]) -> dict[str, Any]:
     }
 
 
-def draw_fleets(document: Mapping[str, Any], preset: str, figure: Any) -> None:
-    """Draw every fleet's errors, and the targets."""
-    figure.set_size_inches(9, 4)
-    panels = (("rms_mm", "root mean square [mm]"), ("max_mm", "largest error [mm]"))
-    for panel, (axes, (name, label)) in enumerate(zip(figure.subplots(1, 2), panels, strict=True)):
-        for index, (level, table) in enumerate(document.items()):
-            values = [fleet[name] for fleet in table["per_fleet"].values()]
-            axes.plot([level] * len(values), values, "o", color=f"C{index}", alpha=0.6)
-            axes.plot([level], [TARGETS_MM[level][panel]], "_", color=f"C{index}", markersize=40)
-        axes.set_ylabel(label)
-        axes.set_ylim(bottom=0.0)
-        axes.margins(x=0.4)
-        axes.grid(axis="y", alpha=0.3)
-    figure.suptitle(f"Formations of three, conditions `{preset}`; bars: targets of the worst fleet")
-    figure.tight_layout()
+EXPERIMENT: Final = Experiment(
+    "fleets",
+    "Formations of ten fleets of drawn helicopters",
+    {"helicopters": 10},
+    cases,
+    figures,
+    compares_knowledge=True,
+)

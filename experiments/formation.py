@@ -16,9 +16,10 @@ import numpy as np
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.experiments.events import Event, Follow, GoTo
+from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.record import FlightRecord, rms_and_max_mm
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigOptions, RigVehicle
-from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_presets
+from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, HORIZON, PAPER, Scheme, compared
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
@@ -72,8 +73,7 @@ SLOTS: Final[tuple[Slot, ...]] = (
 
 SHOWN: Final = (PAPER.name, CASCADE.name)
 """Schemes whose first flight is drawn."""
-
-
+DRAWN_S: Final = 0.1
 COLOURS: Final = {"x": "black", "y": "tab:red", "z": "tab:blue", "psi": "tab:green"}
 MILLIMETRES: Final = 1000.0
 YAW_MAGNIFICATION: Final = 100.0
@@ -82,13 +82,17 @@ YAW_MAGNIFICATION: Final = 100.0
 
 @dataclass(frozen=True)
 class Flown:
-    """One flight: errors [m] while settled, largest excess over the bounds, fallbacks, perhaps the record."""
+    """One flight: errors [m] while settled, largest excess over the bounds, fallbacks, and what is drawn.
+
+    `tracks` has true position and yaw of h1, h2 and h3 every `DRAWN_S`, and what was wanted, shape
+    (K, 3, 2, 4).
+    """
 
     errors_m: Array
     gap_errors_m: Array
     excess: Array
     fallbacks: dict[str, int]
-    record: FlightRecord | None
+    tracks: Array
 
 
 def mirrored(slots: Sequence[Slot]) -> tuple[Slot, ...]:
@@ -139,12 +143,11 @@ def formation(scheme: Scheme, conditions: Conditions, seed: int, horizon: int = 
 def fly_formation(
     scheme: Scheme,
     slots: Sequence[Slot],
-    recorded_seed: int | None,
     conditions: Conditions,
     seed: int,
     progress: Progress | None = None,
 ) -> Flown:
-    """Fly the sequence once; the flight of `recorded_seed` is returned with its record."""
+    """Fly the sequence once."""
     vehicles = formation(scheme, conditions, seed)
     rig = Rig(vehicles, conditions, seed, RigOptions(previous_frame=scheme.previous_frame))
     record = rig.fly((len(slots) + 2) * SLOT_S, events(slots), progress)
@@ -153,8 +156,18 @@ def fly_formation(
         record.gap_error_m(*FOLLOWERS, SETTLED_S),
         bound_excess(record),
         dict(record.fallbacks()),
-        record if seed == recorded_seed else None,
+        tracks_of(record),
     )
+
+
+def tracks_of(record: FlightRecord) -> Array:
+    """Tracks of a flight, see `Flown`."""
+    wanted = [record[LEADER].reference, *(record[name].station for name in FOLLOWERS)]
+    pairs = [
+        np.stack((record[name].motion[:, :4], place), axis=1)
+        for name, place in zip((LEADER, *FOLLOWERS), wanted, strict=True)
+    ]
+    return np.stack(pairs, axis=1)[:: round(DRAWN_S / 0.02)]
 
 
 def bound_excess(record: FlightRecord) -> Array:
@@ -174,49 +187,22 @@ def flown_schemes(conditions: Conditions) -> dict[str, Scheme]:
     return {name: scheme for name, scheme in compared(conditions).items() if scheme.controller in available}
 
 
-def run(options: Options, show: ShowProgress) -> Result:
-    """Fly every scheme on every seed, and first-order plants once in ideal conditions.
-
-    Returns
-    -------
-    Result
-        Document: condition -> scheme -> figures.
-    """
+def cases(options: Options) -> Cases[Flown]:
+    """Every scheme."""
     slots = sequence(options.quick)
     schemes = flown_schemes(options.conditions)
-    first = options.seeds[0]
-    # The name says which flight is recorded, so that a kept flight without its record is not taken for it.
-    names = {name: f"{name}, seed {first} recorded" if name in SHOWN else name for name in schemes}
-    flights = {
-        names[name]: partial(fly_formation, scheme, slots, first if name in SHOWN else None)
-        for name, scheme in schemes.items()
-    }
-    flown = {
-        preset: {name: by_name[names[name]] for name in schemes}
-        for preset, by_name in fly_presets(flights, options.beside_ideal, options, show).items()
-    }
-    records = {
-        schemes[name].title: record
-        for name in SHOWN
-        if name in schemes and (record := flown[options.preset][name][first].record) is not None
-    }
-    return Result(document(flown), partial(draw_formation, records))
+    return {name: partial(fly_formation, scheme, slots) for name, scheme in schemes.items()}
 
 
-def document(flown: Mapping[str, Mapping[str, Mapping[int, Flown]]]) -> dict[str, Any]:
-    """Figures of flights by condition, scheme and seed; each seed by itself except in ideal conditions."""
-    table: dict[str, dict[str, dict[str, Any]]] = {}
-    for preset, schemes in flown.items():
-        table[preset] = {name: figures(list(flights.values())) for name, flights in schemes.items()}
-        if preset != "ideal":
-            for name, flights in schemes.items():
-                table[preset][name]["per_seed"] = {
-                    str(seed): figures([flight]) for seed, flight in flights.items()
-                }
+def figures(_: str, flights: Mapping[int, Flown]) -> dict[str, Any]:
+    """Figures of flights together, and each seed by itself where there are several."""
+    table = figures_of(list(flights.values()))
+    if len(flights) > 1:
+        table["per_seed"] = {str(seed): figures_of([flight]) for seed, flight in flights.items()}
     return table
 
 
-def figures(flights: Sequence[Flown]) -> dict[str, Any]:
+def figures_of(flights: Sequence[Flown]) -> dict[str, Any]:
     """Figures of flights together, lengths in millimetres."""
     errors = np.concatenate([flight.errors_m for flight in flights])
     excess = np.max([flight.excess for flight in flights], axis=0)
@@ -236,40 +222,47 @@ def figures(flights: Sequence[Flown]) -> dict[str, Any]:
     }
 
 
-def draw_formation(records: Mapping[str, FlightRecord], figure: Any) -> None:
-    """Draw flights by title side by side: the leader, the distances to it, and between the followers."""
-    figure.set_size_inches(7.5 * len(records), 12)
-    axes = figure.subplots(4, len(records), sharex=True, sharey="row", squeeze=False)
-    for column, (title, record) in enumerate(records.items()):
-        leader, second, third = (record[name] for name in ("h1", "h2", "h3"))
-        time_s = leader.time_s
-        axes[0, column].set_title(title)
-        _draw_four(axes[0, column], time_s, leader.motion[:, :4], leader.reference)
-        for row, follower in ((1, second), (2, third)):
-            gap, wanted = (
-                states - leader.motion[:, :4] for states in (follower.motion[:, :4], follower.station)
-            )
-            _draw_four(axes[row, column], time_s, _without_turns(gap, wanted), wanted)
-        between, wanted = (third.motion - second.motion)[:, :4], third.station - second.station
-        _draw_four(axes[3, column], time_s, _without_turns(between, wanted), wanted)
+def draw_formation(result: Result[Flown], figure: Any) -> None:
+    """Draw flights side by side: the leader, the distances to it, and between the followers."""
+    schemes = [scheme for name, scheme in compared(result.options.conditions).items() if name in SHOWN]
+    figure.set_size_inches(7.5 * len(schemes), 12)
+    axes = figure.subplots(4, len(schemes), sharex=True, sharey="row", squeeze=False)
+    for column, scheme in enumerate(schemes):
+        axes[0, column].set_title(scheme.title)
+        tracks = next(iter(result.flown[scheme.name].values())).tracks
+        leader, second, third = tracks.transpose(1, 0, 2, 3)
+        gaps = (second - leader[:, :1], third - leader[:, :1], third - second)
+        for row, pair in enumerate((leader, *map(_without_turns, gaps))):
+            _draw_four(axes[row, column], pair)
         axes[3, column].set_xlabel("time [s]")
     for row, label in enumerate(("leader", "h1 to h2", "h1 to h3", "h2 to h3")):
         axes[row, 0].set_ylabel(f"{label} [mm, 0.01 rad]")
     axes[0, 0].legend(ncols=4, fontsize="small", loc="upper left")
-    figure.suptitle("Set points (dashed) and flight (solid)")
-    figure.tight_layout()
+    finish_figure(figure, "Set points (dashed) and flight (solid)")
 
 
-def _without_turns(flown: Array, wanted: Array) -> Array:
+def _without_turns(pair: Array) -> Array:
     """Differences between two vehicles without whole turns, which each of them counts by itself."""
-    turns = np.round((flown[:, 3] - wanted[:, 3]) / (2 * np.pi))
-    return np.column_stack((flown[:, :3], flown[:, 3] - 2 * np.pi * turns))
+    turned = pair.copy()
+    turned[:, 0, 3] -= 2 * np.pi * np.round((pair[:, 0, 3] - pair[:, 1, 3]) / (2 * np.pi))
+    return turned
 
 
-def _draw_four(axes: Any, time_s: Array, flown: Array, wanted: Array) -> None:
-    """Draw position and heading."""
+def _draw_four(axes: Any, pair: Array) -> None:
+    """Draw position and heading, flown and wanted."""
+    time_s = DRAWN_S * np.arange(len(pair))
     for index, (name, colour) in enumerate(COLOURS.items()):
         scale = YAW_MAGNIFICATION if name == "psi" else MILLIMETRES
-        axes.plot(time_s, scale * wanted[:, index], color=colour, linestyle="--", linewidth=0.8)
-        axes.plot(time_s, scale * flown[:, index], color=colour, linewidth=1.0, label=name)
-    axes.grid(alpha=0.3)
+        axes.plot(time_s, scale * pair[:, 1, index], color=colour, linestyle="--", linewidth=0.8)
+        axes.plot(time_s, scale * pair[:, 0, index], color=colour, linewidth=1.0, label=name)
+
+
+EXPERIMENT: Final = Experiment(
+    "formation",
+    "Fig. 3: formation errors of every scheme over five minutes",
+    {"laboratory": 5, "helicopters": 2},
+    cases,
+    figures,
+    draw_formation,
+    beside_ideal=True,
+)

@@ -1,8 +1,8 @@
 """The paper's Fig. 2: computing time and tracking error against the length of the horizon."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
@@ -12,7 +12,7 @@ from rcopterx.experiments.events import GoTo
 from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.record import VehicleRecord
 from rcopterx.experiments.rig import Progress, Rig
-from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
+from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, PAPER, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
@@ -73,32 +73,20 @@ def weighted_squares_mm2(flown: VehicleRecord) -> Array:
     return np.asarray(position + YAW_WEIGHT_MM2_PER_RAD2 * np.square(error[:, YAW]))
 
 
-def run(options: Options, show: ShowProgress) -> Result:
-    """Fly every horizon with the paper's scheme and the cascade, in one process to measure their times.
-
-    Returns
-    -------
-    Result
-        Document: "horizons" -> N -> scheme -> figures.
-    """
-    horizons = QUICK_HORIZONS if options.quick else HORIZONS
+def cases(options: Options) -> Cases[Flown]:
+    """Every horizon with the paper's scheme and the cascade."""
     hover_s = QUICK_HOVER_S if options.quick else HOVER_S
-    cases = {f"{scheme.name}, N = {horizon}": (scheme, horizon) for horizon in horizons for scheme in SCHEMES}
-    flown = fly_seeds(
-        {name: partial(fly_horizon, *case, hover_s) for name, case in cases.items()},
-        replace(options, processes=1),
-        show,
-    )
-    table: dict[str, dict[str, dict[str, float]]] = {str(horizon): {} for horizon in horizons}
-    for name, (scheme, horizon) in cases.items():
-        table[str(horizon)][scheme.name] = figures(list(flown[name].values()))
-    return Result({"horizons": table}, partial(draw_horizon, table))
+    return {
+        f"{horizon} / {scheme.name}": partial(fly_horizon, scheme, horizon, hover_s)
+        for horizon in (QUICK_HORIZONS if options.quick else HORIZONS)
+        for scheme in SCHEMES
+    }
 
 
-def figures(flights: Sequence[Flown]) -> dict[str, float]:
-    """Figures of flights together."""
-    step_ms = 1e3 * np.concatenate([flight.step_s for flight in flights])
-    squares = np.concatenate([flight.squares_mm2 for flight in flights])
+def figures(_: str, flights: Mapping[int, Flown]) -> dict[str, float]:
+    """Computing times and errors of flights together."""
+    step_ms = 1e3 * np.concatenate([flight.step_s for flight in flights.values()])
+    squares = np.concatenate([flight.squares_mm2 for flight in flights.values()])
     return {
         "step_mean_ms": round(float(step_ms.mean()), 3),
         "step_p99_ms": round(float(np.percentile(step_ms, 99)), 3),
@@ -107,29 +95,37 @@ def figures(flights: Sequence[Flown]) -> dict[str, float]:
     }
 
 
-def draw_horizon(table: Mapping[str, Mapping[str, Mapping[str, float]]], figure: Any) -> None:
+def draw_horizon(result: Result[Flown], figure: Any) -> None:
     """Draw computing times on the left and tracking errors on the right, as in the paper's Fig. 2."""
     figure.set_size_inches(11, 4.5)
     left, right = figure.subplots(1, 2)
-    lengths = [int(length) for length in table]
+    lengths = [int(length) for length in result.document]
     for scheme, colour in zip(SCHEMES, ("tab:red", "tab:blue"), strict=True):
-        rows = [table[str(length)][scheme.name] for length in lengths]
-        left.plot(
-            lengths, [row["step_mean_ms"] for row in rows], "s-", color=colour, label=f"{scheme.title}, mean"
-        )
-        left.plot(
-            lengths, [row["step_max_ms"] for row in rows], "^:", color=colour, label=f"{scheme.title}, max"
-        )
-        right.plot(
-            lengths, [row["weighted_error_mm2"] for row in rows], "s-", color=colour, label=scheme.title
-        )
+        rows = [table[scheme.name] for table in result.document.values()]
+        for axes, name, style, what in (
+            (left, "step_mean_ms", "s-", ", mean"),
+            (left, "step_max_ms", "^:", ", max"),
+            (right, "weighted_error_mm2", "s-", ""),
+        ):
+            values = [row[name] for row in rows]
+            axes.plot(lengths, values, style, color=colour, label=scheme.title + what)
     left.axhline(SAMPLING_MS, color="grey", linestyle="--", label="sampling time")
-    left.set_yscale("log")
-    left.set_ylabel("whole control step [ms]")
-    right.set_ylabel("weighted mean square error [mm²]")
+    left.set(ylabel="whole control step [ms]", yscale="log")
     right.margins(y=0.3)
+    right.set(ylabel="weighted mean square error [mm²]")
     right.set_ylim(bottom=0)
     for axes in (left, right):
         axes.set_xlabel("horizon N")
         axes.legend(fontsize="small")
     finish_figure(figure)
+
+
+EXPERIMENT: Final = Experiment(
+    "horizon",
+    "Fig. 2: computing time and tracking error against the horizon",
+    {"laboratory": 3},
+    cases,
+    figures,
+    draw_horizon,
+    timed=True,
+)

@@ -7,9 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.knowledge import flies_helicopters
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig
-from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_seeds
+from rcopterx.experiments.runner import Cases, Experiment, Options, Result, median_and_worst
 from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, HORIZON, KUNZ, PAPER, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
@@ -59,33 +60,20 @@ def fly_hover(
     return rig.fly(flight_s, progress=progress)["h1"].reference_error(SETTLED_S)
 
 
-def run(options: Options, show: ShowProgress) -> Result:
-    """Fly every setting on every seed.
-
-    Returns
-    -------
-    Result
-        Document: setting -> axis -> root mean square and mean square; of helicopters also `vehicles`, the
-        median and the worst vehicle.
-    """
+def cases(options: Options) -> Cases[Array]:
+    """Every setting of these conditions."""
     drawn = flies_helicopters(options.conditions)
     flight_s = QUICK_FLIGHT_S if options.quick else HELICOPTER_FLIGHT_S if drawn else FLIGHT_S
-    settings = settings_in(options.conditions)
-    flown = fly_seeds(
-        {setting.scheme.name: partial(fly_hover, setting, flight_s) for setting in settings}, options, show
-    )
-    document = {}
-    for name, flights in flown.items():
-        errors = list(flights.values())
-        document[name] = figures(errors) | ({"vehicles": over_vehicles(errors)} if drawn else {})
-    titles = {setting.scheme.name: setting.scheme.title for setting in settings}
-    return Result(document, partial(draw_hover, document, titles, options.preset))
+    return {
+        setting.scheme.name: partial(fly_hover, setting, flight_s)
+        for setting in settings_in(options.conditions)
+    }
 
 
-def figures(flights: Sequence[Array]) -> dict[str, dict[str, float]]:
-    """Root mean squares and mean squares of flights together, in mm and rad."""
-    square = np.mean(np.square(np.concatenate(flights)), axis=0)
-    table = {
+def figures(_: str, flights: Mapping[int, Array]) -> dict[str, Any]:
+    """Root mean squares and mean squares of flights together, in mm and rad, and their distribution."""
+    square = np.mean(np.square(np.concatenate(list(flights.values()))), axis=0)
+    table: dict[str, Any] = {
         axis: {
             "rms_mm": round(1e3 * float(np.sqrt(square[index])), 3),
             "mean_square_mm2": round(1e6 * float(square[index]), 3),
@@ -96,46 +84,45 @@ def figures(flights: Sequence[Array]) -> dict[str, dict[str, float]]:
         "rms_rad": round(float(np.sqrt(square[YAW])), 6),
         "mean_square_rad2": round(float(square[YAW]), 9),
     }
-    return table
+    return table | {"vehicles": over_vehicles(list(flights.values()))}
 
 
-def over_vehicles(flights: Sequence[Array]) -> dict[str, float]:
+def over_vehicles(flights: Sequence[Array]) -> dict[str, dict[str, float]]:
     """Median and worst vehicle: root mean squares of the worse horizontal axis, of height, of yaw."""
-    square = np.array([np.mean(np.square(errors), axis=0) for errors in flights])
-    horizontal = 1e3 * np.sqrt(square[:, :2].max(axis=1))
-    height, yaw = 1e3 * np.sqrt(square[:, 2]), 1e3 * np.sqrt(square[:, YAW])
+    rms = 1e3 * np.sqrt([np.mean(np.square(errors), axis=0) for errors in flights])
     return {
-        "median_mm": round(float(np.median(horizontal)), 1),
-        "worst_mm": round(float(horizontal.max()), 1),
-        "median_height_mm": round(float(np.median(height)), 1),
-        "worst_height_mm": round(float(height.max()), 1),
-        "median_yaw_mrad": round(float(np.median(yaw)), 1),
-        "worst_yaw_mrad": round(float(yaw.max()), 1),
+        "horizontal_mm": median_and_worst(rms[:, :2].max(axis=1).tolist()),
+        "height_mm": median_and_worst(rms[:, 2].tolist()),
+        "yaw_mrad": median_and_worst(rms[:, YAW].tolist()),
     }
 
 
-def draw_hover(
-    document: Mapping[str, Mapping[str, Mapping[str, float]]],
-    titles: Mapping[str, str],
-    preset: str,
-    figure: Any,
-) -> None:
+def draw_hover(result: Result[Array], figure: Any) -> None:
     """Draw bars of the mean squares as in the paper's Fig. 1, on a logarithmic scale."""
     figure.set_size_inches(9, 4.5)
     left, right = figure.subplots(1, 2, width_ratios=(3, 1))
-    width = 0.8 / len(document)
-    for index, (name, table) in enumerate(document.items()):
-        shift = (index - (len(document) - 1) / 2) * width
+    settings = settings_in(result.options.conditions)
+    width = 0.8 / len(settings)
+    for index, setting in enumerate(settings):
+        table = result.document[setting.scheme.name]
+        shift = (index - (len(settings) - 1) / 2) * width
         places = np.arange(len(AXES)) + shift
-        left.bar(places, [table[axis]["mean_square_mm2"] for axis in AXES], width, label=titles[name])
+        squares = [table[axis]["mean_square_mm2"] for axis in AXES]
+        left.bar(places, squares, width, label=setting.scheme.title)
         right.bar([shift], [table["yaw"]["mean_square_rad2"]], width)
     left.set_xticks(np.arange(len(AXES)), AXES)
     right.set_xticks([0.0], ["psi"])
-    left.set_ylabel("mean square error [mm²]")
-    right.set_ylabel("mean square error [rad²]")
-    for axes in (left, right):
-        axes.set_yscale("log")
-        axes.grid(axis="y", alpha=0.3)
+    left.set(ylabel="mean square error [mm²]", yscale="log")
+    right.set(ylabel="mean square error [rad²]", yscale="log")
     left.legend(fontsize="small")
-    figure.suptitle(f"Hovering in conditions `{preset}`")
-    figure.tight_layout()
+    finish_figure(figure, f"Hovering in conditions `{result.options.preset}`", "y")
+
+
+EXPERIMENT: Final = Experiment(
+    "hover",
+    "Fig. 1: hovering errors of [11], the paper and the cascade",
+    {"laboratory": 3, "helicopters": 5},
+    cases,
+    figures,
+    draw_hover,
+)

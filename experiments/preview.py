@@ -17,7 +17,7 @@ from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.knowledge import flies_helicopters
 from rcopterx.experiments.record import rms, rms_and_max_mm
 from rcopterx.experiments.rig import Progress, Rig
-from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_presets
+from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import (
     CASCADE,
     NO_FEED_FORWARD,
@@ -82,6 +82,11 @@ class Flown:
     flown_m: Array
     yaw_error_rad: Array
 
+    @property
+    def errors_m(self) -> Array:
+        """Distances from the path's present point, shape (K,)."""
+        return np.asarray(np.linalg.norm(self.flown_m - self.wanted_m, axis=1))
+
 
 def fly_path(
     setting: Setting, turns: float, conditions: Conditions, seed: int, progress: Progress | None = None
@@ -105,55 +110,43 @@ def fly_path(
     return Flown(wanted[:, :3], motion[:, :3], motion[:, 3] - wanted[:, 3])
 
 
-def run(options: Options, show: ShowProgress) -> Result:
-    """Fly every setting on every seed, and first-order plants once in ideal conditions.
-
-    Returns
-    -------
-    Result
-        Document: condition -> setting -> figures.
-    """
-    settings = settings_in(options.conditions)
+def cases(options: Options) -> Cases[Flown]:
+    """Every setting of these conditions."""
     turns = QUICK_TURNS if options.quick else TURNS
-    flights = {setting.name: partial(fly_path, setting, turns) for setting in settings}
-    flown = fly_presets(flights, options.beside_ideal, options, show)
-    document = {
-        preset: {name: figures(list(by_seed.values())) for name, by_seed in group.items()}
-        for preset, group in flown.items()
-    }
-    first, group = next(iter(flown.items()))
-    shown = {setting.title: next(iter(group[setting.name].values())) for setting in settings}
-    return Result(document, partial(draw_preview, shown, first))
+    return {setting.name: partial(fly_path, setting, turns) for setting in settings_in(options.conditions)}
 
 
-def figures(flights: Sequence[Flown]) -> dict[str, float]:
+def figures(_: str, flights: Mapping[int, Flown]) -> dict[str, float]:
     """Distances from the path's present point, flights together."""
-    errors_m = np.concatenate(
-        [np.linalg.norm(flight.flown_m - flight.wanted_m, axis=1) for flight in flights]
-    )
-    yaw = np.concatenate([flight.yaw_error_rad for flight in flights])
-    return {
-        **rms_and_max_mm(errors_m),
-        "yaw_rms_rad": round(rms(yaw), 4),
-    }
+    errors_m = np.concatenate([flight.errors_m for flight in flights.values()])
+    yaw = np.concatenate([flight.yaw_error_rad for flight in flights.values()])
+    return {**rms_and_max_mm(errors_m), "yaw_rms_rad": round(rms(yaw), 4)}
 
 
-def draw_preview(flights: Mapping[str, Flown], preset: str, figure: Any) -> None:
-    """Draw the path of flights by title from above, and the distance from it over time."""
+def draw_preview(result: Result[Flown], figure: Any) -> None:
+    """Draw the path of each setting's first flight from above, and the distance from it over time."""
     figure.set_size_inches(11, 4.5)
     above, over_time = figure.subplots(1, 2)
-    for title, flight in flights.items():
-        above.plot(flight.flown_m[:, 0], flight.flown_m[:, 1], linewidth=1.0, label=title)
-        errors_mm = 1000 * np.linalg.norm(flight.flown_m - flight.wanted_m, axis=1)
-        over_time.semilogy(PERIOD_S * np.arange(len(errors_mm)), np.maximum(errors_mm, 0.01), linewidth=1.0)
-    path = next(iter(flights.values())).wanted_m
+    preset, flown = next(iter(result.by_preset.items()))
+    for setting in settings_in(result.options.conditions):
+        flight = next(iter(flown[setting.name].values()))
+        above.plot(*flight.flown_m[:, :2].T, linewidth=1.0, label=setting.title)
+        times_s = PERIOD_S * np.arange(len(flight.errors_m))
+        over_time.semilogy(times_s, np.maximum(1000 * flight.errors_m, 0.01), linewidth=1.0)
+        path = flight.wanted_m
     above.plot(path[:, 0], path[:, 1], "k--", linewidth=1.0, label="path")
-    above.set_aspect("equal")
-    above.set_xlabel("x [m]")
-    above.set_ylabel("y [m]")
+    above.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.8, 0.8), ylim=(-0.6, 0.6))
     above.legend(fontsize="x-small", loc="upper center", ncols=2)
-    above.set_xlim(-0.8, 0.8)
-    above.set_ylim(-0.6, 0.6)
-    over_time.set_xlabel("time [s]")
-    over_time.set_ylabel("distance from the path's present point [mm]")
+    over_time.set(xlabel="time [s]", ylabel="distance from the path's present point [mm]")
     finish_figure(figure, f"A figure-eight with the heading along the path, conditions `{preset}`")
+
+
+EXPERIMENT: Final = Experiment(
+    "preview",
+    "A figure-eight with and without preview and feed-forward",
+    {"laboratory": 3, "helicopters": 3},
+    cases,
+    figures,
+    draw_preview,
+    beside_ideal=True,
+)

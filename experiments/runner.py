@@ -1,11 +1,13 @@
-"""What the experiments share: options, results, and flying every flight on every seed."""
+"""Experiments as data, and flying every case of one on every seed."""
 
 import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, Final, Generic, TypeVar
+
+import numpy as np
 
 from rcopterx.experiments.kept import KeptFlights
 from rcopterx.experiments.knowledge import LEVELS, Knowledge, flies_helicopters
@@ -15,6 +17,13 @@ T = TypeVar("T")
 
 ShowProgress = Callable[[str, float], None]
 """Called with the label of a flight and the fraction of the experiment that is done."""
+Cases = Mapping[str, partial[T]]
+"""Functions of `conditions`, `seed` and perhaps `progress` by name; ` / ` in a name groups its figures."""
+Flown = Mapping[str, Mapping[int, T]]
+"""Results of flights by case and seed."""
+
+FIRST_REPORTED_VEHICLE: Final = 100
+"""Helicopters drawn with smaller seeds are for tuning; reported figures use those from here on."""
 
 
 @dataclass(frozen=True)
@@ -49,44 +58,118 @@ class Options:
         """Conditions of the laboratory."""
         return PRESETS[self.preset]
 
-    @property
-    def beside_ideal(self) -> dict[str, tuple[int, ...]]:
-        """Seeds by preset, with one flight in ideal conditions, which involve no chance.
 
-        Helicopters are flown without it: ideal conditions are those of first-order plants.
-        """
-        own = {self.preset: self.seeds}
-        if flies_helicopters(self.conditions):
-            return own
-        return {"ideal": self.seeds[:1]} | ({} if self.preset == "ideal" else own)
+@dataclass(frozen=True)
+class Result(Generic[T]):
+    """Outcome of an experiment: what was flown by preset, and the JSON document of its figures."""
+
+    options: Options
+    by_preset: Mapping[str, Flown[T]]
+    document: dict[str, Any]
+
+    @property
+    def flown(self) -> Flown[T]:
+        """What was flown in the conditions of the options."""
+        return self.by_preset[self.options.preset]
 
 
 @dataclass(frozen=True)
-class Result:
-    """JSON document of an experiment, and a function that draws its figure into a `matplotlib` figure."""
+class Experiment(Generic[T]):
+    """One experiment.
 
-    document: dict[str, Any]
-    draw: Callable[[Any], None]
+    Attributes
+    ----------
+    flights
+        Number of seeds for each preset that is flown by default; other presets take as many as the first.
+    cases
+        What is flown with the given options.
+    figures
+        Part of the JSON document about the flights of one case, by seed.
+    draw
+        Draws a result into an empty `matplotlib` figure.
+    beside_ideal
+        First-order plants also fly the first seed in ideal conditions; the document is then by preset.
+    timed
+        Processor times are measured, so that flights use one process.
+    first_seed
+        Default of the first seed; None chooses it by the conditions.
+    compares_knowledge
+        Whether it flies at every level of `Options.knowledge`.
+    """
+
+    name: str
+    title: str
+    flights: Mapping[str, int]
+    cases: Callable[[Options], Cases[T]]
+    figures: Callable[[str, Mapping[int, T]], dict[str, Any]]
+    draw: Callable[[Result[T], Any], None] | None = None
+    beside_ideal: bool = False
+    timed: bool = False
+    first_seed: int | None = None
+    compares_knowledge: bool = False
+
+    def seeds(self, preset: str, first: int | None = None) -> tuple[int, ...]:
+        """Consecutive seeds for a preset."""
+        if first is None:
+            first = self.first_seed
+        if first is None:
+            drawn = PRESETS[preset].coaxial_plant == "drawn_helicopter"
+            first = FIRST_REPORTED_VEHICLE if drawn else 0
+        count = self.flights.get(preset, next(iter(self.flights.values())))
+        return tuple(range(first, first + count))
+
+    def presets(self, options: Options) -> dict[str, tuple[int, ...]]:
+        """Seeds by preset; ideal conditions involve no chance, so they are flown once."""
+        ideal = self.beside_ideal and not flies_helicopters(options.conditions)
+        return ({"ideal": options.seeds[:1]} if ideal else {}) | (
+            {} if ideal and options.preset == "ideal" else {options.preset: options.seeds}
+        )
+
+    def fly(self, options: Options, show: ShowProgress) -> Result[T]:
+        """Fly every case on every seed.
+
+        Raises
+        ------
+        KeptFlightsError
+            A kept flight has a result of another type.
+        """
+        options = replace(options, processes=1) if self.timed else options
+        cases, presets = self.cases(options), self.presets(options)
+        flown: dict[str, dict[str, dict[int, T]]] = {
+            preset: {name: {} for name in cases} for preset in presets
+        }
+        labels = {
+            f"{name}, {preset}, seed {seed}": (preset, name, seed)
+            for preset, seeds in presets.items()
+            for name in cases
+            for seed in seeds
+        }
+        works = {
+            label: partial(cases[name], conditions=PRESETS[preset], seed=seed)
+            for label, (preset, name, seed) in labels.items()
+        }
+        for label, result in fly_all(works, options, show).items():
+            preset, name, seed = labels[label]
+            flown[preset][name][seed] = result
+        tables = {preset: self._document(by_case) for preset, by_case in flown.items()}
+        return Result(options, flown, tables if self.beside_ideal else tables[options.preset])
+
+    def _document(self, flown: Flown[T]) -> dict[str, Any]:
+        document: dict[str, Any] = {}
+        for name, by_seed in flown.items():
+            *groups, last = name.split(" / ")
+            place = document
+            for group in groups:
+                place = place.setdefault(group, {})
+            place[last] = self.figures(name, by_seed)
+        return document
 
 
 def fly_all(flights: Mapping[str, "partial[T]"], options: Options, show: ShowProgress) -> dict[str, T]:
-    """Fly every flight that `options.kept` does not have.
+    """Fly every flight that `options.kept` does not have; returns results by label, in the given order.
 
-    Parameters
-    ----------
-    flights
-        By label. With one process each is called with `progress`, a function of the fraction flown;
-        otherwise it must be picklable and is called without arguments.
-
-    Returns
-    -------
-    dict
-        Results by label, in the order of `flights`.
-
-    Raises
-    ------
-    KeptFlightsError
-        A kept flight has a result of another type.
+    With one process each flight is called with `progress`, a function of the fraction flown; otherwise it
+    must be picklable and is called without arguments. Errors are those of `Experiment.fly`.
     """
     kept = options.kept
     results: dict[str, T] = {}
@@ -115,45 +198,6 @@ def _show_within(show: ShowProgress, label: str, finished: int, total: int, frac
     show(label, (finished + fraction) / total)
 
 
-def fly_seeds(
-    flights: Mapping[str, "partial[T]"], options: Options, show: ShowProgress
-) -> dict[str, dict[int, T]]:
-    """Fly every flight on every seed in the conditions of the options.
-
-    Parameters
-    ----------
-    flights
-        By name; called with `conditions`, `seed` and perhaps `progress`.
-
-    Returns
-    -------
-    dict
-        Results by name and seed.
-    """
-    return fly_presets(flights, {options.preset: options.seeds}, options, show)[options.preset]
-
-
-def fly_presets(
-    flights: Mapping[str, "partial[T]"],
-    presets: Mapping[str, Sequence[int]],
-    options: Options,
-    show: ShowProgress,
-) -> dict[str, dict[str, dict[int, T]]]:
-    """Fly every flight in several conditions, with the seeds of each; results by preset, name and seed."""
-    cases = {
-        f"{name}, {preset}, seed {seed}": (preset, name, seed)
-        for preset, seeds in presets.items()
-        for name in flights
-        for seed in seeds
-    }
-    works = {
-        label: partial(flights[name], conditions=PRESETS[preset], seed=seed)
-        for label, (preset, name, seed) in cases.items()
-    }
-    results: dict[str, dict[str, dict[int, T]]] = {
-        preset: {name: {} for name in flights} for preset in presets
-    }
-    for label, result in fly_all(works, options, show).items():
-        preset, name, seed = cases[label]
-        results[preset][name][seed] = result
-    return results
+def median_and_worst(values: Sequence[float], digits: int = 1) -> dict[str, float]:
+    """Median and largest of figures of several vehicles."""
+    return {"median": round(float(np.median(values)), digits), "worst": round(float(max(values)), digits)}

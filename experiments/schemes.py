@@ -110,7 +110,7 @@ TUNED_PID: Final = Scheme(
         "integral": (1.6464, 1.6464, 5.488),
     },
 )
-"""The simple schemes with the settings that `rcopterx.experiments.tuning` finds for helicopters."""
+"""The simple schemes with the best settings of several for helicopters, see `docs/experiments.md`."""
 
 HELICOPTER_SCHEMES: Final = by_name(
     (

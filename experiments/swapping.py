@@ -15,9 +15,8 @@ import numpy as np
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.experiments.events import GoTo
 from rcopterx.experiments.figures import finish_figure
-from rcopterx.experiments.record import FlightRecord
 from rcopterx.experiments.rig import Progress, Rig, RigOptions
-from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_all
+from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
@@ -42,7 +41,12 @@ CLEARANCE: Final = SeparationEllipsoid()
 ANTIPODES: Final = "antipodes"
 RANDOM: Final = "random"
 WITHOUT: Final = "without_avoidance"
-CASES: Final = (ANTIPODES, RANDOM, WITHOUT)
+CASES: Final = {
+    ANTIPODES: ("opposite places", "C0"),
+    RANDOM: ("places at random", "C1"),
+    WITHOUT: ("without avoidance", "0.6"),
+}
+"""Titles and colours in the figure; without avoidance for comparison."""
 
 
 @dataclass(frozen=True)
@@ -62,17 +66,12 @@ class Swap:
 
     def gaps_m(self) -> Array:
         """Gaps of all pairs, shape (K, pairs, 3)."""
-        pairs = list(combinations(range(self.tracks_m.shape[1]), 2))
-        first, second = np.array(pairs).T
+        first, second = np.array(list(combinations(range(self.tracks_m.shape[1]), 2))).T
         return np.asarray(self.tracks_m[:, first] - self.tracks_m[:, second])
 
     def nearest_m(self) -> Array:
         """Smallest distance of any two vehicles, shape (K,)."""
         return np.asarray(np.linalg.norm(self.gaps_m(), axis=2).min(axis=1))
-
-    def nearest_normalised(self) -> Array:
-        """The same in ellipsoids, shape (K,)."""
-        return np.asarray(CLEARANCE.normalised(self.gaps_m()).min(axis=1))
 
     def outside_m(self) -> float:
         """Farthest that any vehicle was outside the volume in which it plans."""
@@ -105,7 +104,7 @@ def goals_of(case: str, vehicles: int, seed: int) -> Array:
 
 
 def fly_swap(
-    case: str, conditions: Conditions, seed: int, quick: bool = False, progress: Progress | None = None
+    case: str, quick: bool, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> Swap:
     """Fly one swap."""
     count = QUICK_VEHICLES if quick else VEHICLES
@@ -119,10 +118,6 @@ def fly_swap(
     rig = Rig(vehicles, conditions, seed, options)
     events = [GoTo(START_S, name, three(goal)) for name, goal in zip(names, goals, strict=True)]
     record = rig.fly(QUICK_FLIGHT_S if quick else FLIGHT_S, events, progress)
-    return _swap(record, rig, names, goals)
-
-
-def _swap(record: FlightRecord, rig: Rig, names: list[str], goals: Array) -> Swap:
     rows = record[names[0]].time_s >= START_S
     return Swap(
         np.stack([record[name].motion[rows, :3] for name in names], axis=1),
@@ -134,37 +129,22 @@ def _swap(record: FlightRecord, rig: Rig, names: list[str], goals: Array) -> Swa
     )
 
 
-def run(options: Options, show: ShowProgress) -> Result:
-    """Fly every case on every seed; without avoidance, for comparison, on the first seed only.
-
-    Returns
-    -------
-    Result
-        Document: `hard_distance_m`, the clearance, and case -> seed -> figures of the flight.
-    """
-    cases = [(case, seed) for case in CASES for seed in options.seeds]
-    cases = [(case, seed) for case, seed in cases if case != WITHOUT or seed == options.seeds[0]]
-    flights = {
-        f"{case}, seed {seed}": partial(fly_swap, case, options.conditions, seed, options.quick)
-        for case, seed in cases
-    }
-    swaps = dict(zip(cases, fly_all(flights, options, show).values(), strict=True))
-    document: dict[str, Any] = {
-        "vehicles": QUICK_VEHICLES if options.quick else VEHICLES,
-        "hard_distance_m": HARD_M,
-        "clearance": {"horizontal_m": CLEARANCE.horizontal_m, "vertical_m": CLEARANCE.vertical_m},
-    }
-    for (case, seed), swap in swaps.items():
-        document.setdefault(case, {})[str(seed)] = figures(swap)
-    return Result(document, partial(draw_swapping, swaps, options.preset))
+def cases(options: Options) -> Cases[Swap]:
+    """Every case."""
+    return {case: partial(fly_swap, case, options.quick) for case in CASES}
 
 
-def figures(swap: Swap) -> dict[str, Any]:
+def figures(_: str, swaps: Mapping[int, Swap]) -> dict[str, Any]:
+    """Figures of each flight by seed."""
+    return {str(seed): figures_of(swap) for seed, swap in swaps.items()}
+
+
+def figures_of(swap: Swap) -> dict[str, Any]:
     """Figures of a flight."""
     finished_s = swap.finished_s()
     return {
         "minimum_distance_m": round(float(swap.nearest_m().min()), 3),
-        "minimum_in_ellipsoids": round(float(swap.nearest_normalised().min()), 3),
+        "minimum_in_ellipsoids": round(float(CLEARANCE.normalised(swap.gaps_m()).min()), 3),
         "finished_s": None if finished_s is None else round(finished_s, 2),
         "outside_m": round(swap.outside_m(), 3),
         "avoiding_share": round(swap.avoiding_ticks / swap.ticks, 3),
@@ -172,30 +152,34 @@ def figures(swap: Swap) -> dict[str, Any]:
     }
 
 
-def draw_swapping(swaps: Mapping[tuple[str, int], Swap], preset: str, figure: Any) -> None:
+def draw_swapping(result: Result[Swap], figure: Any) -> None:
     """Draw the tracks of the first seed from above, and the smallest distance over time of every flight."""
     figure.set_size_inches(13, 4.6)
-    left, middle, right = figure.subplots(1, 3)
-    first = {case: swap for (case, seed), swap in reversed(list(swaps.items()))}
-    for axes, case, title in ((left, ANTIPODES, "opposite places"), (middle, RANDOM, "places at random")):
-        swap = first[case]
+    *above, over_time = figure.subplots(1, 3)
+    for axes, case in zip(above, (ANTIPODES, RANDOM), strict=True):
+        swap = next(iter(result.flown[case].values()))
         for number in range(swap.tracks_m.shape[1]):
-            (line,) = axes.plot(swap.tracks_m[:, number, 0], swap.tracks_m[:, number, 1], linewidth=1)
+            (line,) = axes.plot(*swap.tracks_m[:, number, :2].T, linewidth=1)
             axes.plot(*swap.tracks_m[0, number, :2], "o", color=line.get_color(), markersize=4)
             axes.plot(*swap.goals_m[number, :2], "s", color=line.get_color(), fillstyle="none")
-        axes.set_aspect("equal")
-        axes.set_title(title)
-        axes.set_xlabel("x [m]")
-        axes.set_ylabel("y [m]")
-    colours = {ANTIPODES: "C0", RANDOM: "C1", WITHOUT: "0.6"}
-    labels = {ANTIPODES: "opposite places", RANDOM: "places at random", WITHOUT: "without avoidance"}
-    for (case, _), swap in swaps.items():
-        label = labels.pop(case, None)
-        right.plot(swap.time_s, swap.nearest_m(), color=colours[case], label=label, linewidth=1)
-    right.axhline(HARD_M, color="k", linestyle=":", label="hard distance")
-    right.set_xlim(0.0, 6.0)
-    right.set_ylim(bottom=0.0)
-    right.set_xlabel("time since all vehicles left [s]")
-    right.set_ylabel("smallest distance of two vehicles [m]")
-    right.legend(fontsize="small")
-    finish_figure(figure, f"Swapping places in conditions `{preset}`")
+        axes.set(aspect="equal", title=CASES[case][0], xlabel="x [m]", ylabel="y [m]")
+    for case, (title, colour) in CASES.items():
+        for number, swap in enumerate(result.flown[case].values()):
+            label = None if number else title
+            over_time.plot(swap.time_s, swap.nearest_m(), color=colour, label=label, linewidth=1)
+    over_time.axhline(HARD_M, color="k", linestyle=":", label="hard distance")
+    over_time.set_xlim(0.0, 6.0)
+    over_time.set_ylim(bottom=0.0)
+    over_time.set(xlabel="time since all vehicles left [s]", ylabel="smallest distance of two vehicles [m]")
+    over_time.legend(fontsize="small")
+    finish_figure(figure, f"Swapping places in conditions `{result.options.preset}`")
+
+
+EXPERIMENT: Final = Experiment(
+    "swapping",
+    "Ten vehicles swap places without collision",
+    {"laboratory": 5, "helicopters": 2},
+    cases,
+    figures,
+    draw_swapping,
+)

@@ -5,19 +5,18 @@ makes steps, at last together with the position; errors are the followers' dista
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.chain import vehicles
 from rcopterx.experiments.events import Event, GoTo
-from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.record import rms_and_max_mm
 from rcopterx.experiments.rig import Progress, Rig
-from rcopterx.experiments.runner import Options, Result, ShowProgress, fly_presets
+from rcopterx.experiments.runner import Cases, Experiment, Options
 from rcopterx.experiments.schemes import HORIZON
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.vehicles.state import Array
@@ -67,41 +66,25 @@ def fly_steps(
     }
 
 
-def run(options: Options, show: ShowProgress) -> Result:
-    """Fly with every arm on every seed, and first-order plants once in ideal conditions.
-
-    Returns
-    -------
-    Result
-        Document: condition -> arm -> step -> root mean square and largest error.
-    """
+def cases(options: Options) -> Cases[dict[str, Array]]:
+    """Every arm."""
     arms, steps = (ARMS_M[1:2], tuple(STEPS)[:1]) if options.quick else (ARMS_M, tuple(STEPS))
-    flights = {f"{arm_m:g} m": partial(fly_steps, arm_m, steps, options.quick) for arm_m in arms}
-    flown = fly_presets(flights, options.beside_ideal, options, show)
-    document = {
-        preset: {
-            arm: {
-                step: rms_and_max_mm(np.concatenate([errors[step] for errors in by_seed.values()]))
-                for step in steps
-            }
-            for arm, by_seed in group.items()
-        }
-        for preset, group in flown.items()
+    return {f"{arm_m:g} m": partial(fly_steps, arm_m, steps, options.quick) for arm_m in arms}
+
+
+def figures(_: str, flights: Mapping[int, Mapping[str, Array]]) -> dict[str, dict[str, float]]:
+    """Errors after each step, flights together."""
+    return {
+        step: rms_and_max_mm(np.concatenate([errors[step] for errors in flights.values()]))
+        for step in next(iter(flights.values()))
     }
-    return Result(document, partial(draw_turning, document))
 
 
-def draw_turning(document: dict[str, Any], figure: Any) -> None:
-    """Draw the largest errors against the arm."""
-    figure.set_size_inches(8, 4)
-    panels = figure.subplots(1, len(document), sharey=True, squeeze=False)[0]
-    for axes, (condition, table) in zip(panels, document.items(), strict=True):
-        arms = list(table)
-        for step in table[arms[0]]:
-            axes.plot(arms, [table[arm][step]["max_mm"] for arm in arms], "o-", label=step)
-        axes.set_title(condition)
-        axes.set_xlabel("arm")
-        axes.legend(fontsize="small")
-    figure.axes[0].set_ylabel("largest distance from the place [mm]")
-    figure.axes[0].set_ylim(bottom=0.0)
-    finish_figure(figure, "Followers that turn with their leader, while it turns")
+EXPERIMENT: Final = Experiment(
+    "turning",
+    "Yaw steps of a leader whose followers turn with it",
+    {"laboratory": 3},
+    cases,
+    figures,
+    beside_ideal=True,
+)

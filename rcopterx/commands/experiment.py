@@ -2,8 +2,9 @@
 
 import sys
 import time
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,9 +13,10 @@ from rcopterx.commands.output import JsonOption, check_plot, print_document, wri
 from rcopterx.simulator.conditions import PRESETS
 
 if TYPE_CHECKING:
-    from rcopterx.experiments.catalogue import Experiment
     from rcopterx.experiments.knowledge import Knowledge
+    from rcopterx.experiments.runner import Experiment
 
+QUICK_SEEDS = 2
 QUICK_HELP = "Short flights, as a test; their figures mean little."
 
 
@@ -88,25 +90,27 @@ def experiment(
     numbers = None if seeds is None else different_numbers(seeds, "--seeds")
     levels = knowledge_levels(knowledge, chosen)
     check_plot(plot)
+    if plot is not None and chosen.draw is None:
+        raise typer.BadParameter(f"{name} has no figure", param_hint="--plot")
     documents = {}
     for preset in presets:
         try:
             context = {"experiment": name, "conditions": preset, "quick": quick}
             kept = None if resume is None else KeptFlights(resume, context)
-            flown = numbers or chosen.seeds(preset, seed)
+            flown = numbers or chosen.seeds(preset, seed)[: QUICK_SEEDS if quick else None]
             options = Options(flown, quick, processes, preset, kept, levels)
-            result = chosen.run(options, ProgressLine(name))
+            result = chosen.fly(options, ProgressLine(name))
         except KeptFlightsError as error:
             raise typer.BadParameter(str(error), param_hint="--resume") from None
         documents[preset] = result.document
-        if plot is not None:
+        if plot is not None and chosen.draw is not None:
             path = plot if len(presets) == 1 else plot.with_stem(f"{plot.stem}_{preset}")
-            write_plot(result.draw, path)
+            write_plot(partial(chosen.draw, result), path)
     document = documents if len(presets) > 1 else documents[presets[0]]
     print_document(document, as_json)
 
 
-def knowledge_levels(chosen: str | None, row: "Experiment") -> "tuple[Knowledge, ...]":
+def knowledge_levels(chosen: str | None, row: "Experiment[Any]") -> "tuple[Knowledge, ...]":
     """Levels of knowledge that the command names, in the usual order; all by default."""
     from rcopterx.experiments.knowledge import LEVELS
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from rcopterx.agents.formation.topology import ancestors, cycle
-from rcopterx.experiments.chain import draw_chain, figures, fly_shape, generation, shapes
+from rcopterx.experiments.chain import SHAPES, draw_chain, figures, fly_shape, generation
 from rcopterx.experiments.record import rms
+from rcopterx.experiments.runner import Options, Result
 from rcopterx.simulator.conditions import LABORATORY
 
-SHAPES = shapes()
 EACH_TIME = ("chain_heading", "several_leaders")
 
 
@@ -39,10 +39,9 @@ def test_the_shapes_are_chains_of_five_trees_and_several_leaders_in_both_frames(
 def test_figures_are_those_of_all_flights_together() -> None:
     from matplotlib.figure import Figure
 
-    links = SHAPES["chain_inertial"]
-    flights = [{name: np.array([0.003, 0.004]) for name in ("h2", "h3", "h4", "h5")} for _ in range(2)]
-    table = figures(links, flights)
+    flights = {seed: {f"h{number}": np.array([0.003, 0.004]) for number in (2, 3, 4, 5)} for seed in (0, 1)}
+    table = figures("chain_inertial", flights)
     assert table["h3"] == {"generation": 2, "rms_mm": 3.54, "max_mm": 4.0}
     figure = Figure()
-    draw_chain({"chain_inertial": table}, figure)
+    draw_chain(Result(Options((0, 1)), {}, {"chain_inertial": table}), figure)
     assert len(figure.axes) == 1

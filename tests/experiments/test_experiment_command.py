@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from rcopterx.command_line import app
 from rcopterx.experiments.catalogue import EXPERIMENTS
 from rcopterx.experiments.family import Flown
-from rcopterx.experiments.runner import Options, Result, fly_all
+from rcopterx.experiments.runner import Experiment, Options, fly_all
 from rcopterx.simulator.conditions import HELICOPTERS
 
 runner = CliRunner()
@@ -32,7 +32,6 @@ def test_experiments_are_listed() -> None:
         "family",
         "fleets",
         "beyond",
-        "tuning",
     ]
 
 
@@ -42,9 +41,12 @@ def test_experiments_fly_in_the_chosen_conditions() -> None:
     message = " ".join(result.output.replace("│", " ").split())
     assert "known are ideal, laboratory, helicopter, helicopters" in message
     assert Options((3, 4), preset="helicopters").conditions is HELICOPTERS
-    assert Options((3, 4), preset="laboratory").beside_ideal == {"ideal": (3,), "laboratory": (3, 4)}
-    assert Options((3, 4), preset="helicopters").beside_ideal == {"helicopters": (3, 4)}
-    assert Options((3, 4), preset="ideal").beside_ideal == {"ideal": (3,)}
+    for preset, presets in (
+        ("laboratory", {"ideal": (3,), "laboratory": (3, 4)}),
+        ("helicopters", {"helicopters": (3, 4)}),
+        ("ideal", {"ideal": (3,)}),
+    ):
+        assert EXPERIMENTS["formation"].presets(Options((3, 4), preset=preset)) == presets
 
 
 def test_hover_prints_its_document_and_draws_its_figure(
@@ -80,49 +82,60 @@ def test_hover_prints_its_document_and_draws_its_figure(
     assert figure.read_text(encoding="utf-8").startswith("<?xml")
 
 
+def seeds_flown(flights: list[Options], options: Options) -> dict[str, Any]:
+    """A case that returns its seed at once."""
+    flights.append(options)
+    return {"case": partial(seed_of)}
+
+
+def seed_of(conditions: object, seed: int, progress: object = None) -> int:
+    return seed
+
+
+def without_flights(flights: list[Options]) -> dict[str, Experiment[Any]]:
+    return {
+        name: replace(
+            row,
+            cases=partial(seeds_flown, flights),
+            figures=lambda _, flown: {"seeds": list(flown)},
+            draw=lambda _, figure: figure.subplots(),
+        )
+        for name, row in EXPERIMENTS.items()
+    }
+
+
 def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Options] = []
-
-    def record(options: Options, _: object) -> Result:
-        seen.append(options)
-        return Result({"figure": 1}, lambda _: None)
-
-    monkeypatch.setattr(
-        "rcopterx.experiments.catalogue.EXPERIMENTS",
-        {name: replace(row, run=record) for name, row in EXPERIMENTS.items()},
-    )
+    monkeypatch.setattr("rcopterx.experiments.catalogue.EXPERIMENTS", without_flights(seen))
     for arguments in (
         ["chain"],
         ["chain", "--seed", "3"],
         ["turning", "--seeds", "9,4", "--quick"],
-        ["tuning"],
+        ["family", "--quick"],
+        ["beyond"],
     ):
         assert runner.invoke(app, ["experiment", *arguments]).exit_code == 0
-    assert [options.seeds for options in seen] == [(0, 1, 2), (3, 4, 5), (9, 4), (0, 1, 2, 3)]
-    assert [options.quick for options in seen] == [False, False, True, False]
+    assert [options.seeds for options in seen] == [(0, 1, 2), (3, 4, 5), (9, 4), (100, 101), (0, 1, 2)]
+    assert [options.quick for options in seen] == [False, False, True, True, False]
 
 
 def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run(options: Options, _: object) -> Result:
-        return Result({"seeds": list(options.seeds)}, lambda figure: figure.subplots())
-
-    row = replace(EXPERIMENTS["hover"], run=run)
-    monkeypatch.setattr("rcopterx.experiments.catalogue.EXPERIMENTS", {"hover": row})
+    monkeypatch.setattr("rcopterx.experiments.catalogue.EXPERIMENTS", without_flights([]))
     arguments = ["experiment", "hover", "--json", "--plot", str(tmp_path / "hover.svg")]
     result = runner.invoke(app, arguments)
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout) == {
-        "laboratory": {"seeds": [0, 1, 2]},
-        "helicopters": {"seeds": list(range(100, 105))},
+        "laboratory": {"case": {"seeds": [0, 1, 2]}},
+        "helicopters": {"case": {"seeds": list(range(100, 105))}},
     }
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "hover_helicopters.svg",
         "hover_laboratory.svg",
     ]
     alone = runner.invoke(app, [*arguments, "--conditions", "helicopter", "--seed", "0"])
-    assert json.loads(alone.stdout) == {"seeds": [0, 1, 2]}
+    assert json.loads(alone.stdout) == {"case": {"seeds": [0, 1, 2]}}
     assert (tmp_path / "hover.svg").exists()
 
 
@@ -136,6 +149,7 @@ def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
         (["hover", "--knowledge", "exact"], "hover does not compare it"),
         (["family", "--resume", "/nowhere/flights.jsonl"], "No such file or directory"),
         (["hover", "--plot", "figure.doc"], "allowed endings"),
+        (["fleets", "--plot", "figure.png"], "fleets has no figure"),
         (["hover", "--plot", "/nowhere/figure.png"], "cannot be written"),
     ],
 )

@@ -1,6 +1,7 @@
 """The family experiment: drawn helicopters through the whole programme, and their distribution."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,6 @@ from rcopterx.experiments.family import (
     LIMIT_CYCLE_STICK,
     QUICK_PROGRAMME,
     Flown,
-    Level,
     distribution,
     fly_member,
     levels_of,
@@ -26,7 +26,7 @@ GOOD = Flown(10.0, 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, False, False, 0)
 
 
 def test_default_configuration_flies_a_drawn_helicopter_through_the_programme() -> None:
-    flown = fly_member(Level("default", tilt=True).scheme, QUICK_PROGRAMME, HELICOPTERS, 1)
+    flown = fly_member(levels_of(LEVELS)["default / tilt measured"], QUICK_PROGRAMME, HELICOPTERS, 1)
     assert flown.hover_mm < 40
     assert flown.stick < 0.25
     assert flown.eight_mm <= flown.eight_max_mm < 150
@@ -60,19 +60,21 @@ def test_distribution_names_the_worst_vehicle_and_all_that_failed() -> None:
 def test_every_level_is_flown_and_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(family, "fly_member", lambda *_, seed, **__: replace(GOOD, hover_mm=float(seed)))
     labels: list[str] = []
-    result = family.run(Options((100, 101, 102), preset="helicopters"), lambda label, _: labels.append(label))
+    result = family.EXPERIMENT.fly(
+        Options((100, 101, 102), preset="helicopters"), lambda label, _: labels.append(label)
+    )
     assert set(result.document) == {"default", "identified", "exact"}
     for levels in result.document.values():
         assert set(levels) == {"tilt measured", "positions only"}
         for table in levels.values():
             assert table["hover_mm"]["worst"] == 102.0
     assert len(set(labels)) == 3 * 6
-    save_figure(result.draw, tmp_path / "family.svg")
+    save_figure(partial(family.draw_family, result), tmp_path / "family.svg")
     assert (tmp_path / "family.svg").stat().st_size > 10_000
 
 
 def test_levels_differ_in_the_measurements_of_the_estimator_and_in_the_model() -> None:
-    schemes = [level.scheme for level in levels_of(LEVELS)]
+    schemes = levels_of(LEVELS).values()
     assert {(scheme.knowledge, scheme.estimator_settings["measured_tilt"]) for scheme in schemes} == {
         ("default", True),
         ("default", False),

@@ -1,11 +1,8 @@
 """Formations of drawn helicopters."""
 
-from pathlib import Path
-
 import pytest
 
 from rcopterx.experiments import fleets
-from rcopterx.experiments.figures import save_figure
 from rcopterx.experiments.fleets import Flown, figures, fly_fleet
 from rcopterx.experiments.formation import SLOTS
 from rcopterx.experiments.knowledge import LEVELS
@@ -24,11 +21,12 @@ def test_fleet_of_drawn_helicopters_keeps_its_formation(monkeypatch: pytest.Monk
 
 def test_figures_are_those_of_the_worst_fleet() -> None:
     table = figures(
+        "default",
         {
             100: Flown(20.0, 80.0, False, False, 0),
             101: Flown(30.0, 70.0, True, False, 2),
             102: Flown(25.0, 60.0, False, True, 0),
-        }
+        },
     )
     assert table["rms_mm"] == {"median": 25.0, "worst": 30.0}
     assert table["max_mm"] == {"median": 70.0, "worst": 80.0}
@@ -36,11 +34,11 @@ def test_figures_are_those_of_the_worst_fleet() -> None:
     assert table["per_fleet"]["101"] == {"rms_mm": 30.0, "max_mm": 70.0}
 
 
-def test_every_level_is_flown_and_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_every_level_is_flown_and_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleets, "fly_fleet", lambda *_, **__: Flown(20.0, 80.0, False, False, 0))
     labels: list[str] = []
-    result = fleets.run(Options((100, 101), preset="helicopters"), lambda label, _: labels.append(label))
+    result = fleets.EXPERIMENT.fly(
+        Options((100, 101), preset="helicopters"), lambda label, _: labels.append(label)
+    )
     assert set(result.document) == set(LEVELS)
     assert set(labels) == {f"{level}, helicopters, seed {seed}" for level in LEVELS for seed in (100, 101)}
-    save_figure(result.draw, tmp_path / "fleets.png")
-    assert (tmp_path / "fleets.png").stat().st_size > 10_000

@@ -1,5 +1,6 @@
 """The formation experiment: what is flown, and the document that comes out."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,23 +9,21 @@ import pytest
 from rcopterx.experiments.events import Follow, GoTo
 from rcopterx.experiments.figures import save_figure
 from rcopterx.experiments.formation import (
+    EXPERIMENT,
     FOLLOWERS,
     LEADER,
     NEAR,
     SLOT_S,
     SLOTS,
     Flown,
-    document,
     draw_formation,
     events,
+    figures,
     flown_schemes,
     fly_formation,
-    formation,
     mirrored,
-    run,
     sequence,
 )
-from rcopterx.experiments.rig import Rig
 from rcopterx.experiments.runner import Options, Result
 from rcopterx.experiments.schemes import CASCADE, HELICOPTER_SCHEMES, PAPER, SCHEMES
 from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
@@ -62,49 +61,40 @@ def test_sequence_fills_five_minutes_and_its_second_half_mirrors_the_first() -> 
 
 @pytest.mark.parametrize(("scheme", "conditions"), [(PAPER, IDEAL), (CASCADE, LABORATORY)])
 def test_formation_flies_the_sequence(scheme: object, conditions: object) -> None:
-    flight = fly_formation(scheme, SLOTS[:1], 2, conditions, 2)  # type: ignore[arg-type]  # parametrized
-    assert flight.record is not None
-    assert flight.record["h1"].motion[-1, :3] == pytest.approx((0.3, 0.0, 1.4), abs=0.05)
+    flight = fly_formation(scheme, SLOTS[:1], conditions, 2)  # type: ignore[arg-type]  # parametrized
+    assert flight.tracks.shape == (180, 3, 2, 4)
+    assert flight.tracks[-1, 0, 0, :3] == pytest.approx((0.3, 0.0, 1.4), abs=0.05)
     assert 0 < flight.errors_m.max() < 0.2
     assert len(flight.errors_m) == 2 * len(flight.gap_errors_m)
 
 
-def test_document_has_figures_by_condition_scheme_and_seed() -> None:
-    some = Flown(np.array([0.001, 0.003]), np.array([0.002]), np.zeros(7), {}, None)
-    more = Flown(np.array([0.002, 0.005]), np.array([0.002]), np.full(7, 0.1), {}, None)
-    seeds = {"ideal": {0: some}, "laboratory": {0: some, 1: more}}
-    table = document(
-        {condition: dict.fromkeys(("paper", "cascade"), flights) for condition, flights in seeds.items()}
-    )
-    assert set(table) == {"ideal", "laboratory"}
-    for condition in table.values():
-        assert set(condition) == {"paper", "cascade"}
-        for figures in condition.values():
-            assert 0 <= figures["rms_mm"] <= figures["max_mm"]
-            assert set(figures["bound_excess"]) == {"position_m", "velocity_m_s", "yaw_rate_rad_s"}
-    for figures in table["laboratory"].values():
-        assert {seed: one["max_mm"] for seed, one in figures["per_seed"].items()} == {"0": 3.0, "1": 5.0}
-        assert figures["max_mm"] == 5.0
-    assert "per_seed" not in table["ideal"]["paper"]
+def flown(errors: list[float], excess: float = 0.0) -> Flown:
+    tracks = np.random.default_rng(0).normal(size=(20, 3, 2, 4))
+    return Flown(np.array(errors), np.array([0.002]), np.full(7, excess), {"hover": 1}, tracks)
 
 
-def test_flight_is_drawn(tmp_path: Path) -> None:
-    record = Rig(formation(CASCADE, IDEAL, 0, 10), IDEAL).fly(0.2)
-    result = Result({}, lambda figure: draw_formation({"one": record, "other": record}, figure))
-    save_figure(result.draw, tmp_path / "figure.png")
+def test_figures_are_those_of_all_flights_and_of_each_seed() -> None:
+    alone = figures("cascade", {0: flown([0.001, 0.003])})
+    assert 0 <= alone["rms_mm"] <= alone["max_mm"]
+    assert set(alone["bound_excess"]) == {"position_m", "velocity_m_s", "yaw_rate_rad_s"}
+    assert "per_seed" not in alone
+    both = figures("cascade", {0: flown([0.001, 0.003]), 1: flown([0.002, 0.005], 0.1)})
+    assert {seed: one["max_mm"] for seed, one in both["per_seed"].items()} == {"0": 3.0, "1": 5.0}
+    assert both["max_mm"] == 5.0
+
+
+def test_flights_are_drawn(tmp_path: Path) -> None:
+    schemes = {key: {0: flown([0.001])} for key in ("paper", "cascade")}
+    result = Result(Options((0,)), {"laboratory": schemes}, {})
+    save_figure(partial(draw_formation, result), tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 10_000
 
 
 def test_figures_of_several_seeds_are_those_of_all_samples_together() -> None:
-    nothing = np.zeros(7)
-    flights = {
-        seed: Flown(np.array(errors), np.zeros(1), nothing, {"hover": 1}, None)
-        for seed, errors in ((0, [0.003, 0.003, 0.003]), (1, [0.006]))
-    }
-    figures = document({"laboratory": {"cascade": flights}})["laboratory"]["cascade"]
-    assert figures["rms_mm"] == pytest.approx(np.sqrt((3 * 9 + 36) / 4), abs=1e-3)
-    assert figures["max_mm"] == pytest.approx(6.0)
-    assert figures["fallbacks"] == {"hover": 2}
+    table = figures("cascade", {0: flown([0.003, 0.003, 0.003]), 1: flown([0.006])})
+    assert table["rms_mm"] == pytest.approx(np.sqrt((3 * 9 + 36) / 4), abs=1e-3)
+    assert table["max_mm"] == pytest.approx(6.0)
+    assert table["fallbacks"] == {"hover": 2}
 
 
 def test_every_scheme_with_an_installed_controller_is_flown(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,10 +103,10 @@ def test_every_scheme_with_an_installed_controller_is_flown(monkeypatch: pytest.
     shown: list[str] = []
 
     def no_flight(*_: object, **__: object) -> Flown:
-        return Flown(np.ones(2), np.ones(1), np.zeros(7), {}, None)
+        return flown([1.0, 1.0])
 
     monkeypatch.setattr("rcopterx.experiments.formation.fly_formation", no_flight)
-    result = run(Options((7, 8)), lambda label, fraction: shown.append(f"{label} {fraction:.2f}"))
+    result = EXPERIMENT.fly(Options((7, 8)), lambda label, fraction: shown.append(f"{label} {fraction:.2f}"))
     assert set(result.document["ideal"]) == set(SCHEMES)
     assert set(result.document["laboratory"]["pid"]["per_seed"]) == {"7", "8"}
     assert shown[-1].endswith("1.00")

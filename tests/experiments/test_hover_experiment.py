@@ -6,6 +6,7 @@ import pytest
 from rcopterx.experiments.horizon import SET_POINTS, draw_horizon, fly_horizon
 from rcopterx.experiments.horizon import figures as horizon_figures
 from rcopterx.experiments.hover import SETTINGS, figures, fly_hover, over_vehicles, settings_in
+from rcopterx.experiments.runner import Options, Result
 from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, PAPER
 from rcopterx.simulator.conditions import HELICOPTERS, LABORATORY
 
@@ -32,7 +33,8 @@ def test_helicopters_hover_by_every_scheme_and_by_the_cascade_without_each_of_it
 
 
 def test_figures_of_hovering_are_mean_squares_and_their_roots() -> None:
-    table = figures([np.array([[0.001, 0.002, 0.0, 0.01]]), np.array([[0.001, 0.0, 0.003, -0.01]])])
+    flights = {0: np.array([[0.001, 0.002, 0.0, 0.01]]), 1: np.array([[0.001, 0.0, 0.003, -0.01]])}
+    table = figures("cascade", flights)
     assert table["x"] == {"rms_mm": 1.0, "mean_square_mm2": 1.0}
     assert table["y"]["mean_square_mm2"] == pytest.approx(2.0)
     assert table["z"]["rms_mm"] == pytest.approx(np.sqrt(4.5), abs=1e-3)
@@ -42,12 +44,9 @@ def test_figures_of_hovering_are_mean_squares_and_their_roots() -> None:
 def test_drawn_vehicles_are_compared_by_their_worse_axis() -> None:
     some, other = np.array([[0.001, 0.003, 0.002, 0.01]]), np.array([[0.007, 0.0, -0.004, -0.03]])
     assert over_vehicles([some, other]) == {
-        "median_mm": 5.0,
-        "worst_mm": 7.0,
-        "median_height_mm": 3.0,
-        "worst_height_mm": 4.0,
-        "median_yaw_mrad": 20.0,
-        "worst_yaw_mrad": 30.0,
+        "horizontal_mm": {"median": 5.0, "worst": 7.0},
+        "height_mm": {"median": 3.0, "worst": 4.0},
+        "yaw_mrad": {"median": 20.0, "worst": 30.0},
     }
 
 
@@ -55,7 +54,7 @@ def test_horizon_measures_steps_and_weighs_errors() -> None:
     from matplotlib.figure import Figure
 
     flights = {scheme.name: fly_horizon(scheme, 18, 1.0, LABORATORY, 0) for scheme in (PAPER, CASCADE)}
-    table = {"18": {name: horizon_figures([flight]) for name, flight in flights.items()}}
+    table = {"18": {name: horizon_figures(name, {0: flight}) for name, flight in flights.items()}}
     for name, row in table["18"].items():
         assert len(flights[name].step_s) == 40  # a second less the steps that load code
         assert 0 < row["step_mean_ms"] <= row["step_max_ms"]
@@ -63,5 +62,5 @@ def test_horizon_measures_steps_and_weighs_errors() -> None:
     assert table["18"]["cascade"]["weighted_error_mm2"] < table["18"]["paper"]["weighted_error_mm2"]
     assert len(SET_POINTS) == 5
     figure = Figure()
-    draw_horizon(table, figure)
+    draw_horizon(Result(Options((0,)), {}, table), figure)
     assert len(figure.axes) == 2

@@ -1,5 +1,6 @@
 """The preview experiment: the same path for all, and the benefit of preview."""
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ def test_preview_and_feed_forward_fly_closer_to_the_path(
 ) -> None:
     monkeypatch.setattr(preview, "QUICK_TURNS", 0.25)
     labels: list[str] = []
-    result = preview.run(Options((2,), quick=True), lambda label, _: labels.append(label))
+    result = preview.EXPERIMENT.fly(Options((2,), quick=True), lambda label, _: labels.append(label))
     for condition in ("ideal", "laboratory"):
         table = result.document[condition]
         assert list(table) == [setting.name for setting in preview.SETTINGS]
@@ -23,5 +24,5 @@ def test_preview_and_feed_forward_fly_closer_to_the_path(
         for row in table.values():
             assert row["rms_mm"] <= row["max_mm"]
     assert len(set(labels)) == 2 * len(preview.SETTINGS)
-    save_figure(result.draw, tmp_path / "preview.png")
+    save_figure(partial(preview.draw_preview, result), tmp_path / "preview.png")
     assert (tmp_path / "preview.png").stat().st_size > 10_000

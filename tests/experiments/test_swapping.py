@@ -1,8 +1,8 @@
 """Vehicles that swap places keep their distance."""
 
-import numpy as np
 import pytest
 
+from rcopterx.experiments.runner import Options, Result
 from rcopterx.experiments.swapping import (
     ANTIPODES,
     CASES,
@@ -10,7 +10,7 @@ from rcopterx.experiments.swapping import (
     RANDOM,
     WITHOUT,
     draw_swapping,
-    figures,
+    figures_of,
     fly_swap,
     goals_of,
     places,
@@ -20,14 +20,14 @@ from rcopterx.simulator.conditions import LABORATORY
 
 @pytest.mark.parametrize("case", [ANTIPODES, RANDOM])
 def test_all_vehicles_arrive_and_keep_their_distance(case: str) -> None:
-    table = figures(fly_swap(case, LABORATORY, 3, quick=True))
+    table = figures_of(fly_swap(case, True, LABORATORY, 3))
     assert table["minimum_distance_m"] > HARD_M
     assert table["finished_s"] is not None
     assert table["fallbacks"] == 0
 
 
 def test_vehicles_would_collide_without_avoidance() -> None:
-    table = figures(fly_swap(WITHOUT, LABORATORY, 0, quick=True))
+    table = figures_of(fly_swap(WITHOUT, True, LABORATORY, 0))
     assert table["minimum_distance_m"] < 0.5 * HARD_M
 
 
@@ -42,8 +42,7 @@ def test_every_vehicle_has_a_goal_of_its_own(case: str) -> None:
 def test_figure_shows_tracks_and_distances() -> None:
     from matplotlib.figure import Figure
 
-    swap = fly_swap(ANTIPODES, LABORATORY, 0, quick=True)
+    swap = fly_swap(ANTIPODES, True, LABORATORY, 0)
     figure = Figure()
-    draw_swapping({(ANTIPODES, 0): swap, (RANDOM, 0): swap, (WITHOUT, 0): swap}, "laboratory", figure)
+    draw_swapping(Result(Options((0,)), {"laboratory": {case: {0: swap} for case in CASES}}, {}), figure)
     assert len(figure.axes) == 3
-    assert np.isfinite(swap.nearest_normalised()).all()
