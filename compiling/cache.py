@@ -24,6 +24,7 @@ MODULES: Final = (
     "control.solver.sweep",
     "control.solver.interior_point",
     "control.solver.active_set",
+    "simulator.helicopter",
     "simulator.helicopter_dynamics",
     "simulator.disturbance",
     "control.references.sampling",

@@ -1,9 +1,8 @@
 """How real the simulated laboratory is: every switch and number in one validated object, with presets."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from rcopterx.vehicles.tuples import Four, Three
 
@@ -75,13 +74,6 @@ class Conditions:
             raise ValueError(f"coaxial_plant: unknown plant {self.coaxial_plant!r}; allowed: {allowed}")
         if self.transport_delay_s is not None:
             _require_between("transport_delay_s", self.transport_delay_s, 0.0, 1.0)
-        if not isinstance(self.actuator_lag, bool):
-            raise ValueError(f"actuator_lag: {self.actuator_lag!r} is neither true nor false")
-        for name, size in (("turbulence_rms", 4), ("volume_min_m", 3), ("volume_max_m", 3)):
-            value = getattr(self, name)
-            if not isinstance(value, tuple | list) or len(value) != size:
-                raise ValueError(f"{name}: {value!r} is not a list of {size} numbers")
-            object.__setattr__(self, name, tuple(value))
         for axis, rms in enumerate(self.turbulence_rms):
             _require_between(f"turbulence_rms[{axis}]", rms, 0.0, 20.0)
         for axis, (low, high) in enumerate(zip(self.volume_min_m, self.volume_max_m, strict=True)):
@@ -91,9 +83,8 @@ class Conditions:
                 raise ValueError(f"volume_max_m[{axis}]: {high} is not above volume_min_m[{axis}] = {low}")
 
 
-def _require_between(name: str, value: object, low: float, high: float) -> None:
-    allowed = isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
-    if not allowed:
+def _require_between(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
         raise ValueError(f"{name}: {value!r} is not a number between {low:g} and {high:g}")
 
 
@@ -127,18 +118,3 @@ PRESETS: Final = MappingProxyType(
     {"ideal": IDEAL, "laboratory": LABORATORY, "helicopter": HELICOPTER, "helicopters": HELICOPTERS}
 )
 """Conditions by name."""
-
-
-def conditions_from(preset: str, overrides: Mapping[str, Any] = MappingProxyType({})) -> Conditions:
-    """Conditions of a preset of `PRESETS` with some fields changed.
-
-    Raises `ValueError` for an unknown preset or field (the message lists what is allowed) or a value out of
-    range.
-    """
-    if preset not in PRESETS:
-        raise ValueError(f"conditions: unknown preset {preset!r}; allowed: {', '.join(PRESETS)}")
-    allowed = [field.name for field in fields(Conditions)]
-    for name in overrides:
-        if name not in allowed:
-            raise ValueError(f"conditions: unknown field {name!r}; allowed: {', '.join(allowed)}")
-    return replace(PRESETS[preset], **overrides)

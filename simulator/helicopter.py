@@ -4,20 +4,25 @@ To fly one by itself, without weather and delay, see docs/helicopter.md.
 """
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from rcopterx.compiling.compiled import COUNT, NUMBER, compiled, record, together
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.disturbance import PARAMETERS, HeldNoise, random_stream
+from rcopterx.simulator.disturbance import HELD_NOISE, PARAMETERS, HeldNoise, random_stream, value_at
 from rcopterx.simulator.helicopter_dynamics import (
+    AIRFRAME,
+    CONTROLS,
+    STATE,
+    Airframe,
     Controls,
-    Surroundings,
+    State,
     airframe_of,
     commanded_speeds,
-    fly,
     level_state,
-    stand,
+    rotor_thrusts,
+    step,
     swash_target,
 )
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
@@ -33,6 +38,88 @@ def helicopter_of(name: str, conditions: Conditions, seed: int) -> HelicopterPar
     if conditions.coaxial_plant == "drawn_helicopter":
         return HelicopterParameters.drawn(random_stream(seed, name, PARAMETERS))
     return HelicopterParameters.nominal()
+
+
+class Surroundings(NamedTuple):
+    """Battery, faults, downwash and flight volume."""
+
+    battery_endurance_s: float
+    battery_sag: float
+    load: float
+    """Consumption from the battery as a fraction of that of hovering."""
+    thrust_factor: float
+    """Thrust that faults leave, as a fraction."""
+    downwash_m_s2: float
+    volume_min_m: Three
+    volume_max_m: Three
+
+
+class Flight(NamedTuple):
+    """Result of `fly`."""
+
+    steps: int
+    state: State
+    yaw_rad: float
+    """Heading, unwrapped."""
+    time_s: float
+    hover_seconds_used: float
+    landed: bool
+    left_volume: bool
+
+
+_THREE: Final = together(*3 * [NUMBER])
+_SURROUNDINGS: Final = record(Surroundings, *5 * [NUMBER], _THREE, _THREE)
+
+
+@compiled(AIRFRAME, STATE, CONTROLS, NUMBER, NUMBER)
+def stand(
+    airframe: Airframe, state: State, controls: Controls, thrust_factor: float, step_s: float
+) -> tuple[State, float]:
+    """One step on the floor, where only rotors and swash plate move; returns the state and the thrust."""
+    after = step(airframe, state, controls, thrust_factor, (0.0, 0.0, 0.0, 0.0), step_s)
+    upper, lower = rotor_thrusts(airframe, after.speed_upper, after.speed_lower, 0.0)
+    standing = State(
+        state.x, state.y, state.z, 0.0, 0.0, 0.0, state.qw, state.qx, state.qy, state.qz, 0.0, 0.0, 0.0,
+        after.speed_upper, after.speed_lower, 0.0, 0.0, 1.0, after.swash_x, after.swash_y,
+    )  # fmt: skip
+    return standing, upper + lower
+
+
+@compiled(
+    AIRFRAME, together(STATE, NUMBER, NUMBER, NUMBER), CONTROLS, _SURROUNDINGS, HELD_NOISE, NUMBER, COUNT
+)
+def fly(
+    airframe: Airframe,
+    start: tuple[State, float, float, float],
+    controls: Controls,
+    around: Surroundings,
+    turbulence: HeldNoise,
+    step_s: float,
+    count: int,
+) -> Flight:
+    """Fly `count` steps, or until the floor; `start` is state, heading, time and hover seconds used."""
+    state, yaw_rad, time_s, used_s = start
+    landed, left_volume = False, False
+    low, high = around.volume_min_m, around.volume_max_m
+    steps = 0
+    while steps < count and not landed:
+        used_s += step_s * around.load
+        battery = 1.0 - around.battery_sag * min(used_s / around.battery_endurance_s, 1.0)
+        x, y, z, yaw = value_at(turbulence, time_s + step_s / 2)
+        air = (x, y, z - around.downwash_m_s2, yaw)
+        state = step(airframe, state, controls, battery * around.thrust_factor, air, step_s)
+        heading = math.atan2(
+            2 * (state.qx * state.qy + state.qw * state.qz), 1 - 2 * (state.qy**2 + state.qz**2)
+        )
+        yaw_rad = heading + math.tau * round((yaw_rad - heading) / math.tau)
+        landed = state.z <= 0.0 and state.vz < 0.0
+        inside = (
+            low[0] <= state.x <= high[0] and low[1] <= state.y <= high[1] and low[2] <= state.z <= high[2]
+        )
+        left_volume = left_volume or not inside
+        time_s += step_s
+        steps += 1
+    return Flight(steps, state, yaw_rad, time_s, used_s, landed, left_volume)
 
 
 class Servo:
@@ -64,8 +151,6 @@ class Helicopter(Plant):
     ) -> None:  # fmt: skip
         self.parameters = parameters
         self._airframe = airframe_of(parameters)
-        upper, lower, *body = self._airframe
-        self._airframe_fields = tuple(upper), tuple(lower), tuple(body)
         self._servos = Servo(parameters.servo_step), Servo(parameters.servo_step)
         self._markers = Pose(
             (0.0, 0.0, 0.0), 0.0, parameters.marker_pitch_rad, parameters.marker_roll_rad
@@ -137,9 +222,7 @@ class Helicopter(Plant):
         self._controls = Controls(*swash, sticks is not None, thrust + trim_thrust, yaw + trim_yaw)
 
     def _stand(self, step_s: float) -> float:
-        self.state, thrust_n = stand(
-            self._airframe_fields, tuple(self.state), tuple(self._controls), self._thrust_factor, step_s
-        )
+        self.state, thrust_n = stand(self._airframe, self.state, self._controls, self._thrust_factor, step_s)
         return thrust_n / self.parameters.mass_kg
 
     def _fly_on(self, count: int, step_s: float) -> int:
@@ -157,10 +240,10 @@ class Helicopter(Plant):
         if self._weather is not None:
             turbulence = self._weather.between(self._time_s, self._time_s + count * step_s)
         flight = fly(
-            self._airframe_fields,
-            (tuple(self.state), self._yaw_rad, self._time_s, self._hover_seconds_used),
-            tuple(self._controls),
-            tuple(surroundings),
+            self._airframe,
+            (self.state, self._yaw_rad, self._time_s, self._hover_seconds_used),
+            self._controls,
+            surroundings,
             turbulence,
             step_s,
             count,

@@ -6,10 +6,9 @@ the lower rotor the swash plate. All in SI units.
 """
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
-from rcopterx.compiling.compiled import COUNT, FLAG, NUMBER, compiled, part, record, together
-from rcopterx.simulator.disturbance import HELD_NOISE, HeldNoise, value_at
+from rcopterx.compiling.compiled import FLAG, NUMBER, compiled, part, record, together
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tuples import Four, Three
@@ -99,47 +98,11 @@ class Controls(NamedTuple):
     yaw: float = 0.0
 
 
-class Surroundings(NamedTuple):
-    """Battery, faults, downwash and flight volume."""
-
-    battery_endurance_s: float
-    battery_sag: float
-    load: float
-    """Consumption from the battery as a fraction of that of hovering."""
-    thrust_factor: float
-    """Thrust that faults leave, as a fraction."""
-    downwash_m_s2: float
-    volume_min_m: Three
-    volume_max_m: Three
-
-
-class Flight(NamedTuple):
-    """Result of `fly`."""
-
-    steps: int
-    state: State
-    yaw_rad: float
-    """Heading, unwrapped."""
-    time_s: float
-    hover_seconds_used: float
-    landed: bool
-    left_volume: bool
-
-
 _ROTOR: Final = record(Rotor, *8 * [NUMBER])
-_AIRFRAME: Final = record(Airframe, _ROTOR, _ROTOR, *16 * [NUMBER])
-_STATE: Final = record(State, *20 * [NUMBER])
-_CONTROLS: Final = record(Controls, NUMBER, NUMBER, FLAG, NUMBER, NUMBER)
+AIRFRAME: Final = record(Airframe, _ROTOR, _ROTOR, *16 * [NUMBER])
+STATE: Final = record(State, *20 * [NUMBER])
+CONTROLS: Final = record(Controls, NUMBER, NUMBER, FLAG, NUMBER, NUMBER)
 _FOUR: Final = together(*4 * [NUMBER])
-
-# The same as plain tuples: numba needs a microsecond for each named tuple, and hardly any for plain ones.
-Fields = tuple[Any, ...]
-_PLAIN_ROTOR: Final = together(*8 * [NUMBER])
-_PLAIN_AIRFRAME: Final = together(_PLAIN_ROTOR, _PLAIN_ROTOR, together(*16 * [NUMBER]))
-_PLAIN_STATE: Final = together(*20 * [NUMBER])
-_PLAIN_CONTROLS: Final = together(NUMBER, NUMBER, FLAG, NUMBER, NUMBER)
-_THREE: Final = together(*3 * [NUMBER])
-_PLAIN_SURROUNDINGS: Final = together(*5 * [NUMBER], _THREE, _THREE)
 
 
 def airframe_of(vehicle: HelicopterParameters) -> Airframe:
@@ -178,7 +141,7 @@ def level_state(position_m: Three, yaw_rad: float, speeds_rad_s: tuple[float, fl
     )  # fmt: skip
 
 
-@compiled(_AIRFRAME, NUMBER, NUMBER, NUMBER, NUMBER)
+@compiled(AIRFRAME, NUMBER, NUMBER, NUMBER, NUMBER)
 def commanded_speeds(
     airframe: Airframe, thrust: float, yaw: float, yaw_rate: float, thrust_factor: float
 ) -> tuple[float, float]:
@@ -197,7 +160,7 @@ def commanded_speeds(
     )
 
 
-@compiled(_AIRFRAME, NUMBER, NUMBER, NUMBER)
+@compiled(AIRFRAME, NUMBER, NUMBER, NUMBER)
 def rotor_thrusts(
     airframe: Airframe, speed_upper: float, speed_lower: float, height: float
 ) -> tuple[float, float]:
@@ -265,7 +228,7 @@ def rotor_loads(
     return ux + lx, uy + ly, uz + lz, moment_xu + moment_xl, moment_yu + moment_yl, moment_z
 
 
-@compiled(_AIRFRAME, _STATE, _CONTROLS, NUMBER, _FOUR)
+@compiled(AIRFRAME, STATE, CONTROLS, NUMBER, _FOUR)
 def derivative(
     airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Four
 ) -> State:
@@ -353,7 +316,7 @@ def normalised(s: State) -> State:
     )  # fmt: skip
 
 
-@compiled(_AIRFRAME, _STATE, _CONTROLS, NUMBER, _FOUR, NUMBER)
+@compiled(AIRFRAME, STATE, CONTROLS, NUMBER, _FOUR, NUMBER)
 def step(
     airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Four, step_s: float
 ) -> State:
@@ -365,71 +328,3 @@ def step(
     middle = moved(state, rate, 0.5 * step_s)
     rate = derivative(airframe, middle, controls, thrust_factor, air)
     return normalised(moved(state, rate, step_s))
-
-
-@part
-def airframe_from(fields: Fields) -> Airframe:
-    """Airframe from its upper rotor, lower rotor and other fields."""
-    upper, lower, body = fields
-    return Airframe(Rotor(*upper), Rotor(*lower), *body)
-
-
-@compiled(_PLAIN_AIRFRAME, _PLAIN_STATE, _PLAIN_CONTROLS, NUMBER, NUMBER)
-def stand(
-    airframe_fields: Fields, state_fields: Fields, control_fields: Fields, thrust_factor: float, step_s: float
-) -> tuple[State, float]:
-    """One step on the floor, where only rotors and swash plate move; returns the state and the thrust."""
-    airframe, state = airframe_from(airframe_fields), State(*state_fields)
-    after = step(airframe, state, Controls(*control_fields), thrust_factor, (0.0, 0.0, 0.0, 0.0), step_s)
-    upper, lower = rotor_thrusts(airframe, after.speed_upper, after.speed_lower, 0.0)
-    standing = State(
-        state.x, state.y, state.z, 0.0, 0.0, 0.0, state.qw, state.qx, state.qy, state.qz, 0.0, 0.0, 0.0,
-        after.speed_upper, after.speed_lower, 0.0, 0.0, 1.0, after.swash_x, after.swash_y,
-    )  # fmt: skip
-    return standing, upper + lower
-
-
-@compiled(
-    _PLAIN_AIRFRAME,
-    together(_PLAIN_STATE, NUMBER, NUMBER, NUMBER),
-    _PLAIN_CONTROLS,
-    _PLAIN_SURROUNDINGS,
-    HELD_NOISE,
-    NUMBER,
-    COUNT,
-)
-def fly(
-    airframe_fields: Fields,
-    start: tuple[Fields, float, float, float],
-    control_fields: Fields,
-    surrounding_fields: Fields,
-    turbulence: HeldNoise,
-    step_s: float,
-    count: int,
-) -> Flight:
-    """Fly `count` steps, or until the floor; `start` is state, heading, time and hover seconds used."""
-    airframe, controls = airframe_from(airframe_fields), Controls(*control_fields)
-    around = Surroundings(*surrounding_fields)
-    state_fields, yaw_rad, time_s, used_s = start
-    state = State(*state_fields)
-    landed, left_volume = False, False
-    low, high = around.volume_min_m, around.volume_max_m
-    steps = 0
-    while steps < count and not landed:
-        used_s += step_s * around.load
-        battery = 1.0 - around.battery_sag * min(used_s / around.battery_endurance_s, 1.0)
-        x, y, z, yaw = value_at(turbulence, time_s + step_s / 2)
-        air = (x, y, z - around.downwash_m_s2, yaw)
-        state = step(airframe, state, controls, battery * around.thrust_factor, air, step_s)
-        heading = math.atan2(
-            2 * (state.qx * state.qy + state.qw * state.qz), 1 - 2 * (state.qy**2 + state.qz**2)
-        )
-        yaw_rad = heading + math.tau * round((yaw_rad - heading) / math.tau)
-        landed = state.z <= 0.0 and state.vz < 0.0
-        inside = (
-            low[0] <= state.x <= high[0] and low[1] <= state.y <= high[1] and low[2] <= state.z <= high[2]
-        )
-        left_volume = left_volume or not inside
-        time_s += step_s
-        steps += 1
-    return Flight(steps, state, yaw_rad, time_s, used_s, landed, left_volume)

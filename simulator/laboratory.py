@@ -125,10 +125,6 @@ class Laboratory:
         """Cut the motors of vehicle `name` (throttle pulse at its low end), in some time."""
         self.plant(name).stop_motors(after_s)
 
-    def true_pose(self, name: str) -> Pose:
-        """Pose of the body of vehicle `name`, yaw unwrapped."""
-        return self.plant(name).pose
-
     def measured_pose(self, name: str) -> Pose:
         """Pose of the markers of vehicle `name` as measured now: with fresh noise, yaw wrapped."""
         pose = self.plant(name).marker_pose

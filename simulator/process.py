@@ -12,7 +12,6 @@ from rcopterx.bus.requests import Inject, Reply
 from rcopterx.bus.rounding import PULSE_BITS, TIME_BITS, all_rounded, rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.simulator.faults import FaultError, fault_text, timed_faults
-from rcopterx.simulator.radio_faults import RadioFaults
 from rcopterx.simulator.room import Room
 from rcopterx.simulator.settings import SimulatedVehicle, SimulatorSettings
 from rcopterx.simulator.tracker import TrackerServer
@@ -40,9 +39,9 @@ class Simulator:
         self._frame = 0
         self._frame_at_s = start_s + self._period_s
         self._step_at_s = start_s
-        self._radio_faults = RadioFaults(self._room.radios)
         laboratory = self._room.laboratory
-        self._vehicle_faults = VehicleFaults({name: laboratory.plant(name) for name in laboratory.names})
+        plants = {name: laboratory.plant(name) for name in laboratory.names}
+        self._vehicle_faults = VehicleFaults(plants, self._room.radios)
         session.serve(channels.SIMULATOR_UNIT, ["inject"])
         session.announce(channels.SIMULATOR_UNIT, "simulator")
 
@@ -69,12 +68,12 @@ class Simulator:
     def _step(self, now_s: float) -> None:
         for incoming in self._session.pending():
             incoming.answer(self._obey(incoming, now_s))
-        self._radio_faults.advance(now_s)
         self._vehicle_faults.advance(now_s)
         self._room.advance(min(now_s, self._frame_at_s))
         if now_s >= self._frame_at_s:
             published = self._tracker.publish(self._room.capture(self._frame))
-            self._publish_truth(published.frame, published.sent_s)
+            truth = self._truth(published.frame, published.sent_s)
+            self._session.publish(channels.LABORATORY, channels.SIMULATOR_UNIT, truth)
             self._frame += 1
             self._frame_at_s += self._period_s
         self._step_at_s = min(self._frame_at_s, now_s + LONGEST_STEP_S)
@@ -85,12 +84,10 @@ class Simulator:
             return Reply(accepted=False, reason=f"the simulator does not serve {incoming.verb}")
         try:
             table = timed_faults(request.faults)
-            self._radio_faults.check(table)
             self._vehicle_faults.check(table)
             self._tracker.schedule(table)
         except FaultError as error:
             return Reply(accepted=False, reason=str(error)[:400])
-        self._radio_faults.schedule(table, now_s)
         self._vehicle_faults.schedule(table, now_s)
         return Reply(accepted=True)
 
@@ -99,24 +96,14 @@ class Simulator:
         self._tracker.close()
         self._room.close()
 
-    def _publish_truth(self, frame: int, sent_s: float) -> None:
-        self._session.publish(channels.LABORATORY, channels.SIMULATOR_UNIT, self._truth(frame, sent_s))
-
     def _truth(self, frame: int, sent_s: float) -> LaboratoryState:
-        vehicles = {vehicle.name: self._vehicle(vehicle) for vehicle in self._room.vehicles}
+        faults = (*self._tracker.faults.lasting, *self._vehicle_faults.active)
         return LaboratoryState(
             frame=frame,
             sent_s=rounded(sent_s, TIME_BITS),
-            vehicles=vehicles,
-            faults=tuple(
-                fault_text(fault)[:400]
-                for fault in (
-                    *self._tracker.lasting_faults,
-                    *self._radio_faults.active,
-                    *self._vehicle_faults.active,
-                )
-            ),
-            refused_faults=tuple(reason[:400] for reason in self._tracker.refused_faults),
+            vehicles={vehicle.name: self._vehicle(vehicle) for vehicle in self._room.vehicles},
+            faults=tuple(fault_text(fault)[:400] for fault in faults),
+            refused_faults=tuple(reason[:400] for reason in self._tracker.faults.refused),
         )
 
     def _vehicle(self, vehicle: SimulatedVehicle) -> LaboratoryVehicle:

@@ -4,11 +4,9 @@ from collections.abc import Callable
 from typing import Final
 
 from rcopterx.simulator.radio import RadioPty
-from rcopterx.simulator.radio_dsm2 import Dsm2Board
-from rcopterx.simulator.radio_dsmp import DsmpModule
+from rcopterx.simulator.radio_boards import Dsm2Board, DsmpModule, TrainerTransmitter
 from rcopterx.simulator.radio_module import RadioModule
 from rcopterx.simulator.radio_multi import MultiModule
-from rcopterx.simulator.radio_ppm import TrainerTransmitter
 from rcopterx.simulator.settings import SimulatedRadio
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
 from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol

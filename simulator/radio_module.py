@@ -10,11 +10,7 @@ from dataclasses import dataclass, field
 
 from msgspec import Struct
 
-from rcopterx.transmitter_gateway.protocols.base import SerialLine
-
 FRAME_LOG_LENGTH = 1000
-AIR_PERIOD_S = 0.022
-PAUSE_BYTES = 4
 
 Timer = tuple[float, Callable[[float], None]]
 
@@ -153,39 +149,3 @@ class RadioModule(ABC):
 
     def _reset_line(self) -> None:
         self._input = SerialInput(self._byte_s, self._end_of_frame_s)
-
-
-class FreeRunningModule(RadioModule):
-    """A module that sends its channels on a fixed grid from its first frame on, whatever follows."""
-
-    def __init__(self, line: SerialLine, frame_length: int, powered_s: float) -> None:
-        byte_s = line.duration_s(1)
-        super().__init__(byte_s, PAUSE_BYTES * byte_s, frame_length)
-        self.rf_channels = 0
-        self.power_cycle(powered_s)
-
-    def power_cycle(self, now_s: float) -> None:  # noqa: ARG002 - these modules have no boot time
-        """Wait for a first frame; new radio channels."""
-        self._reset_line()
-        self.rf_channels += 1
-        self._next_rf_s = math.inf
-        self._forget()
-
-    @abstractmethod
-    def _forget(self) -> None:
-        """Forget everything received."""
-
-    @abstractmethod
-    def _packet(self, now_s: float) -> AirPacket:
-        """Channels that are sent at `now_s`."""
-
-    def _start_radio(self, now_s: float) -> None:
-        if math.isinf(self._next_rf_s):
-            self._next_rf_s = now_s
-
-    def _timers(self) -> list[Timer]:
-        return [(self._next_rf_s, self._send)]
-
-    def _send(self, now_s: float) -> None:
-        self._next_rf_s = now_s + AIR_PERIOD_S
-        self._packets.append(self._packet(now_s))

@@ -10,22 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, Self
 
-from rcopterx.simulator.faults import (
-    Burst,
-    Close,
-    Delay,
-    Dribble,
-    EmptyPackets,
-    IgnorePings,
-    LastingFault,
-    Reset,
-    Silence,
-    TimedFault,
-    TrackerFault,
-    UnknownObject,
-    WrongMagic,
-    YUp,
-)
+from rcopterx.simulator import faults
 from rcopterx.simulator.tracker_faults import TrackerFaults
 from rcopterx.simulator.tracker_frame import PROFILES, FrameContent, TrackerFrame
 from rcopterx.simulator.tracker_link import NEVER, RECEIVE_BYTES, TrackerLink
@@ -103,7 +88,8 @@ class TrackerServer:
         self._clock = clock
         self._max_backlog_bytes = max_backlog_bytes
         self._replay = replay
-        self._faults = TrackerFaults(self._offer)
+        self.faults = TrackerFaults(self._offer)
+        """Faults now and later."""
         self._clients: dict[int, TrackerLink] = {}
         self._subject_ids: dict[str, int] = {}
         self._burst_left = 0
@@ -124,25 +110,15 @@ class TrackerServer:
         """Counters."""
         return TrackerState(len(self._clients), self._accepted, self._frames, self._dropped, self._rejected)
 
-    @property
-    def refused_faults(self) -> tuple[str, ...]:
-        """Why lines of the time table were not carried out."""
-        return tuple(self._faults.refused)
-
-    @property
-    def lasting_faults(self) -> tuple[LastingFault, ...]:
-        """Faults that last now."""
-        return self._faults.lasting
-
     def fileno(self) -> int:
         """Return a descriptor that is readable when `poll` has something to do."""
         return self._selector.fileno()
 
     def next_due_s(self) -> float | None:
         """Return the clock time at which `poll` is needed even without network traffic, None for never."""
-        times = [NEVER if (change_s := self._faults.next_change_s()) is None else change_s]
-        if self._faults.active(Silence) is None:
-            dribbling = self._faults.active(Dribble) is not None
+        times = [NEVER if (change_s := self.faults.next_change_s()) is None else change_s]
+        if self.faults.active(faults.Silence) is None:
+            dribbling = self.faults.active(faults.Dribble) is not None
             for client in self._clients.values():
                 times.append(client.due_s)
                 if dribbling and client.outgoing and not client.blocked:
@@ -171,26 +147,26 @@ class TrackerServer:
             raise ValueError(f"frame {frame.frame}: two bodies have the same name")
         self._frames += 1
         self._advance(self._clock())
-        frame = self._faults.transform(frame)
+        frame = self.faults.transform(frame)
         for body in frame.bodies:
             self._subject_ids.setdefault(body.name, len(self._subject_ids) + 1)
-        y_up = self._faults.active(YUp) is not None
+        y_up = self.faults.active(faults.YUp) is not None
         content = FrameContent(frame, self._rate_hz, self._subject_ids, y_up)
         packets = [] if self._replay is not None else self._packets(content)
         sent_s = self._clock()
         self._dispatch(packets, sent_s)
         return Published(frame.frame, sent_s, len(packets))
 
-    def apply(self, fault: TrackerFault) -> None:
+    def apply(self, fault: faults.TrackerFault) -> None:
         """Start a fault now; raises `FaultError` when it cannot be carried out."""
         now_s = self._clock()
-        self._faults.apply(fault, now_s)
+        self.faults.apply(fault, now_s)
         self._advance(now_s)
         self._flush()
 
-    def schedule(self, table: Iterable[TimedFault]) -> None:
+    def schedule(self, table: Iterable[faults.TimedFault]) -> None:
         """Start faults later, counted from now; raises `FaultError` when one cannot be carried out."""
-        self._faults.schedule(table, self._clock())
+        self.faults.schedule(table, self._clock())
 
     def close(self) -> None:
         """End all connections and stop listening."""
@@ -232,7 +208,7 @@ class TrackerServer:
 
     def _receive(self, client: TrackerLink) -> None:
         client.connection.answers_pings = (
-            self._faults.active(IgnorePings) is None and self._faults.active(Silence) is None
+            self.faults.active(faults.IgnorePings) is None and self.faults.active(faults.Silence) is None
         )
         try:
             data = client.socket.recv(RECEIVE_BYTES)
@@ -251,12 +227,12 @@ class TrackerServer:
 
     def _packets(self, content: FrameContent) -> list[tuple[TrackerLink, bytes]]:
         """Build this frame's packet for every client it is due for and that keeps up."""
-        if self._faults.active(Silence) is not None or self._faults.skips():
+        if self.faults.active(faults.Silence) is not None or self.faults.skips():
             for client in self._clients.values():
                 client.connection.miss(content)
             return []
-        unknown = self._faults.active(UnknownObject)
-        empty = self._faults.active(EmptyPackets) is not None
+        unknown = self.faults.active(faults.UnknownObject)
+        empty = self.faults.active(faults.EmptyPackets) is not None
         packets = []
         for client in self._clients.values():
             if client.backlog_bytes > self._max_backlog_bytes:
@@ -286,23 +262,23 @@ class TrackerServer:
         self._flush()
 
     def _queue(self, client: TrackerLink, data: bytes, now_s: float) -> None:
-        delay = self._faults.active(Delay)
+        delay = self.faults.active(faults.Delay)
         client.queue(data, now_s if delay is None else now_s + delay.delay_s)
 
     def _advance(self, now_s: float) -> None:
-        self._faults.advance(now_s)
-        for fault in self._faults.take_pending():
-            if isinstance(fault, Burst):
+        self.faults.advance(now_s)
+        for fault in self.faults.take_pending():
+            if isinstance(fault, faults.Burst):
                 self._burst_left = fault.frames
             for client in list(self._clients.values()):
-                if isinstance(fault, WrongMagic):
+                if isinstance(fault, faults.WrongMagic):
                     self._queue(client, WRONG_MAGIC_PACKET, now_s)
-                elif isinstance(fault, Close | Reset):
-                    self._drop(client, reset=isinstance(fault, Reset))
+                elif isinstance(fault, faults.Close | faults.Reset):
+                    self._drop(client, reset=isinstance(fault, faults.Reset))
 
     def _flush(self) -> None:
-        silent = self._faults.active(Silence) is not None
-        dribble = self._faults.active(Dribble)
+        silent = self.faults.active(faults.Silence) is not None
+        dribble = self.faults.active(faults.Dribble)
         now_s = self._clock()
         for client in list(self._clients.values()):
             was_blocked = client.blocked

@@ -12,32 +12,8 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, TypeVar
 
-from rcopterx.simulator.faults import (
-    AddNoise,
-    AddSubject,
-    BreakRadio,
-    BreakVehicle,
-    Burst,
-    Delay,
-    DisplacePose,
-    Dribble,
-    FaultError,
-    Freeze,
-    FreezePose,
-    LastingFault,
-    Occlude,
-    Recover,
-    RemoveSubject,
-    RenameRootSegment,
-    ResetFrameId,
-    SetQuality,
-    SkipFrames,
-    SwapSubjects,
-    TimedFault,
-    TrackerFault,
-    UnknownObject,
-    YUp,
-)
+from rcopterx.simulator import faults
+from rcopterx.simulator.faults import FaultError, LastingFault, TimedFault, TrackerFault
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 from rcopterx.vicon_gateway.wire import ObjectType
 
@@ -99,9 +75,9 @@ class TrackerFaults:
             case LastingFault():
                 ends_s = math.inf if fault.duration_s is None else now_s + fault.duration_s
                 self._active[fault.slot] = _Active(fault, now_s, ends_s)
-            case Recover():
+            case faults.Recover():
                 self._active.clear()
-            case ResetFrameId(frame):
+            case faults.ResetFrameId(frame):
                 self._next_frame_id = frame
             case _:
                 self._pending.append(fault)
@@ -112,9 +88,11 @@ class TrackerFaults:
         Lines for radios are ignored.
         """
         lines = [
-            (line.at_s, line.fault) for line in table if not isinstance(line.fault, BreakRadio | BreakVehicle)
+            (line.at_s, line.fault)
+            for line in table
+            if not isinstance(line.fault, faults.BreakRadio | faults.BreakVehicle)
         ]
-        planned = frozenset(fault.subject for _, fault in lines if isinstance(fault, AddSubject))
+        planned = frozenset(fault.subject for _, fault in lines if isinstance(fault, faults.AddSubject))
         for _, fault in lines:
             self._check(fault, planned)
         for at_s, fault in lines:
@@ -161,7 +139,7 @@ class TrackerFaults:
             self._frame_offset = self._next_frame_id - frame.frame
             self._next_frame_id = None
         self._subjects = frozenset([body.name for body in frame.bodies])
-        if self.active(Freeze) is not None and self._last is not None:
+        if self.active(faults.Freeze) is not None and self._last is not None:
             return self._last
         bodies = self._with_frozen(frame.bodies) if self._active or self._frozen else frame.bodies
         for entry in self._active.values():
@@ -172,7 +150,7 @@ class TrackerFaults:
 
     def skips(self) -> bool:
         """Whether the next frame is not sent; to be asked once for each."""
-        fault = self.active(SkipFrames)
+        fault = self.active(faults.SkipFrames)
         if fault is None:
             self._skipped = 0
             return False
@@ -182,11 +160,11 @@ class TrackerFaults:
     def _changed(self, bodies: tuple[TrackedBody, ...], entry: _Active) -> tuple[TrackedBody, ...]:
         """Return the bodies as they appear under one fault."""
         match entry.fault:
-            case DisplacePose(subject=name, offset_m=offset_m, velocity_m_s=velocity_m_s):
+            case faults.DisplacePose(subject=name, offset_m=offset_m, velocity_m_s=velocity_m_s):
                 age_s = self._now_s - entry.started_s
                 by_m = [offset + age_s * speed for offset, speed in zip(offset_m, velocity_m_s, strict=True)]
                 return _replaced(bodies, name, lambda body: _moved(body, by_m))
-            case AddNoise(deviation_m=deviation_m):
+            case faults.AddNoise(deviation_m=deviation_m):
                 gauss = self._random.gauss
                 return tuple(_moved(body, [gauss(0.0, deviation_m) for _ in range(3)]) for body in bodies)
             case fault:
@@ -195,7 +173,9 @@ class TrackerFaults:
     def _with_frozen(self, bodies: tuple[TrackedBody, ...]) -> tuple[TrackedBody, ...]:
         """Return the bodies with those that are to stand still where they were first."""
         names = {
-            entry.fault.subject for entry in self._active.values() if isinstance(entry.fault, FreezePose)
+            entry.fault.subject
+            for entry in self._active.values()
+            if isinstance(entry.fault, faults.FreezePose)
         }
         seen = {body.name: body for body in bodies}
         self._frozen = {name: self._frozen.get(name, seen[name]) for name in names & seen.keys()}
@@ -203,17 +183,19 @@ class TrackerFaults:
 
     def _check(self, fault: TrackerFault, planned: frozenset[str] = frozenset()) -> None:
         _check_ranges(fault)
-        if isinstance(fault, YUp) and ObjectType.APPLICATION_INFO not in self._offer:
+        if isinstance(fault, faults.YUp) and ObjectType.APPLICATION_INFO not in self._offer:
             raise FaultError("y_up: this Tracker does not offer ApplicationInfo (tracker2 and tracker3 do)")
-        if isinstance(fault, SetQuality) and ObjectType.OBJECT_QUALITY not in self._offer:
+        if isinstance(fault, faults.SetQuality) and ObjectType.OBJECT_QUALITY not in self._offer:
             raise FaultError("set_quality: this Tracker does not offer ObjectQuality (tracker3 does)")
         if self._subjects is None:
             return
         added = {
-            entry.fault.subject for entry in self._active.values() if isinstance(entry.fault, AddSubject)
+            entry.fault.subject
+            for entry in self._active.values()
+            if isinstance(entry.fault, faults.AddSubject)
         }
         tracked = self._subjects | added | planned
-        if isinstance(fault, AddSubject):
+        if isinstance(fault, faults.AddSubject):
             if fault.subject in self._subjects:
                 raise FaultError(f"add_subject: {fault.subject!r} is tracked already")
             return
@@ -223,33 +205,31 @@ class TrackerFaults:
 
 
 def _subjects_of(fault: TrackerFault) -> tuple[str, ...]:
-    match fault:
-        case SwapSubjects(subject=subject, other=other):
-            return subject, other
-        case Occlude() | RemoveSubject() | FreezePose() | DisplacePose() | SetQuality() | RenameRootSegment():
-            return (fault.subject,)
-        case _:
-            return ()
+    """Return the subjects that a fault needs."""
+    if isinstance(fault, faults.SwapSubjects):
+        return fault.subject, fault.other
+    subject = getattr(fault, "subject", None)
+    return () if subject is None else (subject,)
 
 
 def _changed(bodies: tuple[TrackedBody, ...], fault: LastingFault) -> tuple[TrackedBody, ...]:
     """Return the bodies as they appear under one fault."""
     match fault:
-        case Occlude(subject=name):
+        case faults.Occlude(subject=name):
             return _replaced(bodies, name, lambda body: body._replace(occluded=True))
-        case SetQuality(subject=name, quality=quality):
+        case faults.SetQuality(subject=name, quality=quality):
             return _replaced(bodies, name, lambda body: body._replace(quality=quality))
-        case RenameRootSegment(subject=name, segment=segment):
+        case faults.RenameRootSegment(subject=name, segment=segment):
             return _replaced(bodies, name, lambda body: body._replace(root_segment=segment))
-        case RemoveSubject(subject=name):
+        case faults.RemoveSubject(subject=name):
             return tuple(body for body in bodies if body.name != name)
-        case AddSubject(subject=name, position_m=position_m):
+        case faults.AddSubject(subject=name, position_m=position_m):
             return (
                 bodies
                 if any(body.name == name for body in bodies)
                 else (*bodies, TrackedBody(name, position_m))
             )
-        case SwapSubjects(subject=first, other=second):
+        case faults.SwapSubjects(subject=first, other=second):
             return _swapped(bodies, first, second)
         case _:
             return bodies
@@ -280,19 +260,19 @@ def _check_ranges(fault: TrackerFault) -> None:
     if isinstance(fault, LastingFault) and fault.duration_s is not None:
         _require(0.0 <= fault.duration_s < math.inf, "duration_s", fault.duration_s, "zero or more")
     match fault:
-        case DisplacePose(offset_m=offset_m, velocity_m_s=velocity_m_s):
+        case faults.DisplacePose(offset_m=offset_m, velocity_m_s=velocity_m_s):
             sane = all(abs(value) <= FARTHEST_M for value in (*offset_m, *velocity_m_s))
             _require(sane, "offset_m, velocity_m_s", fault, f"at most {FARTHEST_M:g} on each axis")
-        case Burst(frames):
+        case faults.Burst(frames):
             _require(1 <= frames <= 1000, "frames", frames, "1 to 1000")
-        case ResetFrameId(frame):
+        case faults.ResetFrameId(frame):
             _require(0 <= frame <= MAX_FRAME_ID, "frame", frame, f"0 to {MAX_FRAME_ID}")
-        case Dribble(chunk_bytes=chunk, interval_s=interval_s):
+        case faults.Dribble(chunk_bytes=chunk, interval_s=interval_s):
             _require(chunk >= 1, "chunk_bytes", chunk, "1 or more")
             _require(0.0 <= interval_s <= 1.0, "interval_s", interval_s, "0 to 1")
-        case Delay(delay_s=delay_s):
+        case faults.Delay(delay_s=delay_s):
             _require(0.0 <= delay_s <= 10.0, "delay_s", delay_s, "0 to 10")
-        case UnknownObject(object_type=kind, size_bytes=size):
+        case faults.UnknownObject(object_type=kind, size_bytes=size):
             known = kind in ObjectType.__members__.values()
             _require(0 < kind <= 0xFFFFFFFF and not known, "object_type", kind, "an unused 32-bit number")
             _require(0 <= size <= 65_536, "size_bytes", size, "0 to 65536")

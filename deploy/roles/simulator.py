@@ -1,7 +1,7 @@
 """The role of the simulated laboratory."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from rcopterx.bus.message import Four
 from rcopterx.deploy.hosts.run_directory import run_directory, serial_path
@@ -9,9 +9,10 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.roles.tracker import tracker_address
 from rcopterx.fleet.radios import calibration_of, protocol_of
+from rcopterx.fleet.reading import replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.simulator.conditions import Conditions, conditions_from
+from rcopterx.simulator.conditions import PRESETS, Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.simulator.process import run_simulator
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
@@ -29,21 +30,17 @@ def conditions_of(fleet: FleetFile) -> Conditions:
     """
     if fleet.simulator is None:
         raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")
+    preset = fleet.simulator.conditions
+    if preset not in PRESETS:
+        raise FleetError(f"simulator.conditions: unknown preset {preset!r}; allowed: {', '.join(PRESETS)}")
     low, high = fleet.volume.min_m, fleet.volume.max_m
-    # The emulated radio link has its own delay.
-    fixed: dict[str, Any] = {
-        "transport_delay_s": 0.0,
-        "volume_min_m": (low[0], low[1], -0.1),
-        "volume_max_m": high,
-    }
-    overrides = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in fleet.simulator.condition_overrides.items()
-    }
-    try:
-        return conditions_from(fleet.simulator.conditions, fixed | overrides)
-    except ValueError as error:
-        raise FleetError(f"simulator.{error}") from None
+    conditions = replace(
+        PRESETS[preset],
+        transport_delay_s=0.0,  # the emulated radio link has its own
+        volume_min_m=(low[0], low[1], -0.1),
+        volume_max_m=high,
+    )
+    return replaced(conditions, fleet.simulator.condition_overrides, "simulator.condition_overrides")
 
 
 def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:

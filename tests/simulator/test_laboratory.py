@@ -27,7 +27,7 @@ def test_flight_of_one_vehicle_does_not_depend_on_the_others(seed: int) -> None:
     for lab in (few, many):
         lab.set_input("h1", (0.1, 0.0, 0.55, 0.0))
         lab.advance(0.5)
-    assert few.true_pose("h1") == many.true_pose("h1")
+    assert few.plant("h1").pose == many.plant("h1").pose
     assert few.measured_pose("h1") == many.measured_pose("h1")
 
 
@@ -50,7 +50,7 @@ def test_reset_repeats_the_flight_exactly() -> None:
 
 def test_measured_poses_have_the_stated_noise() -> None:
     lab = laboratory(("h1",))
-    true = lab.true_pose("h1")
+    true = lab.plant("h1").pose
     measured = [lab.measured_pose("h1") for _ in range(4000)]
     position = np.array([pose.position_m for pose in measured]) - true.position_m
     yaw = np.array([pose.yaw_rad for pose in measured]) - true.yaw_rad
@@ -61,9 +61,9 @@ def test_measured_poses_have_the_stated_noise() -> None:
 
 def test_measured_yaw_is_wrapped_and_ideal_measurement_is_exact() -> None:
     lab = Laboratory({"h1": COAXIAL_LAG}, {"h1": Pose((0.0, 0.0, 1.0), 3 * math.pi - 0.1)}, IDEAL)
-    assert lab.true_pose("h1").yaw_rad == pytest.approx(3 * math.pi - 0.1)
+    assert lab.plant("h1").pose.yaw_rad == pytest.approx(3 * math.pi - 0.1)
     assert lab.measured_pose("h1").yaw_rad == pytest.approx(math.pi - 0.1)
-    assert lab.measured_pose("h1").position_m == lab.true_pose("h1").position_m
+    assert lab.measured_pose("h1").position_m == lab.plant("h1").pose.position_m
 
 
 def test_turbulence_moves_a_hovering_vehicle_as_strongly_as_stated() -> None:
@@ -85,7 +85,7 @@ def test_both_vehicle_types_fly_together() -> None:
     for name, model in TYPES.items():
         lab.set_input(name, model.hover_input)
     lab.advance(5.0)
-    assert all(lab.true_pose(name).position_m == pytest.approx((0.0, 0.0, 1.0)) for name in TYPES)
+    assert all(lab.plant(name).pose.position_m == pytest.approx((0.0, 0.0, 1.0)) for name in TYPES)
 
 
 def test_unusable_requests_are_refused_by_name() -> None:

@@ -7,18 +7,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.faults import BreakRadio, Close, FaultError, Recover, TimedFault
+from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.simulator.radio import RadioLink, RadioPty
-from rcopterx.simulator.radio_faults import RadioFaults
 from rcopterx.simulator.radio_kinds import module_of
 from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.simulator.settings import SimulatedRadio
+from rcopterx.simulator.vehicle_faults import VehicleFaults
 from rcopterx.transmitter_gateway.protocols.registry import create_protocol
+from rcopterx.vehicles.types import COAXIAL
 
 
 def radio(path: Path, protocol: str) -> RadioPty:
     settings = SimulatedRadio(create_protocol(protocol, {}, None), 1)
     return RadioPty(str(path), RadioLink(module_of(settings, 0.0), Receiver(1)))
+
+
+def plants_of(radios: dict[str, RadioPty]) -> dict[str, Plant]:
+    start = {name: Pose((0.0, 0.0, 0.0)) for name in radios}
+    laboratory = Laboratory(dict.fromkeys(start, COAXIAL), start, IDEAL)
+    return {name: laboratory.plant(name) for name in start}
 
 
 @pytest.fixture
@@ -30,7 +40,7 @@ def radios(tmp_path: Path) -> Iterator[dict[str, RadioPty]]:
 
 
 def test_broken_radio_mends_by_itself_at_its_end(radios: dict[str, RadioPty]) -> None:
-    faults = RadioFaults(radios)
+    faults = VehicleFaults(plants_of(radios), radios)
     fault = BreakRadio("h1", duration_s=0.5)
     faults.schedule([TimedFault(1.0, fault)], 10.0)
     for now_s, is_open in ((10.9, True), (11.0, False), (11.4, False), (11.5, True)):
@@ -41,7 +51,7 @@ def test_broken_radio_mends_by_itself_at_its_end(radios: dict[str, RadioPty]) ->
 
 
 def test_broken_radios_stay_so_until_recovery(radios: dict[str, RadioPty]) -> None:
-    faults = RadioFaults(radios)
+    faults = VehicleFaults(plants_of(radios), radios)
     faults.schedule([TimedFault(0.0, BreakRadio("h1")), TimedFault(0.0, BreakRadio("h2", "off"))], 0.0)
     faults.advance(1e6)
     assert not radios["h1"].is_open
@@ -61,8 +71,10 @@ def test_broken_radios_stay_so_until_recovery(radios: dict[str, RadioPty]) -> No
 )
 def test_fault_that_cannot_be_is_refused(fault: BreakRadio, reason: str, radios: dict[str, RadioPty]) -> None:
     with pytest.raises(FaultError, match=reason):
-        RadioFaults(radios).check([TimedFault(0.0, Close()), TimedFault(0.0, fault)])
-    RadioFaults(radios).check([TimedFault(0.0, Close()), TimedFault(0.0, BreakRadio("h1", "refusing"))])
+        VehicleFaults(plants_of(radios), radios).check([TimedFault(0.0, Close()), TimedFault(0.0, fault)])
+    VehicleFaults(plants_of(radios), radios).check(
+        [TimedFault(0.0, Close()), TimedFault(0.0, BreakRadio("h1", "refusing"))]
+    )
 
 
 LINES = st.tuples(st.floats(0, 5), st.sampled_from(["unplugged", "off"]), st.floats(0, 5))
@@ -73,7 +85,7 @@ def test_whatever_was_broken_for_a_time_is_whole_in_the_end(
     lines: list[tuple[float, str, float]], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     one = radio(tmp_path_factory.mktemp("radio") / "h1", "multi")
-    faults = RadioFaults({"h1": one})
+    faults = VehicleFaults(plants_of({"h1": one}), {"h1": one})
     table = [TimedFault(at_s, BreakRadio("h1", what, duration_s=span_s)) for at_s, what, span_s in lines]
     faults.schedule(table, 0.0)
     for step in range(50):

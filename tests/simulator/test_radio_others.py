@@ -6,10 +6,8 @@ from collections.abc import Callable
 import pytest
 
 from rcopterx.simulator.radio import RadioLink
-from rcopterx.simulator.radio_dsm2 import Dsm2Board
-from rcopterx.simulator.radio_dsmp import DsmpModule
+from rcopterx.simulator.radio_boards import Dsm2Board, DsmpModule, TrainerTransmitter
 from rcopterx.simulator.radio_module import RadioModule
-from rcopterx.simulator.radio_ppm import TrainerTransmitter
 from rcopterx.simulator.radio_receiver import Receiver, ReceiverOutput, ReceiverState
 from rcopterx.transmitter_gateway.protocols.base import FrameFlags, RadioProtocol
 from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings

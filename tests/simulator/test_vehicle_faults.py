@@ -33,7 +33,7 @@ def plants() -> dict[str, Plant]:
 def test_a_vehicle_breaks_in_its_time_and_is_sound_afterwards(
     fault: BreakVehicle, plant_faults: PlantFaults, plants: dict[str, Plant]
 ) -> None:
-    faults = VehicleFaults(plants)
+    faults = VehicleFaults(plants, {})
     lasting = structs.replace(fault, duration_s=0.5)
     faults.schedule([TimedFault(1.0, lasting)], 10.0)
     for now_s, found in ((10.9, SOUND), (11.0, plant_faults), (11.4, plant_faults), (11.5, SOUND)):
@@ -44,7 +44,7 @@ def test_a_vehicle_breaks_in_its_time_and_is_sound_afterwards(
 
 
 def test_recover_mends_everything(plants: dict[str, Plant]) -> None:
-    faults = VehicleFaults(plants)
+    faults = VehicleFaults(plants, {})
     faults.schedule([TimedFault(0.0, BreakVehicle("h2", dead="pitch")), TimedFault(1.0, Recover())], 0.0)
     faults.advance(0.5)
     assert plants["h2"].faults != SOUND
@@ -62,7 +62,7 @@ def test_recover_mends_everything(plants: dict[str, Plant]) -> None:
 def test_a_fault_that_cannot_be_is_refused(
     fault: BreakVehicle, reason: str, plants: dict[str, Plant]
 ) -> None:
-    faults = VehicleFaults(plants)
+    faults = VehicleFaults(plants, {})
     faults.check([TimedFault(0.0, Close())])
     with pytest.raises(FaultError, match=reason):
         faults.check([TimedFault(0.0, fault)])
