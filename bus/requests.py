@@ -19,7 +19,7 @@ from rcopterx.bus.message import (
     Text,
     Whole,
 )
-from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, Applied, LeaderLink, SetPoint
+from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
 
 MAX_PATH_S: Final = 600.0
 REST_TOLERANCE: Final = 1e-6
@@ -255,24 +255,6 @@ class RecallReply(Reply, frozen=True, kw_only=True):
     """How often in a row the process has died shortly after its start."""
 
 
-class RecallTransmitter(Request, frozen=True, kw_only=True):
-    """Return what was last written to this vehicle's radio; sent by a transmitter gateway that restarts."""
-
-
-class RecallTransmitterReply(Reply, frozen=True, kw_only=True):
-    """What the previous gateway process wrote last."""
-
-    applied: Applied | None = None
-    age_s: Seconds = 0.0
-    """Time since its last frame was received."""
-    lease: Count = 0
-    """Control lease whose commands counted."""
-    issued: Count = 0
-    """Newest control lease."""
-    killed: bool = False
-    """It was killed and not reset, even if that could not be written because its port was closed."""
-
-
 class InjectedFault(Struct, frozen=True, forbid_unknown_fields=True):
     """One fault of the simulated laboratory, and when it begins."""
 
@@ -370,14 +352,6 @@ VERBS: Final = {
             RecallReply,
             "agent",
             "host",
-        ),
-        Verb(
-            "recall_transmitter",
-            "launcher",
-            RecallTransmitter,
-            "what the previous transmitter gateway last wrote",
-            RecallTransmitterReply,
-            "transmitter_gateway",
         ),
         Verb("identify", "router", Identify, "which fleet is up", IdentifyReply, ANYBODY, "host"),
         Verb("inject", "simulator", Inject, "inject faults into the laboratory", unit=SIMULATOR_UNIT),

@@ -301,6 +301,14 @@ class FleetFile(Table, frozen=True, kw_only=True):
         """Return the vehicles whose agents may run on a host."""
         return tuple(name for name in self.vehicles if host in self.agent_hosts(name))
 
+    def transmitters_on(self, host: str) -> tuple[str, ...]:
+        """Return the vehicles whose transmitter gateways run on a host."""
+        return tuple(
+            name
+            for name, vehicle in self.vehicles.items()
+            if self.gateways[vehicle.transmitter.gateway].host == host
+        )
+
     def endpoint(self, host: str) -> str:
         """Return the Zenoh endpoint at which other hosts reach the router of a host."""
         protocol = "tcp" if self.security.certificates is None else "tls"

@@ -19,7 +19,7 @@ EVENT_CHANNELS: Final[tuple[Channel[Any], ...]] = (
     channels.KILL,
 )  # fmt: skip
 """Channels from which `EventFeed` reads."""
-QUIET_VERBS: Final = frozenset({"recall", "recall_transmitter", "prepare_leaders"})
+QUIET_VERBS: Final = frozenset({"recall", "prepare_leaders"})
 """Requests of processes, not of people."""
 KILL_PAUSE_S: Final = 1.0
 """Kills are repeated while they are active; one after such a pause is another one."""

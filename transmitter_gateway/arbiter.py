@@ -48,8 +48,7 @@ class Arbiter:
     counters
         Rejections, state entries, planned inputs played and steps that slew rates limited, by name.
     commanded
-        Whether commands count: from arming until the flight is over, but not in a landing that an earlier
-        process began.
+        Whether commands count: from arming until the flight is over.
     """
 
     def __init__(self, vehicle: str, limits: ArbiterLimits, u_hover: float, slew_per_s: Input) -> None:
@@ -169,15 +168,14 @@ class Arbiter:
     def take_over(self, last: LastApplied, now_s: float) -> Answer:
         """Continue the flight of an earlier process, or answer why not and stay as after any start.
 
-        The vehicle is landed, until fresh commands arrive. A landing continues to its end, because its reason
-        is not known. So does a descent, open loop: its poses may have been those of another body.
+        The vehicle is landed, until fresh commands arrive if commands counted before.
         """
         self.step(now_s)
         problem = take_over_problem(last, self.state, self.surveillance.own_track, self.limits, now_s)
         if problem is None:
-            self.commanded = last.state in (State.ARMED, State.HOLD)
+            self.commanded = last.commanded
             self._shaping.u = last.u
-            distrust = "an earlier process descended" if last.state is State.DESCEND else None
+            distrust = "own pose jumped before a restart" if last.mistaken else None
             self.surveillance.take_over(distrust)
             self._take(Condition.TAKE_OVER, "this gateway", now_s)
             if self.state in FLYING:

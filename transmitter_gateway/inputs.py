@@ -98,9 +98,10 @@ class ActionRequest(Struct, frozen=True):
 
 
 class LastApplied(Struct, frozen=True):
-    """Last state and inputs that an earlier process of this gateway wrote, and its leases.
+    """What a process of this gateway wrote last, for its successor; `written_s` is on the monotonic clock.
 
-    `written_s` is on the local clock, early by at most the delay of the bus.
+    `commanded`: commands count; `mistaken`: the own poses may be those of another body; `ready`: the module
+    was ready.
     """
 
     state: State
@@ -108,6 +109,9 @@ class LastApplied(Struct, frozen=True):
     written_s: float
     lease: int
     issued: int
+    commanded: bool = False
+    mistaken: bool = False
+    ready: bool = False
 
 
 class Answer(Struct, frozen=True):

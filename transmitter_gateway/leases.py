@@ -8,12 +8,8 @@ rejected from then on, however long they were delayed.
 import math
 from typing import Final
 
-from rcopterx.bus.message import MAX_RESUMED_COUNT
-
 RESERVED_S: Final = 0.1
 """How long an agent that was given a lease has time to command before another one is given the next."""
-UNDER_WAY: Final = 64
-"""More leases than an earlier process of the gateway can have issued after its last message."""
 MOST_AGENTS: Final = 16
 """Agents whose leases are remembered."""
 
@@ -64,10 +60,8 @@ class Leases:
         return changed
 
     def resume(self, commanding: int, issued: int, now_s: float) -> None:
-        """Continue from an earlier process of the gateway, which may have issued more than the newest known
-        lease.
-        """
-        if max(commanding, issued) <= MAX_RESUMED_COUNT:
-            self.commanding = max(self.commanding, commanding)
-            self.issued = max(self.issued, max(commanding, issued) + UNDER_WAY)
-        self._reserved_until_s = now_s + RESERVED_S
+        """Continue from an earlier process of the gateway."""
+        self.commanding = max(self.commanding, commanding)
+        self.issued = max(self.issued, commanding, issued)
+        if self.issued:
+            self._reserved_until_s = now_s + RESERVED_S

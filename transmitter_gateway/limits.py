@@ -7,6 +7,9 @@ from dataclasses import dataclass, fields
 
 from rcopterx.transmitter_gateway.inputs import Input, Position
 
+FAREWELL_S = 2.0
+"""For the throttle-low frames at the end, on a busy computer."""
+
 
 class LimitsError(ValueError):
     """A limit that makes no sense; the message names the field."""
@@ -220,6 +223,11 @@ class ArbiterLimits:
     operators: frozenset[str] = frozenset({"operator"})
     surveillance: SurveillanceLimits = SurveillanceLimits()
     landing: LandingLimits = LandingLimits()
+
+    @property
+    def longest_shutdown_s(self) -> float:
+        """Longest time from the request to shut down until the port may be closed."""
+        return self.landing.longest_s + self.cut_after_s - self.descend_after_s + FAREWELL_S
 
     def __post_init__(self) -> None:
         others = ("lower", "upper", "tolerance", "hover_correction", "floor_m", "operators")

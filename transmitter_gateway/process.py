@@ -1,61 +1,38 @@
 """The transmitter gateway process: commands and poses in, serial frames out."""
 
-import logging
 import math
 import signal
 import sys
-import traceback
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 from rcopterx.bus import channels
-from rcopterx.bus.heartbeat import Heartbeat, own_heartbeat
+from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
-from rcopterx.bus.session import Session
+from rcopterx.bus.rounding import monotonic_s
+from rcopterx.bus.session import BusUnreachableError, Session
 from rcopterx.bus.subscription import Subscription
-from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
+from rcopterx.transmitter_gateway.inputs import Action, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
-from rcopterx.transmitter_gateway.recall import Recall
+from rcopterx.transmitter_gateway.radios import Radios
 from rcopterx.transmitter_gateway.settings import GatewaySettings
 from rcopterx.transmitter_gateway.station import Station
-from rcopterx.transmitter_gateway.transmitter import Transmitter
 from rcopterx.transmitter_gateway.wakeup import Wakeup
 
-_LOG = logging.getLogger(__name__)
-
 STATUS_PERIOD_S = 0.2
-SHUTDOWN_LIMIT_S = 10.0
-"""A landing from the ceiling takes most of it."""
-TURN_S = 0.005
-"""Longest time between two turns of the loop. Poses do not wake it: agents need the processor when a frame
-has arrived, and the limits of surveillance are tenths of a second."""
 POSES_KEPT = 16
 """Of one vehicle: more than arrive between two turns, also from a fast Tracker."""
 
 
 class Gateway:
-    """All transmitters of one process."""
+    """The radios of one process on the bus."""
 
-    def __init__(
-        self,
-        settings: GatewaySettings,
-        session: Session,
-        wakeup: Wakeup,
-        keys: KillKeys,
-        realtime: bool,
-        heartbeat: Heartbeat,
-    ) -> None:
-        self._session = session
-        self._heartbeat = heartbeat
-        self._wakeup = wakeup
-        self._keys = keys
-        self._clock = session.clock
+    def __init__(self, settings: GatewaySettings, session: Session, radios: Radios, realtime: bool) -> None:
+        self._session, self._radios, self._clock = session, radios, session.clock
         self.stations = {
-            transmitter.vehicle: Station(transmitter, session, realtime, wakeup.notify)
-            for transmitter in settings.transmitters
+            name: Station(transmitter, session, realtime) for name, transmitter in radios.transmitters.items()
         }
-        self._transmitters = {name: station.transmitter for name, station in self.stations.items()}
         self._poses: dict[str, Subscription[Pose]] = {
             name: session.subscribe(channels.POSE, name, depth=POSES_KEPT, waking=False)
             for name in settings.vehicles
@@ -65,33 +42,17 @@ class Gateway:
             for fleet in (settings.bus.fleet, channels.EVERY_FLEET)
         ]
         self._report_due_s = self._clock() + STATUS_PERIOD_S
-        for transmitter in self._transmitters.values():
-            transmitter.await_recall(self._clock())
-        self.recall = Recall(session, self.stations)
 
     def wait(self) -> None:
-        """Wait for a message, an answer of a module or the next deadline, at most `TURN_S`."""
-        transmitters = self._transmitters.values()
-        self._heartbeat.beat(_flying(transmitters))
-        deadlines_s = [self._report_due_s, *(transmitter.next_deadline_s() for transmitter in transmitters)]
-        timeout_s = min(TURN_S, min(deadlines_s) - self._clock())
-        if any(station.commands_wait for station in self.stations.values()):
-            timeout_s = 0.0
-        ports = {transmitter.port.fileno(): transmitter for transmitter in transmitters}
-        descriptors = [port for port in ports if port is not None]
-        for descriptor in self._wakeup.wait([*descriptors, *self._keys.descriptors], timeout_s):
-            if descriptor in ports:
-                ports[descriptor].on_readable(self._clock())
-            elif self._keys.pressed():
-                self.kill("key press")
+        """Wait for a message, an answer of a module or the next deadline."""
+        waiting = any(station.commands_wait for station in self.stations.values())
+        self._radios.wait(-math.inf if waiting else self._report_due_s)
 
     def step(self) -> None:
         """Handle what has arrived and what is due; poses first, so that every decision knows the newest."""
         for pose, arrived_s in self._new_poses():
-            for transmitter in self._transmitters.values():
-                transmitter.on_pose(pose, arrived_s)
-        for vehicle, last in self.recall.answers():
-            self._transmitters[vehicle].recall(last, self._clock())
+            for station in self.stations.values():
+                station.transmitter.on_pose(pose, arrived_s)
         for station in self.stations.values():
             station.take_bids(self._clock())
             station.take_commands(self._clock)
@@ -109,65 +70,23 @@ class Gateway:
 
     def kill(self, by: str) -> None:
         """Cut the motors of every vehicle of this gateway, latching."""
-        self._request(Action.KILL, by)
-
-    def _request(self, action: Action, by: str) -> None:
-        for transmitter in self._transmitters.values():
-            transmitter.request(ActionRequest(action, by=by), self._clock())
+        self._radios.request(Action.KILL, by)
 
     def shut_down(self, meanwhile: Callable[[], None] = lambda: None) -> None:
         """Bring every vehicle down, end on throttle-low frames, close the ports; kills still count."""
-        transmitters = self._transmitters.values()
-        self._request(Action.SHUTDOWN, "gateway")
-        limit_s = self._clock() + SHUTDOWN_LIMIT_S
+        self._radios.request(Action.SHUTDOWN, "gateway")
+        limit_s = self._clock() + self._radios.longest_shutdown_s
+        transmitters = self._radios.transmitters.values()
         while not all(transmitter.finished for transmitter in transmitters) and self._clock() < limit_s:
             self.wait()
             self.step()
             meanwhile()
-        self._close()
+        self._radios.close()
 
     def bring_down(self, kill_requested: Callable[[], bool]) -> None:
-        """Bring the vehicles down after an error, without the bus; the others do not depend on a broken one.
-
-        `kill_requested` returns whether a signal has requested a kill since its last call.
-        """
-        working = dict(self._transmitters)
-
-        def request(action: Action) -> None:
-            what = ActionRequest(action, by="an error in the gateway")
-            _each(working, lambda transmitter: transmitter.request(what, self._clock()))
-
-        request(Action.SHUTDOWN)
-        limit_s = self._clock() + SHUTDOWN_LIMIT_S
-        while not all(transmitter.finished for transmitter in working.values()) and self._clock() < limit_s:
-            self._heartbeat.beat(_flying(working.values()))
-            # Deadlines are not used here: their computation may be what is broken.
-            pressed = self._wakeup.wait(self._keys.descriptors, TURN_S)
-            if kill_requested() or (pressed and self._keys.pressed()):
-                request(Action.KILL)
-            self._pass_poses(working)
-            _each(working, self._serve)
-        self._close()
-
-    def _pass_poses(self, working: dict[str, Transmitter]) -> None:
-        """Pass new poses to the working transmitters; without poses they descend open loop."""
-        try:
-            poses = self._new_poses()
-        except Exception:  # noqa: BLE001 - whatever is wrong with the poses, the vehicles must come down
-            traceback.print_exc()
-            self._poses.clear()
-            return
-        for pose, arrived_s in poses:
-            _each(working, partial(Transmitter.on_pose, pose=pose, now_s=arrived_s))
-
-    def _serve(self, transmitter: Transmitter) -> None:
-        transmitter.on_readable(self._clock())
-        transmitter.tick(self._clock())
-
-    def _close(self) -> None:
-        for transmitter in self._transmitters.values():
-            transmitter.close()
-        self.recall.close()
+        """Bring the vehicles down after an error, without the bus except for poses; see `Radios`."""
+        self._radios.bring_down(self._new_poses, kill_requested)
+        self._radios.close()
 
     def _new_poses(self) -> list[tuple[PoseInput, float]]:
         return [
@@ -185,10 +104,6 @@ class Gateway:
                 station.report(now_s)
 
 
-def _flying(transmitters: Iterable[Transmitter]) -> bool:
-    return any(transmitter.arbiter.state in FLYING for transmitter in transmitters)
-
-
 def pose_input(vehicle: str, pose: Pose) -> PoseInput:
     """Raw pose of a vehicle in the form of the arbiter."""
     quaternion = pose.quaternion_xyzw
@@ -199,23 +114,13 @@ def pose_input(vehicle: str, pose: Pose) -> PoseInput:
     return PoseInput(vehicle, pose.epoch, pose.frame, pose.position_m, pose.period_s, yaw_rad, pose.latency_s)
 
 
-def _each(working: dict[str, Transmitter], act: Callable[[Transmitter], object]) -> None:
-    """Call `act` with every transmitter; one that fails is logged and given up."""
-    for name, transmitter in list(working.items()):
-        try:
-            act(transmitter)
-        except Exception:  # noqa: BLE001 - whatever is wrong with it, the others must come down
-            traceback.print_exc()
-            _LOG.error("%s: cannot be brought down", name)
-            del working[name]
-
-
 def run_gateway(settings: GatewaySettings) -> None:
     """Run a transmitter gateway until SIGTERM or SIGINT, then bring its vehicles down.
 
-    SIGUSR1 and a key on the gateway's terminal kill all of them. When the bus is lost, the arbiters bring the
-    vehicles down because their commands are silent; the gateway sends throttle low and serves again when the
-    bus is back. Raises `BusUnreachableError` if no router answers at the start.
+    SIGUSR1 and a key on the gateway's terminal kill all of them. Vehicles that an earlier process flew are
+    taken over before the bus is joined. When the bus is lost, the arbiters bring the vehicles down because
+    their commands are silent; the gateway sends throttle low and serves again when the bus is back. Raises
+    `BusUnreachableError` if no router answers at the start.
     """
     wakeup = Wakeup()
     caught: set[int] = set()
@@ -227,21 +132,38 @@ def run_gateway(settings: GatewaySettings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1):
         signal.signal(number, catch)
     realtime = request_realtime(settings.realtime_priority)
-    with (
-        Session(settings.bus, wake=wakeup.notify) as session,
-        KillKeys(sys.stdin.fileno()) as keys,
-    ):
-        heartbeat = own_heartbeat()
-        gateway = Gateway(settings, session, wakeup, keys, realtime, heartbeat)
+    heartbeat = own_heartbeat()
+    with KillKeys(sys.stdin.fileno()) as keys:
+        radios = Radios(settings, wakeup, keys, heartbeat, monotonic_s)
+        radios.serve()
         prepare_loop()
-        try:
-            run_until_stopped(gateway, caught)
-        except BaseException:
-            gateway.bring_down(lambda: _kill_requested(caught))
-            raise
-        finally:
-            heartbeat.ending()
+        with _joined_bus(settings, wakeup, radios, caught) as session:
+            gateway = Gateway(settings, session, radios, realtime)
+            try:
+                run_until_stopped(gateway, caught)
+            except BaseException:
+                gateway.bring_down(lambda: _kill_requested(caught))
+                raise
+            finally:
+                heartbeat.ending()
     wakeup.close()
+
+
+def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios, caught: set[int]) -> Session:
+    """Join the bus; the radios are served meanwhile, because a router may be late or missing."""
+    with ThreadPoolExecutor(1, "bus") as pool:
+        opening = pool.submit(Session, settings.bus, wakeup.notify)
+        opening.add_done_callback(lambda _: wakeup.notify())
+        while not opening.done():
+            radios.wait(math.inf)
+            radios.serve()
+            if _kill_requested(caught):
+                radios.request(Action.KILL, "SIGUSR1")
+    try:
+        return opening.result()
+    except BusUnreachableError:
+        radios.close()
+        raise
 
 
 def run_until_stopped(gateway: Gateway, caught: set[int]) -> None:

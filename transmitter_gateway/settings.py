@@ -1,6 +1,7 @@
 """Everything one transmitter gateway process needs to know at start."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from rcopterx.bus.session import BusAddress
 from rcopterx.transmitter_gateway.calibration import Calibration
@@ -22,10 +23,15 @@ class TransmitterSettings:
 
 @dataclass(frozen=True)
 class GatewaySettings:
-    """One gateway process with its transmitters; `vehicles` are all vehicles whose poses matter."""
+    """One gateway process with its transmitters.
+
+    `vehicles` are all vehicles whose poses matter; `states` is the directory of the pages in which the
+    process leaves the states of its vehicles to its successor.
+    """
 
     bus: BusAddress
     name: str
     transmitters: tuple[TransmitterSettings, ...]
     vehicles: tuple[str, ...]
+    states: Path
     realtime_priority: int = 0

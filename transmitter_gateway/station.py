@@ -10,8 +10,7 @@ from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.bus.timing import CommandTiming
 from rcopterx.transmitter_gateway.inputs import NAMES, Action, ActionRequest, CommandInput, State
-from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
-from rcopterx.transmitter_gateway.settings import TransmitterSettings
+from rcopterx.transmitter_gateway.serial_port import WriteOutcome
 from rcopterx.transmitter_gateway.snapshot import Write
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 
@@ -28,32 +27,22 @@ class Station:
 
     Parameters
     ----------
+    session
+        Its loop is woken when commands or bids have arrived.
     realtime
         Whether the process runs in the real-time class, for the status.
-    wake
-        Called on receive threads when commands or bids have arrived.
     """
 
-    def __init__(
-        self, settings: TransmitterSettings, session: Session, realtime: bool, wake: Callable[[], None]
-    ) -> None:
-        self.vehicle = settings.vehicle
+    def __init__(self, transmitter: Transmitter, session: Session, realtime: bool) -> None:
+        self.vehicle = transmitter.vehicle
+        self.transmitter = transmitter
         self._session = session
         self._realtime = realtime
-        port = SerialPort(settings.port, settings.protocol.line)
-        self.transmitter = Transmitter(
-            settings.vehicle,
-            settings.limits,
-            settings.calibration,
-            settings.protocol,
-            port,
-            low_power=settings.low_power,
-        )
         self._commands: Subscription[Command] = session.subscribe(
-            channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT, wake=wake
+            channels.COMMAND, self.vehicle, depth=COMMANDS_KEPT
         )
         self._bids: Subscription[LeaseBid] = session.subscribe(
-            channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT, wake=wake
+            channels.LEASE_BID, self.vehicle, depth=BIDS_KEPT
         )
         self._published_lease = 0
         self._reported_state = State.DISARMED
@@ -90,11 +79,11 @@ class Station:
 
     def take_bids(self, now_s: float) -> None:
         """Answer agents that request a control lease."""
-        if self.transmitter.awaiting_recall:
-            return  # Which leases were issued before is not known yet.
+        if self.transmitter.undecided:
+            return
         for received in self._bids.drain():
             bid = received.message
-            number = self.transmitter.arbiter.bid(bid.agent, now_s, take_over=bid.take_over)
+            number = self.transmitter.bid(bid.agent, now_s, take_over=bid.take_over)
             self._publish_lease(bid.agent, number)
 
     def _publish_lease(self, agent: int, number: int) -> None:

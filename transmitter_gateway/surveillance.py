@@ -197,6 +197,11 @@ class Surveillance:
         self._stood_at_m = None
         self._mistaken = distrust
 
+    @property
+    def mistaken(self) -> bool:
+        """Whether the own poses may be those of another body until the vehicle has landed."""
+        return self._mistaken is not None
+
     def floor_m(self, otherwise_m: float) -> float:
         """Height at which the vehicle stood before it took off.
 

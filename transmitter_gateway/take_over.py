@@ -1,4 +1,4 @@
-"""Whether a vehicle that an earlier process of this gateway flew is certainly still in the air."""
+"""Whether a vehicle that an earlier process of this gateway flew may still be in the air."""
 
 from __future__ import annotations
 
@@ -10,15 +10,23 @@ from rcopterx.transmitter_gateway.surveillance import Track
 def take_over_problem(
     last: LastApplied, state: State, track: Track | None, limits: ArbiterLimits, now_s: float
 ) -> str | None:
-    """Why a vehicle with this last output and this track cannot be taken over, None if it can."""
+    """Why a vehicle with this last output and this track is not taken over, None if it is.
+
+    A vehicle that is not seen yet is taken over: its rotor turns by the last frame, and a pose may be late.
+    """
     if state is not State.DISARMED or last.state not in FLYING:
         return f"{last.state} before, {state} now"
     if now_s >= last.written_s + limits.take_over_s:
         return f"no frames for {now_s - last.written_s:.2f} s, longer than {limits.take_over_s:g} s"
     if not last.u[THRUST] > limits.low_thrust:
         return "the thrust was low"
-    if track is None or track.position_m is None:
-        return "own pose not seen"
-    if track.position_m[2] < limits.floor_m + limits.airborne_m:
-        return f"at {track.position_m[2]:.2f} m it may stand on the floor"
+    if seen_on_floor(track, limits):
+        return "it may stand on the floor"
     return None
+
+
+def seen_on_floor(track: Track | None, limits: ArbiterLimits) -> bool:
+    """Whether a vehicle is seen where it may stand on the floor."""
+    if track is None or track.position_m is None:
+        return False
+    return track.position_m[2] < limits.floor_m + limits.airborne_m

@@ -27,7 +27,10 @@ from rcopterx.transmitter_gateway.inputs import (
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, ProtocolError, RadioProtocol
 from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
+from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import TransmitterSnapshot, Write
+from rcopterx.transmitter_gateway.state_page import StatePage
+from rcopterx.transmitter_gateway.take_over import seen_on_floor
 
 THROTTLE_LOW_FRAMES = 30
 """At least 25 are to arrive."""
@@ -35,10 +38,8 @@ LONGEST_BIND_S = 7.0
 POWER_UP_LIMIT_S = 30.0
 """How long a board that binds only when it is switched on is waited for."""
 AFTER_BIND_S = 5.0
-RECALL_LIMIT_S = 0.5
-"""How long a restarted gateway is silent while it does not know what was written before."""
-FIRST_POSE_S = 0.1
-"""How long a restarted gateway waits for the own pose before it decides whether the vehicle flies."""
+LEASES_PER_S = 1000
+"""More than are issued in a second: a restarted gateway that does not know the leases continues from here."""
 
 
 class Transmitter:
@@ -83,10 +84,11 @@ class Transmitter:
         self._low_frames = 0
         self._shown: tuple[float, ...] = ()
         self._shown_until_s = -math.inf
-        self._awaiting_recall = False
-        self._silent_until_s = -math.inf
+        self._page: StatePage | None = None
+        self._written_s = -math.inf
+        self._ready = False
         self._last: LastApplied | None = None
-        self._decide_by_s = -math.inf
+        self._unknown_until_s = -math.inf
 
     # Inputs --------------------------------------------------------------------------------------------
 
@@ -118,62 +120,81 @@ class Transmitter:
         self._decide_at_once()
         return answer
 
-    def await_recall(self, now_s: float) -> None:
-        """Begin silent: before `recall` nothing is written, and so no vehicle switched off.
+    def bid(self, agent: int, now_s: float, *, take_over: bool) -> int:
+        """Issue a control lease; see `Leases.bid`."""
+        number = self.arbiter.bid(agent, now_s, take_over=take_over)
+        self._save()
+        return number
 
-        After `RECALL_LIMIT_S` throttle low is written all the same; arming still waits.
+    # Restart ------------------------------------------------------------------------------------------
+
+    def resume(self, page: StatePage, now_s: float) -> None:
+        """Continue from what an earlier process wrote last, and keep the page up to date from now on.
+
+        A kill stays a kill. A flight continues as soon as the port is open. If nothing is known, nothing is
+        written until the own pose shows whether the vehicle flies, but not for longer than `take_over_s`.
         """
-        self._awaiting_recall = True
-        self._silent_until_s = now_s + RECALL_LIMIT_S
-        self._due_now = False
-
-    @property
-    def awaiting_recall(self) -> bool:
-        """Whether the actions of an earlier process are still unknown."""
-        return self._awaiting_recall
-
-    def recall(self, last: LastApplied | None, now_s: float) -> None:
-        """Use the last output of an earlier process, None if there was none.
-
-        A kill stays a kill. A flight continues if it can: nothing is written until the own pose has been
-        seen, for at most `FIRST_POSE_S`. A flight that is recalled too late is over.
-        """
-        in_time = now_s < self._silent_until_s
-        self._awaiting_recall = False
-        self._silent_until_s = -math.inf
-        self._decide_at_once()
+        self._page = page
+        last = page.last
         if last is None:
+            self.arbiter.counters["last state unknown"] += 1
+            self.arbiter.resume_leases(0, round(LEASES_PER_S * now_s), now_s)
+            self._unknown_until_s = now_s + self.arbiter.limits.take_over_s
             return
         self.arbiter.resume_leases(last.lease, last.issued, now_s)
+        self._written_s = last.written_s
+        self._decide_at_once()
         if last.state is State.KILLED:
             self.arbiter.request(ActionRequest(Action.KILL, by="an earlier process"), now_s)
-        elif last.state in FLYING and not in_time:
-            self.arbiter.counters["recalled too late"] += 1
         elif last.state in FLYING:
-            self._last, self._decide_by_s = last, now_s + FIRST_POSE_S
-            self._due_now = False
+            self._last = last
 
-    def _undecided(self, now_s: float) -> bool:
-        """Whether it is still open if the vehicle flies; decides it when the own pose is there."""
-        if now_s < self._silent_until_s:
-            return self.arbiter.state is State.DISARMED
-        last = self._last
-        if last is None:
-            return False
+    def _save(self) -> None:
+        """Write into the page what a successor needs."""
+        if self._page is None:
+            return
+        arbiter = self.arbiter
+        self._page.save(
+            LastApplied(
+                arbiter.state,
+                self._output.u,
+                self._written_s,
+                arbiter.lease,
+                arbiter.issued,
+                # A successor continues a shutdown.
+                commanded=arbiter.commanded and not self._shutdown,
+                mistaken=arbiter.surveillance.mistaken,
+                ready=self._ready,
+            )
+        )
+
+    @property
+    def undecided(self) -> bool:
+        """Whether it is not decided yet if the vehicle of an earlier process is taken over."""
+        return self._last is not None or self._unknown_until_s > -math.inf
+
+    def _decide(self, now_s: float) -> None:
+        """Take the vehicle over if it flies, once its pose is known and the port is open."""
+        limits = self.arbiter.limits
+        if self.arbiter.state is not State.DISARMED:
+            self._last, self._unknown_until_s = None, -math.inf
         track = self.arbiter.surveillance.own_track
         seen = track is not None and track.position_m is not None
-        if not seen and now_s < self._decide_by_s and self.arbiter.state is State.DISARMED:
-            return True
-        self._last = None
+        if seen and now_s < self._unknown_until_s and not seen_on_floor(track, limits):
+            hover = (0.0, 0.0, self._calibration.throttle.u_hover, 0.0)
+            self._last = LastApplied(State.LAND, hover, now_s, self.arbiter.lease, self.arbiter.issued)
+        if seen or now_s >= self._unknown_until_s:
+            self._unknown_until_s = -math.inf
+        last = self._last
+        if last is None:
+            return
         if self.port.service(now_s):
-            # Only with a ready module a vehicle was armed or held.
-            recent = now_s < last.written_s + self.arbiter.limits.take_over_s
-            was_ready = recent and last.state in (State.ARMED, State.HOLD)
-            open_link = self.protocol.link_resumed if was_ready else self.protocol.link_opened
+            open_link = self.protocol.link_resumed if last.ready else self.protocol.link_opened
             open_link(now_s)
-        self.arbiter.link(self._link(self.protocol.status(now_s), now_s))
-        self.arbiter.take_over(last, now_s)
-        return False
+        if self.port.is_open or now_s >= last.written_s + limits.take_over_s:
+            self._last = None
+            self.arbiter.link(self._link(self.protocol.status(now_s), now_s))
+            self.arbiter.take_over(last, now_s)
 
     def bind(self, now_s: float) -> Answer:
         """Start binding: bind frames until the module is done, then 5 s of neutral frames.
@@ -230,10 +251,9 @@ class Transmitter:
         return Answer(True, "shown")
 
     def busy(self, now_s: float) -> bool:
-        """Whether binding, a range check, a calibration or an open recall blocks arming."""
+        """Whether binding, a range check or a calibration blocks arming."""
         binding = self._bind_since_s is not None or now_s < self._settled_s
-        waiting = self._range_check or self._awaiting_recall
-        return binding or waiting or now_s < self._shown_until_s
+        return binding or self._range_check or now_s < self._shown_until_s
 
     # Time ---------------------------------------------------------------------------------------------
 
@@ -245,9 +265,16 @@ class Transmitter:
     def tick(self, now_s: float) -> Write | None:
         """Do everything that is due and return the written frame, if any."""
         self._due_now = False
-        if self._undecided(now_s):
+        if self.undecided:
+            self._decide(now_s)
+        if self.undecided:
             return None
-        self._silent_until_s = -math.inf
+        write = self._advance(now_s)
+        self._save()
+        return write
+
+    def _advance(self, now_s: float) -> Write | None:
+        """Serve the port, step the arbiter, and write a frame if one is due."""
         if self.port.service(now_s):
             self.protocol.link_opened(now_s)
             if self.protocol.binds_at_power_up:
@@ -257,7 +284,9 @@ class Transmitter:
             self._pending = True
         module = self.protocol.status(now_s)
         self._follow_bind(module, now_s)
-        self.arbiter.link(self._link(module, now_s))
+        link = self._link(module, now_s)
+        self._ready = link is LinkState.READY
+        self.arbiter.link(link)
         before, self._output = self._output, self.arbiter.step(now_s)
         changed = before.state is not self._output.state
         next_planned = self._output.bridging_step > before.bridging_step
@@ -270,14 +299,17 @@ class Transmitter:
         """When `tick` must be called at the latest [s]."""
         if self._due_now:
             return -math.inf
-        if self._last is not None or self._silent_until_s > -math.inf:
-            return max(self._decide_by_s, self._silent_until_s)
+        if self._last is not None:
+            too_late_s = self._last.written_s + self.arbiter.limits.take_over_s
+            return min(self.port.next_attempt_s, too_late_s)
+        if self._unknown_until_s > -math.inf:
+            return self._unknown_until_s
         return min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
 
     @property
     def finished(self) -> bool:
         """After a shutdown request: the vehicle is cut and knows it, the port may be closed."""
-        landed = self._shutdown and self.arbiter.state not in FLYING
+        landed = self._shutdown and self.arbiter.state not in FLYING and not self.undecided
         return landed and (self._low_frames >= THROTTLE_LOW_FRAMES or not self.port.is_open)
 
     def close(self) -> None:
@@ -307,6 +339,8 @@ class Transmitter:
         outcome = self.port.write_frame(frame, now_s)
         self._attempt_s = now_s
         self._pending = outcome is not WriteOutcome.WRITTEN
+        if outcome is WriteOutcome.WRITTEN:
+            self._written_s = now_s
         if self._shutdown and not flying and outcome is WriteOutcome.WRITTEN:
             self._low_frames += 1
         return Write(now_s, outcome, output, pulses)
@@ -334,9 +368,21 @@ class Transmitter:
             state=self.arbiter.state,
             reason=self.arbiter.reason,
             link=self._link(module, now_s),
-            module="waiting for the recall" if self._awaiting_recall else self.port.problem or module.text,
+            module="waiting for the own pose" if self.undecided else self.port.problem or module.text,
             lease=self.arbiter.lease,
             binding=self._bind_since_s is not None,
             bridging_step=self._output.bridging_step,
             counters={str(k): n for k, n in (self.arbiter.counters + self.port.counters).items()},
         )
+
+
+def build_transmitter(settings: TransmitterSettings) -> Transmitter:
+    """Build the transmitter of a vehicle; raises what `Transmitter` raises."""
+    return Transmitter(
+        settings.vehicle,
+        settings.limits,
+        settings.calibration,
+        settings.protocol,
+        SerialPort(settings.port, settings.protocol.line),
+        low_power=settings.low_power,
+    )

@@ -9,13 +9,13 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 
 from rcopterx.transmitter_gateway.inputs import Answer, LinkState
-from rcopterx.transmitter_gateway.serial_port import IN_USE, SerialPort
+from rcopterx.transmitter_gateway.serial_port import IN_USE
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.transmitter import (
     AFTER_BIND_S,
     LONGEST_BIND_S,
     POWER_UP_LIMIT_S,
-    Transmitter,
+    build_transmitter,
 )
 
 FAREWELL_S = 0.8
@@ -44,14 +44,7 @@ class Workbench(AbstractContextManager["Workbench"]):
         self.vehicle = settings.vehicle
         self._clock = clock
         self._wait = wait
-        self.transmitter = Transmitter(
-            settings.vehicle,
-            settings.limits,
-            settings.calibration,
-            settings.protocol,
-            SerialPort(settings.port, settings.protocol.line),
-            low_power=settings.low_power,
-        )
+        self.transmitter = build_transmitter(settings)
 
     def __exit__(self, *_: object) -> None:
         self.transmitter.show(None)

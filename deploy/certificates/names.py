@@ -47,17 +47,12 @@ def operator_seats(fleet: FleetFile) -> tuple[Seat, ...]:
 def host_seats(fleet: FleetFile, host: str) -> tuple[Seat, ...]:
     """Return the permissions of a host, by its roles in the fleet file."""
     agents = fleet.agents_on(host)
-    transmitters = tuple(
-        name
-        for name, vehicle in fleet.vehicles.items()
-        if fleet.gateways[vehicle.transmitter.gateway].host == host
-    )
     seats = [
         Seat("router", host=host),
         Seat("recorder", host=host),
-        Seat("launcher", tuple(dict.fromkeys((*agents, *transmitters))), host),
+        Seat("launcher", host=host),
         Seat("agent", agents, host),
-        Seat("transmitter_gateway", transmitters),
+        Seat("transmitter_gateway", fleet.transmitters_on(host)),
     ]
     if fleet.tracker.host == host:
         seats.append(Seat("vicon_gateway", tuple(fleet.vehicles)))

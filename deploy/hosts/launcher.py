@@ -19,6 +19,7 @@ from rcopterx.deploy.hosts.membership import MembershipService
 from rcopterx.deploy.hosts.recall import RecallService
 from rcopterx.deploy.hosts.resources import check_certificate, check_resources, check_without
 from rcopterx.deploy.hosts.run_directory import flight_path, run_directory, snapshot_path
+from rcopterx.deploy.hosts.vehicle_states import begin_states, remove_states
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.prepared import modules_of
@@ -29,7 +30,7 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.spares.spares import SPARES, Spares, spare_command
 from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
-from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.snapshot import write_snapshot
 from rcopterx.flights.flights import flight_name
 
@@ -164,6 +165,11 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._capacity = CapacityMeasurement(self._snapshot, vehicle, period_s, self._forks, self._roles)
 
     def __enter__(self) -> "Launcher":
+        try:
+            begin_states(self._fleet.transmitters_on(self._host), self.directory)
+        except FleetError:
+            self._forks.close()
+            raise
         write_snapshot(self._fleet, self._snapshot)
         self._begin_flight()
         self._thread.start()
@@ -181,18 +187,12 @@ class Launcher(AbstractContextManager["Launcher"]):
         """Begin to answer requests on the bus."""
         fleet, host, supervisor = self._fleet, self._host, self.supervisor
         address = bus_address(fleet, host)
-        transmitters = [
-            name
-            for name, vehicle in fleet.vehicles.items()
-            if fleet.gateways[vehicle.transmitter.gateway].host == host
-        ]
-        # A gateway that takes over writes nothing until it has its answer, and receivers stop their rotors.
+        # An agent that restarts in flight waits for its answer.
         self._recall = call_in_realtime(
             Priority.GATEWAY.of(fleet),
             lambda: RecallService(
                 address,
                 list(fleet.agents_on(host)),
-                transmitters,
                 lambda vehicle: supervisor.quick_deaths(agent_process(vehicle)),
                 self._guard.vehicles,
             ),
@@ -292,3 +292,4 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._recall = None
         self._stopping.set()
         self._thread.join()
+        remove_states(self._fleet.transmitters_on(self._host), self.directory)

@@ -1,4 +1,4 @@
-"""Remembers the last reports of agents and gateways, for the processes that replace them."""
+"""Remembers the last reports of agents for their successors, and of gateways for spare hosts."""
 
 import threading
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -8,7 +8,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.message import Message
-from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
+from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import Inbox, Received
 from rcopterx.deploy.hosts.guarding import FLYING, LastFrame, OnFloor, Runners
@@ -21,26 +21,23 @@ FIRST_ROUTER_S = 30.0
 
 
 class RecallService:
-    """Answers `recall` and `recall_transmitter` for the vehicles of a host in a thread of its own.
+    """Answers `recall` for the vehicles of a host in a thread of its own.
 
     Parameters
     ----------
     agents
         Vehicles whose agents run on this host.
-    transmitters
-        Vehicles whose transmitter gateways run on this host.
     quick_deaths
         Number of deaths of a vehicle's agent in a row that came shortly after its start.
     guarded
-        Vehicles whose agents this host may have to start. The service subscribes to frames of these and of
-        `transmitters` only: frames of a whole fleet cost a host more than an agent.
+        Vehicles whose agents this host may have to start. The service subscribes to frames of these only:
+        frames of a whole fleet cost a host more than an agent.
     """
 
     def __init__(
         self,
         address: BusAddress,
         agents: list[str],
-        transmitters: list[str],
         quick_deaths: Callable[[str], int] = lambda _: 0,
         guarded: Collection[str] = (),
     ) -> None:
@@ -50,16 +47,13 @@ class RecallService:
         self._session = Session(address, wake=self._wake.set, timeout_s=FIRST_ROUTER_S)
         self._intents = {vehicle: self._session.subscribe(channels.INTENT, vehicle) for vehicle in agents}
         # Fifty messages per second and vehicle: they wake no thread and are read on request.
-        self._applied = self._of_each(channels.APPLIED, {*transmitters, *guarded})
-        self._transmitters = self._of_each(channels.TRANSMITTER_STATUS, {*transmitters, *guarded})
-        self._leases = self._of_each(channels.LEASE, transmitters)
+        self._applied = self._of_each(channels.APPLIED, guarded)
+        self._transmitters = self._of_each(channels.TRANSMITTER_STATUS, guarded)
         self._runners = Runners()
         self._launchers: Mapping[str, Inbox[LauncherStatus]] = {}
         if guarded:
             self._launchers = self._session.subscribe_all(channels.LAUNCHER, waking=False).inboxes
         self._session.serve(address.host, ["recall"])
-        for vehicle in transmitters:
-            self._session.serve(vehicle, ["recall_transmitter"])
         self._thread = threading.Thread(target=self._run, name="recall", daemon=True)
         self._thread.start()
 
@@ -73,8 +67,6 @@ class RecallService:
             for incoming in self._session.pending():
                 if isinstance(incoming.request, Recall):
                     incoming.answer(self._recall(incoming.request.vehicle))
-                elif isinstance(incoming.request, RecallTransmitter):
-                    incoming.answer(self._recall_transmitter(incoming.unit))
 
     def _recall(self, vehicle: str) -> RecallReply:
         if vehicle not in self._intents:
@@ -85,28 +77,6 @@ class RecallService:
             return RecallReply(accepted=False, reason=reason, quick_deaths=deaths)
         age_s = max(0.0, self._session.clock() - received.arrived_s)
         return RecallReply(accepted=True, intent=received.message, age_s=age_s, quick_deaths=deaths)
-
-    def _recall_transmitter(self, vehicle: str) -> RecallTransmitterReply:
-        applied = _newest(self._applied.get(vehicle))
-        status = _newest(self._transmitters.get(vehicle))
-        lease = _newest(self._leases.get(vehicle))
-        known = [
-            (report.arrived_s, report.message.state) for report in (applied, status) if report is not None
-        ]
-        if not known:
-            return RecallTransmitterReply(accepted=False, reason=f"nothing is known of {vehicle} yet")
-        # Only the status shows a kill whose frame could not be written.
-        newest_s, state = max(known)
-        return RecallTransmitterReply(
-            accepted=True,
-            applied=None if applied is None else applied.message,
-            age_s=max(0.0, self._session.clock() - (newest_s if applied is None else applied.arrived_s)),
-            lease=max(
-                0 if status is None else status.message.lease, 0 if applied is None else applied.message.lease
-            ),
-            issued=0 if lease is None else lease.message.issued,
-            killed=state == "killed",
-        )
 
     def frames(self, vehicles: Iterable[str]) -> dict[str, LastFrame]:
         """Return the newest serial frame of each of these vehicles, as far as one has arrived."""

@@ -42,11 +42,7 @@ def check_resources(fleet: FleetFile, host: str, directory: Path, without: Colle
             check_free(*tracker_address(fleet), "tracker.address")
         return []
     missing = []
-    needed = [
-        name
-        for name, vehicle in fleet.vehicles.items()
-        if fleet.gateways[vehicle.transmitter.gateway].host == host and name not in without
-    ]
+    needed = [name for name in fleet.transmitters_on(host) if name not in without]
     for name in needed:
         device = serial_path(fleet.vehicles[name].transmitter.port, directory)
         where = f"vehicles.{name}.transmitter.port"

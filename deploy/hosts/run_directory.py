@@ -1,12 +1,15 @@
 """Directories and files of a running fleet on this host."""
 
 import errno
+import hashlib
 import os
 import stat
 import tempfile
 from pathlib import Path
 
 LONGEST_SOCKET_PATH = 100
+SHARED_MEMORY = Path("/dev/shm")
+"""Files here are memory: writing to them never waits for a disk."""
 
 
 def base_directory() -> Path:
@@ -69,6 +72,12 @@ def snapshot_path(host: str, directory: Path) -> Path:
 def flight_path(host: str, directory: Path) -> Path:
     """Return the file with the name of the current flight, which a restarted recorder continues."""
     return directory / f"flight-{host}.txt"
+
+
+def states_directory(directory: Path) -> Path:
+    """Return the directory of the pages in which gateways keep the states of vehicles, by run directory."""
+    digest = hashlib.sha256(bytes(directory)).hexdigest()[:16]
+    return SHARED_MEMORY / f"rcopterx-{os.geteuid()}-{digest}"
 
 
 def router_socket(host: str, directory: Path) -> str | None:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rcopterx.deploy.hosts.run_directory import run_directory, serial_path
+from rcopterx.deploy.hosts.run_directory import run_directory, serial_path, states_directory
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.arbiter_limits import limits_of
@@ -35,5 +35,6 @@ def gateway_settings(fleet: FleetFile, gateway: str, directory: Path) -> Gateway
             if vehicle.transmitter.gateway == gateway
         ),
         vehicles=tuple(fleet.vehicles),
+        states=states_directory(directory),
         realtime_priority=Priority.GATEWAY.of(fleet),
     )

@@ -61,6 +61,15 @@ def transmitters(
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:
     """Run a transmitter gateway: commands to radio modules, with the safety arbiter."""
+    from rcopterx.deploy.hosts.run_directory import run_directory
+    from rcopterx.deploy.hosts.vehicle_states import begin_states
+    from rcopterx.deploy.roles.run import check_unit
+
+    with user_errors():
+        file = fleet_file(fleet)
+        check_unit(file, "transmitters", gateway)
+        vehicles = (name for name, each in file.vehicles.items() if each.transmitter.gateway == gateway)
+        begin_states(vehicles, run_directory(file.name, file.bus.namespace))
     _run("transmitters", gateway, fleet)
 
 

@@ -292,28 +292,31 @@ def test_pause_of_the_process_beyond_the_limit_cuts_a_vehicle_that_has_come_down
 # Taking over ------------------------------------------------------------------------------------------
 
 
-def taken_over(state: State) -> Arbiter:
+def taken_over(last: LastApplied) -> Arbiter:
     arbiter = Bench().arbiter
     arbiter.pose(PoseInput("h1", 7, 100, (0.0, 0.0, 0.8), 0.02, 0.0), 1000.0)
-    last = LastApplied(state, (0.1, 0.0, 0.56, 0.0), written_s=999.9, lease=1, issued=1)
     assert arbiter.take_over(last, 1000.0).accepted
     return arbiter
 
 
-@pytest.mark.parametrize(
-    ("before", "commanded"), [(State.ARMED, True), (State.HOLD, True), (State.LAND, False)]
-)
-def test_vehicle_of_an_earlier_process_is_landed_until_its_source_commands_again(
+def last_applied(state: State, *, commanded: bool, mistaken: bool = False) -> LastApplied:
+    return LastApplied(state, (0.1, 0.0, 0.56, 0.0), 999.9, 1, 1, commanded=commanded, mistaken=mistaken)
+
+
+@pytest.mark.parametrize("commanded", [True, False])
+@pytest.mark.parametrize("before", [State.ARMED, State.HOLD, State.LAND, State.DESCEND])
+def test_vehicle_of_an_earlier_process_is_landed_until_its_source_commands_again_if_that_counted(
     before: State, commanded: bool
 ) -> None:
-    arbiter = taken_over(before)
+    arbiter = taken_over(last_applied(before, commanded=commanded))
     assert (arbiter.state, arbiter.commanded) == (State.LAND, commanded)
     assert arbiter.reason == "taken over: by this gateway"
 
 
-def test_open_loop_descent_of_an_earlier_process_goes_on_open_loop() -> None:
-    arbiter = taken_over(State.DESCEND)
+def test_descent_of_a_vehicle_that_was_mistaken_for_another_continues_open_loop() -> None:
+    arbiter = taken_over(last_applied(State.DESCEND, commanded=True, mistaken=True))
     assert arbiter.state is State.DESCEND
+    assert arbiter.surveillance.mistaken
     for frame in range(101, 120):
         now_s = 1000.0 + (frame - 100) * 0.02
         arbiter.pose(PoseInput("h1", 7, frame, (0.0, 0.0, 0.8), 0.02, 0.0), now_s)

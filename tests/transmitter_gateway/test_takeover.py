@@ -1,10 +1,12 @@
 """A restarted gateway and vehicles that are still in the air."""
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from arbiter_bench import SLEW, U_HOVER
+from msgspec import structs
 
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
@@ -25,12 +27,15 @@ from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.serial_port import SerialPort
-from rcopterx.transmitter_gateway.snapshot import Write
-from rcopterx.transmitter_gateway.transmitter import FIRST_POSE_S, RECALL_LIMIT_S, Transmitter
+from rcopterx.transmitter_gateway.state_page import NOT_FLYING, PAGE_BYTES, StatePage
+from rcopterx.transmitter_gateway.transmitter import Transmitter
 
 LINE = SerialLine(100_000, "N", 2)
-LAST_FLYING = LastApplied(State.ARMED, (0.1, 0.0, 0.56, 0.0), written_s=9.6, lease=5, issued=6)
+LAST_FLYING = LastApplied(
+    State.ARMED, (0.1, 0.0, 0.56, 0.0), written_s=9.6, lease=5, issued=6, commanded=True, ready=True
+)
 NOW_S = 10.0
+BOOT = b"since this morning"
 
 
 def restarted(height_m: float | None = 0.8, link: LinkState = LinkState.READY) -> Arbiter:
@@ -42,8 +47,7 @@ def restarted(height_m: float | None = 0.8, link: LinkState = LinkState.READY) -
 
 
 def take_over(arbiter: Arbiter, **changes: object) -> Answer:
-    fields = {name: getattr(LAST_FLYING, name) for name in ("state", "u", "written_s", "lease", "issued")}
-    last = LastApplied(**{**fields, **changes})  # type: ignore[arg-type]  # test data
+    last = structs.replace(LAST_FLYING, **changes)
     arbiter.resume_leases(last.lease, last.issued, NOW_S)
     return arbiter.take_over(last, NOW_S)
 
@@ -87,12 +91,29 @@ def test_a_taken_over_vehicle_nobody_commands_comes_down_and_is_cut_in_time() ->
     assert arbiter.step(over_s + 0.01).state is State.CUT
 
 
-def test_a_descent_goes_on_to_its_end() -> None:
+def test_a_landing_that_commands_do_not_end_goes_on_to_its_end() -> None:
     arbiter = restarted()
-    assert take_over(arbiter, state=State.DESCEND).accepted
+    assert take_over(arbiter, state=State.LAND, commanded=False).accepted
     command(arbiter, LAST_FLYING.lease, NOW_S + 0.02)
     assert arbiter.state is State.DESCEND
     assert not arbiter.commanded
+
+
+def test_a_vehicle_that_is_not_seen_yet_is_taken_over_too() -> None:
+    arbiter = restarted(None)
+    assert take_over(arbiter).accepted
+    assert arbiter.state is State.DESCEND
+    command(arbiter, LAST_FLYING.lease, NOW_S + 0.02)
+    arbiter.pose(PoseInput("h1", 7, 100, (0.0, 0.0, 0.8), 0.02), NOW_S + 0.03)
+    assert arbiter.step(NOW_S + 0.03).state is State.ARMED
+
+
+def test_a_vehicle_is_taken_over_to_land_while_the_process_shuts_down() -> None:
+    arbiter = restarted()
+    arbiter.request(ActionRequest(Action.SHUTDOWN, "gateway"), NOW_S)
+    assert take_over(arbiter).accepted
+    command(arbiter, LAST_FLYING.lease, NOW_S + 0.02)
+    assert arbiter.state is State.DESCEND
 
 
 @pytest.mark.parametrize(
@@ -119,8 +140,7 @@ def test_what_is_not_certainly_a_flight_stays_disarmed(changes: dict[str, object
 @pytest.mark.parametrize(
     ("height_m", "link", "words"),
     [
-        (None, LinkState.READY, "own pose not seen"),
-        (0.09, LinkState.READY, "at 0.09 m it may stand on the floor"),
+        (0.09, LinkState.READY, "it may stand on the floor"),
         (0.1, LinkState.LOST, "serial link lost"),
         (0.8, LinkState.LOST, "serial link lost"),
     ],
@@ -148,28 +168,38 @@ class Restart:
         self.path = path
         self.now_s = 0.0
         self.sequence = 0
-        self.last_write: Write | None = None
+        self.height_m: float | None = 0.8
+        self.memory = bytearray(PAGE_BYTES)
+        self.page.save(NOT_FLYING)
         self.radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
         self.start()
+        self.transmitter.bid(1, self.now_s, take_over=False)
+
+    @property
+    def page(self) -> StatePage:
+        """What a process that starts now knows."""
+        return StatePage(self.memory, BOOT)
 
     def start(self) -> None:
         protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
         port = SerialPort(str(self.path), LINE)
         self.transmitter = Transmitter("h1", ArbiterLimits(), Calibration(), protocol, port)
-        self.transmitter.arbiter.bid(1, self.now_s, take_over=False)
+        self.transmitter.resume(self.page, self.now_s)
 
-    def run(self, seconds: float, thrust: float = 0.55, *, poses: bool = True) -> list[ReceiverState]:
+    def run(self, seconds: float, thrust: float | None = 0.55) -> list[ReceiverState]:
         states = []
         end_s = self.now_s + seconds
-        while self.now_s < end_s:
+        while self.now_s < end_s - 1e-9:
             self.now_s += 0.02
             self.sequence += 1
-            if poses:
-                self.transmitter.on_pose(PoseInput("h1", 1, self.sequence, (0.0, 0.0, 0.8), 0.02), self.now_s)
+            if self.height_m is not None:
+                place = (0.0, 0.0, self.height_m)
+                self.transmitter.on_pose(PoseInput("h1", 1, self.sequence, place, 0.02, 0.0), self.now_s)
                 self.tick()
-            command = CommandInput(1, 1, self.sequence, self.sequence, (0.0, 0.0, thrust, 0.0))
-            self.transmitter.on_command(command, self.now_s)
-            self.tick()
+            if thrust is not None:
+                u = (0.0, 0.0, thrust, 0.0)
+                self.transmitter.on_command(CommandInput(1, 1, self.sequence, self.sequence, u), self.now_s)
+                self.tick()
             self.radio.service(self.now_s + 0.005)
             self.transmitter.on_readable(self.now_s + 0.005)
             self.tick(0.005)
@@ -177,38 +207,43 @@ class Restart:
         return states
 
     def tick(self, later_s: float = 0.0) -> None:
-        self.last_write = self.transmitter.tick(self.now_s + later_s) or self.last_write
+        """Let the time pass as the loop does, which sleeps until the next deadline."""
+        if self.now_s + later_s >= self.transmitter.next_deadline_s():
+            self.transmitter.tick(self.now_s + later_s)
 
     def fly(self) -> None:
         self.run(1.5, thrust=0.0)
-        assert self.transmitter.request(ActionRequest(Action.ARM, "operator"), self.now_s).accepted
+        assert self.request(Action.ARM).accepted
         self.run(1.0)
         assert self.state is State.ARMED
+
+    def request(self, action: Action) -> Answer:
+        return self.transmitter.request(ActionRequest(action, "operator"), self.now_s)
 
     @property
     def state(self) -> State:
         return self.transmitter.arbiter.state
 
-    def die(self, silence_s: float) -> LastApplied:
-        write = self.last_write
-        assert write is not None
-        words = LastApplied(
-            write.output.state,
-            write.output.u,
-            write.time_s,
-            self.transmitter.arbiter.lease,
-            self.transmitter.arbiter.issued,
-        )
+    @property
+    def counters(self) -> Counter[str]:
+        return self.transmitter.arbiter.counters
+
+    def die(self, silence_s: float) -> None:
+        """Kill the process; its successor starts after a silence."""
         self.transmitter.close()
         end_s = self.now_s + silence_s
-        while self.now_s < end_s:
+        while self.now_s < end_s - 1e-9:
             self.now_s += 0.02
             self.radio.service(self.now_s)
+        self.throttle_us()
         self.start()
-        self.transmitter.await_recall(self.now_s)
-        return words
+
+    def lose_page(self) -> None:
+        """Let the page vanish, as when a system removes shared memory."""
+        self.memory = bytearray(PAGE_BYTES)
 
     def throttle_us(self) -> list[float]:
+        """Throttles that have arrived since the last call."""
         return [frame.pulses_us[0] for frame in self.radio.link.take_frames()]
 
 
@@ -222,9 +257,7 @@ def restart(tmp_path: Path) -> Iterator[Restart]:
 
 def test_a_killed_and_restarted_gateway_never_switches_a_flying_vehicle_off(restart: Restart) -> None:
     restart.fly()
-    words = restart.die(0.4)
-    restart.throttle_us()
-    restart.transmitter.recall(words, restart.now_s)
+    restart.die(0.4)
     states = restart.run(1.0)
     assert restart.state is State.ARMED
     assert min(restart.throttle_us()) > 1480
@@ -233,116 +266,180 @@ def test_a_killed_and_restarted_gateway_never_switches_a_flying_vehicle_off(rest
 
 def test_the_agent_flies_again_with_its_first_command_after_a_restart(restart: Restart) -> None:
     restart.fly()
-    words = restart.die(0.1)
-    restart.transmitter.recall(words, restart.now_s)
+    restart.die(0.1)
     restart.run(0.04)
     assert restart.state is State.ARMED
-    assert restart.transmitter.arbiter.counters["entered DESCEND"] == 1
+    assert restart.counters["entered LAND"] == 1
 
 
-def test_a_gateway_that_is_back_too_late_starts_disarmed(restart: Restart) -> None:
+def test_a_frame_is_written_at_once_without_pose_and_command(restart: Restart) -> None:
     restart.fly()
-    words = restart.die(0.8)
-    restart.throttle_us()
-    restart.transmitter.recall(words, restart.now_s)
-    restart.run(1.0)
-    assert restart.state is State.DISARMED
-    assert set(map(round, restart.throttle_us())) == {1100}
+    restart.die(0.06)
+    restart.tick()
+    assert restart.state is State.DESCEND
+    assert restart.page.last is not None
+    assert restart.page.last.written_s == restart.now_s
 
 
-def test_nothing_is_written_before_the_own_pose_is_seen_and_only_for_a_moment(restart: Restart) -> None:
+def test_a_vehicle_that_is_seen_late_lands_closed_loop_and_flies_again(restart: Restart) -> None:
     restart.fly()
-    words = restart.die(0.3)
-    restart.throttle_us()
-    restart.transmitter.recall(words, restart.now_s)
-    decide_s = restart.now_s + FIRST_POSE_S
-    assert restart.transmitter.next_deadline_s() == pytest.approx(decide_s)
-    restart.run(0.06, poses=False)
-    assert not restart.throttle_us()
-    restart.run(0.2, poses=False)
-    assert restart.state is State.DISARMED
-    assert set(map(round, restart.throttle_us())) == {1100}
-
-
-def test_a_kill_outlives_a_restart_however_long_it_takes(restart: Restart) -> None:
-    restart.fly()
-    restart.transmitter.request(ActionRequest(Action.KILL, "operator"), restart.now_s)
+    restart.die(0.1)
+    restart.height_m = None
+    restart.run(0.4, thrust=None)
+    restart.height_m = 0.8
+    restart.run(0.1, thrust=None)
+    assert restart.state is State.LAND
     restart.run(0.1)
-    words = restart.die(30.0)
-    restart.transmitter.recall(words, restart.now_s)
-    restart.run(1.0)
-    assert restart.state is State.KILLED
-
-
-def test_a_kill_while_it_is_undecided_counts(restart: Restart) -> None:
-    restart.fly()
-    words = restart.die(0.3)
-    restart.throttle_us()
-    restart.transmitter.recall(words, restart.now_s)
-    restart.transmitter.request(ActionRequest(Action.KILL, "operator"), restart.now_s)
-    restart.run(0.3)
-    assert restart.state is State.KILLED
-    assert set(map(round, restart.throttle_us())) == {1100}
-
-
-@pytest.mark.parametrize("late_s", [0.3, 0.45])
-def test_recall_that_takes_its_time_still_keeps_a_vehicle_in_the_air(restart: Restart, late_s: float) -> None:
-    restart.fly()
-    words = restart.die(0.05)
-    restart.throttle_us()
-    restart.run(late_s)
-    assert not restart.throttle_us()
-    restart.transmitter.recall(words, restart.now_s)
-    restart.run(0.5)
     assert restart.state is State.ARMED
     assert min(restart.throttle_us()) > 1480
 
 
-def test_recall_that_never_comes_leaves_throttle_low_and_arming_refused(restart: Restart) -> None:
+def test_successors_that_die_at_start_one_after_the_other_keep_the_vehicle_in_the_air(
+    restart: Restart,
+) -> None:
     restart.fly()
-    restart.die(0.05)
-    restart.throttle_us()
-    restart.run(RECALL_LIMIT_S - 0.05)
-    assert not restart.throttle_us()
-    restart.run(2.0, thrust=0.0)
+    restart.height_m = None
+    for _ in range(3):
+        restart.die(0.06)
+        restart.run(0.02, thrust=None)
+    restart.height_m = 0.8
+    restart.run(0.2)
+    assert restart.state is State.ARMED
+    assert min(restart.throttle_us()) > 1480
+
+
+def test_a_gateway_that_is_back_too_late_starts_disarmed(restart: Restart) -> None:
+    restart.fly()
+    restart.die(0.8)
+    restart.run(1.0)
+    assert restart.state is State.DISARMED
     assert set(map(round, restart.throttle_us())) == {1100}
-    assert restart.transmitter.snapshot(restart.now_s).module == "waiting for the recall"
-    arm = ActionRequest(Action.ARM, "operator")
-    assert restart.transmitter.request(arm, restart.now_s).reason == "missing: transmitter ready"
-    restart.transmitter.recall(None, restart.now_s)
+
+
+def test_a_port_that_cannot_be_opened_at_first_is_taken_over_when_it_can(restart: Restart) -> None:
+    restart.fly()
+    other = SerialPort(str(restart.path), LINE)
+    restart.transmitter.close()
+    assert other.service(restart.now_s)
+    restart.throttle_us()
+    restart.start()
+    restart.run(0.2)
+    assert restart.transmitter.undecided
+    other.close()
+    restart.run(0.4)
+    assert restart.state is State.ARMED
+    assert min(restart.throttle_us()) > 1480
+
+
+def test_a_port_that_stays_closed_is_given_up_in_time(restart: Restart) -> None:
+    restart.fly()
+    restart.radio.unplug()
+    restart.die(0.1)
+    restart.run(0.7)
+    assert not restart.transmitter.undecided
+    assert restart.state is State.DISARMED
+
+
+def test_a_kill_outlives_a_restart_however_long_it_takes(restart: Restart) -> None:
+    restart.fly()
+    restart.request(Action.KILL)
+    restart.run(0.1)
+    restart.die(30.0)
+    restart.run(1.0)
+    assert restart.state is State.KILLED
+    assert set(map(round, restart.throttle_us())) == {1100}
+
+
+def test_a_kill_that_could_not_be_written_outlives_a_restart_and_a_reset_ends_it(restart: Restart) -> None:
+    restart.radio.unplug()
     restart.run(0.1, thrust=0.0)
-    assert restart.transmitter.request(arm, restart.now_s).accepted
-
-
-def test_flight_that_is_recalled_too_late_stays_over_and_is_counted(restart: Restart) -> None:
-    restart.fly()
-    words = restart.die(0.05)
-    restart.run(RECALL_LIMIT_S + 0.05)
-    restart.throttle_us()
-    restart.transmitter.recall(words, restart.now_s)
-    restart.run(0.5)
+    restart.request(Action.KILL)
+    restart.tick()
+    restart.die(1.0)
+    assert restart.state is State.KILLED
+    assert restart.request(Action.RESET).accepted
+    restart.tick()
+    restart.die(1.0)
     assert restart.state is State.DISARMED
-    assert set(map(round, restart.throttle_us())) == {1100}
-    assert restart.transmitter.arbiter.counters["recalled too late"] == 1
 
 
-def test_kill_that_is_recalled_late_is_a_kill_all_the_same(restart: Restart) -> None:
+def test_a_kill_while_it_is_undecided_counts_and_is_written_at_once(restart: Restart) -> None:
     restart.fly()
-    restart.transmitter.request(ActionRequest(Action.KILL, "operator"), restart.now_s)
-    restart.run(0.1)
-    words = restart.die(0.05)
-    restart.run(5.0)
-    assert restart.state is State.DISARMED
-    restart.transmitter.recall(words, restart.now_s)
+    restart.lose_page()
+    restart.die(0.1)
+    restart.height_m = None
+    restart.run(0.06)
+    assert restart.transmitter.undecided
+    restart.request(Action.KILL)
     restart.run(0.1)
     assert restart.state is State.KILLED
-
-
-def test_kill_before_the_recall_is_written_at_once(restart: Restart) -> None:
-    restart.fly()
-    restart.die(0.05)
-    restart.throttle_us()
-    restart.transmitter.request(ActionRequest(Action.KILL, "operator"), restart.now_s)
-    restart.run(0.1)
     assert set(map(round, restart.throttle_us())) == {1100}
-    assert restart.state is State.KILLED
+
+
+def test_agents_keep_their_lease_and_the_next_one_gets_the_next_number(restart: Restart) -> None:
+    restart.fly()
+    restart.die(0.1)
+    restart.run(0.1)
+    assert (restart.transmitter.arbiter.lease, restart.transmitter.arbiter.issued) == (1, 1)
+    assert restart.transmitter.bid(2, restart.now_s, take_over=True) == 2
+    restart.die(0.1)
+    assert restart.transmitter.arbiter.issued == 2
+
+
+def test_a_lost_page_leaves_the_radio_silent_until_the_vehicle_is_seen_and_lands_it(restart: Restart) -> None:
+    restart.fly()
+    restart.lose_page()
+    restart.die(0.1)
+    restart.height_m = None
+    restart.run(0.3)
+    assert not restart.throttle_us()
+    assert restart.transmitter.snapshot(restart.now_s).module == "waiting for the own pose"
+    restart.height_m = 0.8
+    restart.run(0.2)
+    assert restart.state is State.LAND
+    assert min(restart.throttle_us()) > 1480
+    assert restart.counters["last state unknown"] == 1
+
+
+def test_a_lost_page_of_a_vehicle_on_the_floor_leaves_it_disarmed_and_ready(restart: Restart) -> None:
+    restart.height_m = 0.02
+    restart.run(1.0, thrust=0.0)
+    restart.lose_page()
+    restart.die(0.1)
+    restart.run(1.0, thrust=0.0)
+    assert restart.state is State.DISARMED
+    assert set(map(round, restart.throttle_us())) == {1100}
+    assert restart.request(Action.ARM).accepted
+
+
+def test_a_lost_page_of_a_vehicle_that_is_not_seen_ends_in_throttle_low(restart: Restart) -> None:
+    restart.fly()
+    restart.lose_page()
+    restart.die(0.1)
+    restart.height_m = None
+    limit_s = restart.transmitter.arbiter.limits.take_over_s
+    assert restart.transmitter.next_deadline_s() == pytest.approx(restart.now_s + limit_s)
+    restart.run(limit_s - 0.02)
+    assert not restart.throttle_us()
+    restart.height_m = 0.8
+    restart.run(0.3)
+    assert restart.state is State.DISARMED
+    assert set(map(round, restart.throttle_us())) == {1100}
+
+
+def test_leases_after_a_lost_page_are_later_than_all_before(restart: Restart) -> None:
+    restart.fly()
+    restart.lose_page()
+    restart.die(0.1)
+    restart.run(0.2)
+    assert restart.transmitter.bid(2, restart.now_s, take_over=True) > 1000
+
+
+def test_a_shutdown_continues_after_a_restart_and_commands_do_not_end_it(restart: Restart) -> None:
+    restart.fly()
+    restart.request(Action.SHUTDOWN)
+    restart.run(0.1)
+    assert restart.state is State.LAND
+    restart.die(0.1)
+    restart.run(0.3)
+    assert restart.state is State.LAND

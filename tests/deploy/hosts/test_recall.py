@@ -10,7 +10,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.intent import Intent
 from rcopterx.bus.messages import Applied, LeaderLink, SetPoint, TransmitterStatus
-from rcopterx.bus.requests import Recall, RecallReply, RecallTransmitter, RecallTransmitterReply
+from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.hosts.recall import RecallService
 
@@ -28,9 +28,7 @@ INTENT = Intent(
 def test_recall_gives_the_last_intent_of_each_vehicle_and_its_age(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    service = RecallService(
-        replace(bus_address, host="main"), ["h1", "h2"], ["h1"], {"h1": 2, "h2": 0}.__getitem__
-    )
+    service = RecallService(replace(bus_address, host="main"), ["h1", "h2"], {"h1": 2, "h2": 0}.__getitem__)
     agent = join()
 
     def recalled() -> RecallReply:
@@ -74,46 +72,10 @@ APPLIED = Applied(
 )
 
 
-def test_kill_is_recalled_although_it_could_not_be_written_and_a_reset_ends_it(
-    bus_address: BusAddress, join: Callable[..., Session]
-) -> None:
-    service = RecallService(replace(bus_address, host="main"), [], ["h1"])
-    gateway = join()
-
-    def recalled() -> RecallTransmitterReply:
-        reply = asked(gateway, "h1", RecallTransmitter())
-        assert isinstance(reply, RecallTransmitterReply)
-        return reply
-
-    def killed() -> bool:
-        gateway.publish(channels.TRANSMITTER_STATUS, "h1", transmitter_status("killed"))
-        return recalled().killed
-
-    def reset() -> bool:
-        gateway.publish(channels.TRANSMITTER_STATUS, "h1", transmitter_status("disarmed"))
-        return not recalled().killed
-
-    def written() -> bool:
-        gateway.publish(channels.APPLIED, "h1", APPLIED)
-        return recalled().applied == APPLIED
-
-    try:
-        assert not recalled().accepted
-        wait_for(killed, "the kill is not remembered")
-        assert recalled().applied is None
-        wait_for(reset, "the reset is not remembered")
-        wait_for(written, "what was written is not remembered")
-        assert not recalled().killed
-        wait_for(killed, "the kill is not remembered")
-        assert recalled().applied == APPLIED
-    finally:
-        service.close()
-
-
 def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    service = RecallService(replace(bus_address, host="spare"), ["h1"], [], guarded=["h1"])
+    service = RecallService(replace(bus_address, host="spare"), ["h1"], guarded=["h1"])
     other = join()
     launcher = LauncherStatus(running=("h1",), absent=())
 
@@ -136,7 +98,7 @@ def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
 def test_frames_of_guarded_vehicles_are_received_and_of_others_not(
     bus_address: BusAddress, join: Callable[..., Session]
 ) -> None:
-    service = RecallService(replace(bus_address, host="spare"), ["h1", "h2"], [], guarded=["h1"])
+    service = RecallService(replace(bus_address, host="spare"), ["h1", "h2"], guarded=["h1"])
     gateway = join()
 
     def received() -> bool:

@@ -1,0 +1,51 @@
+"""Promises of the pages of a host: there before gateways start, gone when its launcher has ended."""
+
+from pathlib import Path
+
+import pytest
+
+import rcopterx.deploy.hosts.run_directory
+from rcopterx.deploy.hosts.run_directory import states_directory
+from rcopterx.deploy.hosts.vehicle_states import begin_states, remove_states
+from rcopterx.fleet.schema import FleetError
+from rcopterx.transmitter_gateway.state_page import NOT_FLYING, open_page
+
+
+@pytest.fixture(autouse=True)
+def states(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(rcopterx.deploy.hosts.run_directory, "SHARED_MEMORY", tmp_path)
+    return states_directory(tmp_path / "run")
+
+
+def test_vehicles_do_not_fly_before_the_first_gateway(states: Path, tmp_path: Path) -> None:
+    begin_states(["h1", "h2"], tmp_path / "run")
+    for name in ("h1", "h2"):
+        page = open_page(states / name)
+        assert page.last == NOT_FLYING
+        page.close()
+
+
+def test_two_run_directories_keep_apart(states: Path, tmp_path: Path) -> None:
+    assert states_directory(tmp_path / "other") != states
+
+
+def test_a_vehicle_that_another_gateway_serves_is_named(states: Path, tmp_path: Path) -> None:
+    begin_states(["h1"], tmp_path / "run")
+    page = open_page(states / "h1")
+    with pytest.raises(FleetError, match=r"vehicles\.h1: another transmitter gateway serves it"):
+        begin_states(["h1"], tmp_path / "run")
+    page.close()
+
+
+def test_a_directory_that_is_not_private_is_named(states: Path, tmp_path: Path) -> None:
+    states.mkdir(0o755)
+    with pytest.raises(FleetError, match=rf"vehicles\.h1: its state cannot be kept in {states}/h1"):
+        begin_states(["h1"], tmp_path / "run")
+
+
+def test_only_the_pages_of_the_own_vehicles_are_removed(states: Path, tmp_path: Path) -> None:
+    begin_states(["h1", "h2"], tmp_path / "run")
+    remove_states(["h1"], tmp_path / "run")
+    assert [path.name for path in states.iterdir()] == ["h2"]
+    remove_states(["h1", "h2"], tmp_path / "run")
+    assert not states.exists()
