@@ -1,5 +1,6 @@
 """Limits of the arbiters, from the fleet file."""
 
+from dataclasses import replace
 from typing import Final
 
 from rcopterx.fleet.reading import replaced
@@ -8,6 +9,8 @@ from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
 from rcopterx.vehicles.model import Model
 
+SLOWER: Final = 2.0
+"""A landing from the ceiling of the volume may take so many times as long as at the speed of the descent."""
 SLOWEST_YAW_PER_S: Final = 1.0
 """Yaw damping that is assumed for vehicles with less: they turn as far in a second."""
 
@@ -24,11 +27,16 @@ def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
     x, y, lowest_m = fleet.volume.min_m
     floor_m = min(lowest_m, 0.0)
     fence = Fence((x, y, floor_m), fleet.volume.max_m) if fleet.safety.geofence else None
+    law = landing_of(model)
+    if "longest_s" not in landing:
+        height_m = fleet.volume.max_m[2] - floor_m
+        descent_s = SLOWER * height_m / landing.get("descent_m_s", law.descent_m_s)
+        law = replace(law, longest_s=max(law.longest_s, law.braking_s + descent_s))
     base = ArbiterLimits(
         lower=model.input_min,
         upper=model.input_max,
         floor_m=floor_m,
-        landing=replaced(landing_of(model), landing, "safety.settings.landing"),
+        landing=replaced(law, landing, "safety.settings.landing"),
         surveillance=replaced(
             SurveillanceLimits(fence=fence, trust_repeated_poses=False),
             surveillance,
@@ -36,6 +44,13 @@ def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
         ),
     )
     return replaced(base, table, "safety.settings")
+
+
+def longest_shutdown_s(fleet: FleetFile, host: str) -> float:
+    """Return the longest time in which the gateways of a host bring their vehicles down."""
+    return max(
+        (limits_of(fleet, name).longest_shutdown_s for name in fleet.transmitters_on(host)), default=0.0
+    )
 
 
 def landing_of(model: Model) -> LandingLimits:

@@ -34,7 +34,7 @@ BACKGROUND_ROLES: Final = ("simulator", "recorder")
 KNOWING_ROLES: Final = ("agent", TRANSMITTERS)
 """Processes of these roles know whether vehicles fly."""
 STOP_LIMIT_S = 12.0
-"""Transmitter gateways land their vehicles meanwhile."""
+"""Without the time in which transmitter gateways land their vehicles."""
 
 
 class Supervisor:
@@ -246,7 +246,7 @@ class Supervisor:
         if child.leaving_since_s is None:
             child.leaving_since_s = self._clock()
             child.process.terminate()
-        elif self._clock() - child.leaving_since_s > STOP_LIMIT_S:
+        elif self._clock() - child.leaving_since_s > STOP_LIMIT_S + child.spec.landing_s:
             child.process.kill()
             # Killed once, however long it takes until its death is noticed.
             child.leaving_since_s = math.inf
@@ -352,7 +352,8 @@ class Supervisor:
             if child.process is not None:
                 self._selector.unregister(child.process.descriptor)
                 child.process.terminate()
-        deadline_s = self._clock() + STOP_LIMIT_S
+        landing_s = max((child.spec.landing_s for child in group), default=0.0)
+        deadline_s = self._clock() + STOP_LIMIT_S + landing_s
         for child in group:
             if child.process is None:
                 continue

@@ -33,6 +33,8 @@ class ProcessSpec:
     """Processes with lower numbers are stopped first."""
     host: str = ""
     """Host of an agent; empty for that of the fleet file."""
+    landing_s: float = 0.0
+    """How much longer it may take to end, because it lands vehicles."""
 
     def command(self, snapshot: Path, *, take_over: bool = False) -> list[str]:
         """Return the command line of the process; with `take_over` an agent takes over from another one."""
@@ -52,6 +54,9 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     """
     if host not in fleet.hosts:
         raise FleetError(f"hosts: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
+    # Routers import this module and start without the limits of vehicles.
+    from rcopterx.fleet.arbiter_limits import longest_shutdown_s
+
     specs = [ProcessSpec(ROUTER, ROUTER, host, 5)]
     if host == recording_host(fleet):
         # Started before the processes whose first messages it records, stopped after them.
@@ -61,7 +66,7 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     if fleet.tracker.host == host:
         specs.append(ProcessSpec("tracker", "tracker", host, 2))
     specs += [
-        ProcessSpec(name, TRANSMITTERS, name, 1)
+        ProcessSpec(name, TRANSMITTERS, name, 1, landing_s=longest_shutdown_s(fleet, host))
         for name, gateway in fleet.gateways.items()
         if gateway.host == host
         and any(vehicle.transmitter.gateway == name for vehicle in fleet.vehicles.values())

@@ -15,10 +15,10 @@ from setproctitle import setproctitle, setthreadtitle
 
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.deploy.processes.process_log import set_up
+from rcopterx.deploy.roles.last_to_end import PR_SET_PDEATHSIG, outlive_launcher
 from rcopterx.fleet.schema import FleetError, FleetFile
 
 ROLES = ("router", "recorder", "simulator", "tracker", "transmitters", "agent")
-PR_SET_PDEATHSIG = 1
 EXIT_USAGE = 2
 EXIT_UNREACHABLE = 3
 
@@ -95,12 +95,19 @@ def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
 
 
 def runner(role: str) -> Callable[[FleetFile, str], None]:
-    """Import the module of a role other than `agent`, and return its `run`.
+    """Import the module of a role other than `agent`, and return its `run`; see `outlive_launcher`.
 
     No other role is imported: start-up time counts when a process restarts in flight.
     """
     run: Callable[[FleetFile, str], None] = importlib.import_module(f"rcopterx.deploy.roles.{role}").run
-    return run
+    if role == "transmitters":
+        return run
+
+    def run_to_the_last(fleet: FleetFile, host: str) -> None:
+        outlive_launcher(fleet, host)
+        run(fleet, host)
+
+    return run_to_the_last
 
 
 def run_reporting(run: Callable[[], None]) -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
+from rcopterx.deploy.processes.table import processes_of
 from rcopterx.deploy.roles.transmitters import gateway_settings
-from rcopterx.fleet.arbiter_limits import landing_of, limits_of
+from rcopterx.fleet.arbiter_limits import landing_of, limits_of, longest_shutdown_s
 from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
@@ -80,6 +81,23 @@ def test_volume_that_begins_above_the_floor_forbids_neither_arming_nor_landing(
     assert limits.floor_m == floor_m
     assert limits.surveillance.fence is not None
     assert limits.surveillance.fence.lower_m == (-1.0, -1.0, floor_m)
+
+
+@pytest.mark.parametrize(
+    ("height_m", "descent_m_s", "longest_s"), [(2, 0.4, 20.0), (8, 0.4, 41.5), (8, 0.2, 81.5)]
+)
+def test_a_landing_may_last_as_long_as_the_height_of_the_volume_needs(
+    height_m: float, descent_m_s: float, longest_s: float
+) -> None:
+    text = f"[volume]\nmin_m = [-1, -1, 0]\nmax_m = [1, 1, {height_m}]\n"
+    text += f"[safety.settings.landing]\ndescent_m_s = {descent_m_s}\n"
+    fleet = parse_fleet(PAIR + text)
+    limits = limits_of(fleet, "h1")
+    assert limits.landing.longest_s == pytest.approx(longest_s)
+    assert limits.longest_shutdown_s > longest_s + limits.cut_after_s - limits.descend_after_s
+    assert longest_shutdown_s(fleet, "main") == limits.longest_shutdown_s
+    gateway = next(spec for spec in processes_of(fleet, "main") if spec.role == "transmitters")
+    assert gateway.landing_s == limits.longest_shutdown_s
 
 
 def test_law_that_lands_a_vehicle_knows_the_gains_of_its_model_and_the_limits_of_the_file() -> None:

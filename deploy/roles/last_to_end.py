@@ -1,0 +1,76 @@
+"""Processes that outlive their launcher: gateways that land their vehicles need poses and the bus."""
+
+import ctypes
+import fcntl
+import os
+import select
+import signal
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Final
+
+from rcopterx.deploy.hosts.run_directory import run_directory, states_directory
+from rcopterx.fleet.schema import FleetFile
+
+PR_SET_PDEATHSIG: Final = 1
+CHECK_S: Final = 0.05
+ENDED_S: Final = 1.0
+"""Gateways have ended when none has run for this long: one that died may just have been replaced."""
+
+
+def outlive_launcher(fleet: FleetFile, host: str) -> None:
+    """If the launcher dies, send SIGTERM to this process only when the gateways of its host have ended.
+
+    Replaces what `end_with_parent` has set up; to be called by the main thread.
+    """
+    parent = os.environ.get("RCOPTERX_PARENT")
+    if parent is None:
+        return
+    try:
+        launcher = os.pidfd_open(int(parent))
+    except ProcessLookupError:
+        return
+    states = states_directory(run_directory(fleet.name, fleet.bus.namespace))
+    pages = []
+    for name in fleet.transmitters_on(host):
+        # Kept open: a system may remove the shared memory of a user who logs out.
+        with suppress(OSError):
+            pages.append(os.open(states / name, os.O_RDONLY | os.O_CLOEXEC))
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, 0)
+    threading.Thread(
+        target=_end_after, args=(launcher, pages, fleet, host), name="launcher watch", daemon=True
+    ).start()
+
+
+def _end_after(launcher: int, pages: Sequence[int], fleet: FleetFile, host: str) -> None:
+    try:
+        select.select([launcher], [], [])
+        if pages:
+            _wait_for_landing(pages, fleet, host)
+    finally:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _wait_for_landing(pages: Sequence[int], fleet: FleetFile, host: str) -> None:
+    """Wait until no gateway has the pages, at most for its longest shutdown."""
+    # A router starts without this module.
+    from rcopterx.fleet.arbiter_limits import longest_shutdown_s
+
+    ended_s = time.monotonic()
+    limit_s = ended_s + longest_shutdown_s(fleet, host) + ENDED_S
+    while (now_s := time.monotonic()) < limit_s and now_s < ended_s + ENDED_S:
+        if any(_in_use(page) for page in pages):
+            ended_s = now_s
+        time.sleep(CHECK_S)
+
+
+def _in_use(page: int) -> bool:
+    """Whether a gateway has this page."""
+    try:
+        fcntl.flock(page, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    fcntl.flock(page, fcntl.LOCK_UN)
+    return False
