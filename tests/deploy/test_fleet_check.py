@@ -98,10 +98,29 @@ def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
             PAIR.replace("[simulator]", '[simulator]\nconditions = "mars"'),
             r"^simulator\.conditions: .*'mars'",
         ),
-        (PAIR.replace("[simulator]", "[simulator]\ncondition_overrides = { x = 1 }"), r"^simulator\..*'x'"),
+        (
+            PAIR.replace("[simulator]", "[simulator]\ncondition_overrides = { x = 1 }"),
+            r"^simulator\.condition_overrides\.x: unknown field, allowed are turbulence_rms, ",
+        ),
+        (
+            PAIR.replace("[simulator]", "[simulator]\ncondition_overrides = { position_noise_m = 'small' }"),
+            r"^simulator\.condition_overrides\.position_noise_m: expected `float`, got `str`",
+        ),
+        (
+            PAIR.replace("[simulator]", "[simulator]\ncondition_overrides = { trim_offset = true }"),
+            r"^simulator\.condition_overrides\.trim_offset: expected `float`, got `bool`",
+        ),
+        (
+            PAIR.replace("[simulator]", "[simulator]\ncondition_overrides = { actuator_lag = 1 }"),
+            r"^simulator\.condition_overrides\.actuator_lag: expected `bool`, got `int`",
+        ),
+        (
+            PAIR.replace("[simulator]", "[simulator]\ncondition_overrides = { turbulence_rms = [1.0, 1.0] }"),
+            r"^simulator\.condition_overrides\.turbulence_rms: expected .*length 4",
+        ),
         (
             PAIR.replace("[simulator]", "[simulator]\ncondition_overrides = { position_noise_m = -1.0 }"),
-            r"^simulator\.position_noise_m: -1\.0 is not a number between",
+            r"^simulator\.condition_overrides: position_noise_m: -1\.0 is not a number between",
         ),
     ],
 )
