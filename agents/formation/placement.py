@@ -63,7 +63,7 @@ def place_problem(
 ) -> str | None:
     """Return why a vehicle cannot follow its new leaders, None if it can; its own followers come along.
 
-    `links` and `heads` are those of the others (`rcopterx.agents.formation.present.formation_of`).
+    `links` and `heads` are those of the others (`rcopterx.agents.formation.topology.formation_of`).
     """
     after = {**links, name: following}
     where = places(after, heads)
