@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from msgspec import structs
+
 from rcopterx.simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
 from rcopterx.transmitter_gateway.protocols.base import ten_bit_pulse_us
 from rcopterx.transmitter_gateway.protocols.multi import (
@@ -25,13 +27,20 @@ INPUT_LOST_S = 0.070
 STATUS_PERIOD_S = 0.501
 FAST_PERIOD_S = 0.011
 SLOW_PERIOD_S = 0.022
+SECOND_COPY_S = 0.00401
+"""Every packet is sent twice, on two radio channels."""
 
 BIND_START_S = 0.13
+BIND_SLOT_S = 0.01
 BIND_PACKETS = 181
-BIND_PACKET_S = 0.01
-BIND_LISTEN_END_S = 6.03
+BIND_SLOTS = 603
+"""Packets, then listening for the receiver's answer."""
+PACKETS_AFTER_ABORT = 3
 
 SUB_PROTOCOL_NAMES = ("2 1F", "2 2F", "X 1F", "X 2F", "Auto", "R 1F", "2SFC")
+EU_NAMES = ("--->", "--->", "X 1F", "X 2F", "Auto", "R 1F", "----")
+"""Sub-protocols that an EU build refuses begin with `--`."""
+DSMX = (2, 3)
 VERSION = bytes((1, 3, 4, 72))
 ORDER_AETR = 0xE4
 # Order in which a build expects A, E, T, R on the line; we number T, A, E, R.
@@ -54,13 +63,13 @@ def killed_throttle(count: int) -> int | None:
     return None if count > 604 else max(count - 204, 0) * 168 // 400
 
 
-def status_answer(flags: int, sub_protocol: int | None) -> bytes:
-    """Status answer; `sub_protocol` None for a protocol the build does not know."""
+def status_answer(flags: int, sub_protocol: str | None) -> bytes:
+    """Status answer; the name of the sub-protocol is None for a protocol the build does not know."""
     if sub_protocol is None:
         protocol, names = bytes(7), bytes(9)
     else:
         protocol = b"DSM".ljust(7, b"\0")
-        names = b"\x77" + SUB_PROTOCOL_NAMES[sub_protocol].encode().ljust(8, b"\0")
+        names = b"\x77" + sub_protocol.encode().ljust(8, b"\0")
     payload = bytes((flags,)) + VERSION + bytes((ORDER_AETR, 0x46, 0x06)) + protocol + names
     return b"MP" + bytes((0x01, len(payload))) + payload
 
@@ -73,7 +82,7 @@ class MultiModule(RadioModule):
     inverted_wiring
         Whether the line is inverted; a frame whose polarity bit differs makes the module deaf.
     knows_dsm2
-        False for EU builds, which refuse the protocol.
+        False for EU builds, which refuse DSM2 and have DSMX.
     """
 
     def __init__(
@@ -97,15 +106,16 @@ class MultiModule(RadioModule):
         self._last_frame_s = -math.inf
         self._init_done_s = math.inf
         self._next_rf_s = math.inf
+        self._copy: AirPacket | None = None
         self._next_status_s = math.inf
-        self._bind_start_s = math.inf
-        self._bind_packets = 0
+        self._bind_slot: int | None = None
+        self._next_slot_s = math.inf
         self._bind_bit = False
 
     @property
     def binding(self) -> bool:
-        """True from the bind request until the answer, the end of listening, or its withdrawal."""
-        return math.isfinite(self._bind_start_s)
+        """True from the bind request until the answer or the end of listening."""
+        return self._bind_slot is not None
 
     # Serial side --------------------------------------------------------------------------------------
 
@@ -131,7 +141,10 @@ class MultiModule(RadioModule):
 
     def _accept(self, data: bytes, end_s: float) -> None:
         now_s = end_s + END_OF_FRAME_S
+        returned = now_s > self._last_frame_s + INPUT_LOST_S
         self._last_frame_s = now_s
+        if returned and math.isinf(self._init_done_s):
+            self._thaw(now_s)
         frame = MultiFrame.from_bytes(data)
         if frame.failsafe:
             return
@@ -142,8 +155,6 @@ class MultiModule(RadioModule):
         if key != self._key:
             self._key = key
             self._initialise(now_s)
-        elif math.isinf(self._next_rf_s) and math.isinf(self._init_done_s) and not self.binding:
-            self._next_rf_s = now_s
         self._frame = frame
         self._follow_bind_bit(frame.bind, now_s)
         self._log(frame, end_s)
@@ -163,51 +174,56 @@ class MultiModule(RadioModule):
         self.rf_channels += 1
         self._init_done_s = now_s + INIT_S
         self._next_rf_s = math.inf
+        self._copy = None
+
+    def _thaw(self, now_s: float) -> None:
+        """Continue where the radio part stopped for want of frames, with a pending second copy first."""
+        if self.binding:
+            self._next_slot_s = min(self._next_slot_s, now_s)
+        else:
+            self._next_rf_s = min(self._next_rf_s, now_s)
 
     def _follow_bind_bit(self, bind: bool, now_s: float) -> None:
         if bind and not self._bind_bit:
-            self._bind_start_s, self._bind_packets = now_s, 0
-            self._next_rf_s = math.inf
-        elif not bind and self.binding:
-            self._end_bind(now_s)
+            self._initialise(now_s)
+            self._bind_slot, self._next_slot_s = 0, now_s + BIND_START_S
+        elif not bind and self._bind_bit and self._bind_slot is not None:
+            self._bind_slot = max(self._bind_slot, BIND_PACKETS - PACKETS_AFTER_ABORT)
         self._bind_bit = bind
 
     def receiver_answered(self, now_s: float) -> None:
         """End binding: normal transmission resumes at once."""
-        if self.binding and self._bind_packets >= BIND_PACKETS:
+        if self._bind_slot is not None and self._bind_slot >= BIND_PACKETS:
             self._answers += b"MP\x05\x0a" + bytes((0xED, 0xCB, 0xA9, 0x84, 1, 7, 1, 0, 4, 0x5E))
             self._end_bind(now_s)
 
     def _end_bind(self, now_s: float) -> None:
-        self._bind_start_s = math.inf
-        if math.isinf(self._init_done_s):
-            self._next_rf_s = now_s
-        self._send_status(now_s)
+        self._bind_slot, self._next_slot_s = None, math.inf
+        self._next_rf_s = now_s
 
     # Radio side ---------------------------------------------------------------------------------------
 
     def _timers(self) -> list[Timer]:
-        timers: list[Timer] = [
+        return [
             (self._init_done_s, self._finish_init),
             (self._next_rf_s, self._send_channels),
+            (self._next_slot_s, self._bind_on),
             (self._next_status_s, self._periodic_status),
         ]
-        if self._bind_start_s < math.inf:
-            if self._bind_packets < BIND_PACKETS:
-                next_s = self._bind_start_s + BIND_START_S + self._bind_packets * BIND_PACKET_S
-                timers.append((next_s, self._send_bind))
-            timers.append((self._bind_start_s + BIND_LISTEN_END_S, self._end_bind))
-        return timers
 
     def _finish_init(self, now_s: float) -> None:
         self._init_done_s = math.inf
         if not self.binding:
             self._next_rf_s = now_s
-        self._send_status(now_s)
+        self._send_status(now_s, initialised=True)
+
+    def _has_dsm(self) -> bool:
+        frame = self._frame
+        return frame is not None and frame.protocol == DSM and frame.sub_protocol <= 3
 
     def _valid(self) -> bool:
-        frame = self._frame
-        return frame is not None and frame.protocol == DSM and frame.sub_protocol <= 3 and self.knows_dsm2
+        known = self.knows_dsm2 or (self._frame is not None and self._frame.sub_protocol in DSMX)
+        return known and self._has_dsm()
 
     def _send_channels(self, now_s: float) -> None:
         frame = self._frame
@@ -215,13 +231,19 @@ class MultiModule(RadioModule):
             self._next_rf_s = math.inf
             return
         fast = frame.sub_protocol in (1, 3) and frame.option & 0x40
-        self._next_rf_s = now_s + (FAST_PERIOD_S if fast else SLOW_PERIOD_S)
+        if self._copy is not None:
+            self._packets.append(structs.replace(self._copy, time_s=now_s))
+            self._copy = None
+            self._next_rf_s = now_s + (FAST_PERIOD_S if fast else SLOW_PERIOD_S) - SECOND_COPY_S
+            return
         waiting_for_autobind = frame.autobind and frame.autobind_count <= CENTER_COUNT
-        if self._valid() and not waiting_for_autobind:
-            pulses = self._on_air(frame)
-            self._packets.append(
-                AirPacket(now_s, self.rf_channels, frame.rx_num, pulses, weak=frame.range_check)
-            )
+        if not self._valid() or waiting_for_autobind:
+            self._next_rf_s = now_s + SLOW_PERIOD_S
+            return
+        pulses = self._on_air(frame)
+        self._copy = AirPacket(now_s, self.rf_channels, frame.rx_num, pulses, weak=frame.range_check)
+        self._packets.append(self._copy)
+        self._next_rf_s = now_s + SECOND_COPY_S
 
     def _on_air(self, frame: MultiFrame) -> tuple[float, ...]:
         wanted = frame.option & 0x0F
@@ -232,10 +254,18 @@ class MultiModule(RadioModule):
             pulses[0] = ten_bit_pulse_us(killed)
         return tuple(pulses)
 
-    def _send_bind(self, now_s: float) -> None:
-        self._bind_packets += 1
-        if self._valid() and self._frame is not None:
+    def _bind_on(self, now_s: float) -> None:
+        """Send a bind packet, listen for 10 ms, or end binding; without frames it stands still."""
+        slot = self._bind_slot
+        if slot is None or now_s > self._last_frame_s + INPUT_LOST_S:
+            self._next_slot_s = math.inf
+            return
+        if slot >= BIND_SLOTS:
+            self._end_bind(now_s)
+            return
+        if slot < BIND_PACKETS and self._valid() and self._frame is not None:
             self._packets.append(AirPacket(now_s, self.rf_channels, self._frame.rx_num, (), bind=True))
+        self._bind_slot, self._next_slot_s = slot + 1, now_s + BIND_SLOT_S
 
     # Answers ------------------------------------------------------------------------------------------
 
@@ -243,13 +273,15 @@ class MultiModule(RadioModule):
         self._next_status_s = now_s + STATUS_PERIOD_S
         self._send_status(now_s)
 
-    def _send_status(self, now_s: float) -> None:
+    def _send_status(self, now_s: float, *, initialised: bool = False) -> None:
+        """Send the status; a protocol is refused only in the next one after an initialisation."""
         frame = self._frame
         if frame is None or frame.telemetry_off:
             return
         present = 0x01 if now_s <= self._last_frame_s + INPUT_LOST_S else 0
-        if self._valid():
+        if self._valid() or (initialised and self._has_dsm()):
             flags = 0x46 | present | (0x08 if self.binding else 0)
-            self._answers += status_answer(flags, frame.sub_protocol)
+            names = SUB_PROTOCOL_NAMES if self.knows_dsm2 else EU_NAMES
+            self._answers += status_answer(flags, names[frame.sub_protocol])
         else:
             self._answers += status_answer(0x02 | present, None)

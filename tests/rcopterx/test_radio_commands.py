@@ -20,6 +20,7 @@ from rcopterx.fleet.reading import load_fleet
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_kinds import module_of
 from rcopterx.simulator.radio_module import SerialFrame
+from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
 from rcopterx.simulator.settings import SimulatedRadio
 from rcopterx.transmitter_gateway.serial_port import SerialPort
@@ -135,6 +136,17 @@ def test_board_that_binds_when_it_is_switched_on_is_waited_for(laboratory: Labor
     assert process.wait(DEADLINE_S) == 0
     process.stderr.close()
     assert laboratory.receiver.model_match == 2
+
+
+@pytest.mark.integration
+def test_module_that_will_refuse_the_protocol_is_not_bound(laboratory: Laboratory) -> None:
+    module = laboratory.radio.link.module
+    assert isinstance(module, MultiModule)
+    module.knows_dsm2 = False
+    done = laboratory.run("bind", "h2", "--yes")
+    assert done.returncode == 1
+    assert "refuses the protocol (EU builds refuse DSM2)" in done.stderr
+    assert not any(frame.bind for frame in laboratory.frames)
 
 
 @pytest.mark.parametrize("laboratory", ["ppm"], indirect=True)

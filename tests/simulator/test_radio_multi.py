@@ -84,9 +84,12 @@ def test_packets_carry_the_golden_values_of_the_air(name: str, sent: list[float]
     assert {i: ten_bit_count(p) for i, p in enumerate(packet.pulses_us)} == golden
 
 
-def test_channels_are_sent_every_22_ms() -> None:
-    times = [packet.time_s for packet in booted().run(1.0, frame())]
-    assert all(math.isclose(b - a, 0.022) for a, b in pairwise(times))
+def test_channels_are_sent_every_22_ms_and_again_4_ms_later() -> None:
+    packets = booted().run(1.0, frame())
+    first, again = packets[::2], packets[1::2]
+    assert all(math.isclose(b.time_s - a.time_s, 0.022) for a, b in pairwise(first))
+    assert all(math.isclose(b.time_s - a.time_s, 0.00401) for a, b in zip(first, again, strict=False))
+    assert all(a.pulses_us == b.pulses_us for a, b in zip(first, again, strict=False))
 
 
 def test_frames_before_power_up_and_the_first_after_it_are_lost() -> None:
@@ -146,16 +149,43 @@ def test_garbage_before_a_frame_is_skipped_but_a_stray_header_gives_wrong_channe
     assert not math.isclose(bench.module.frames[-1].pulses_us[0], 1540, abs_tol=1)
 
 
-def test_radio_stops_70_ms_after_the_last_frame_and_resumes_on_the_same_channels() -> None:
+def stopped_in_flight(phase_s: float) -> tuple[Bench, float]:
+    """Frames end at some phase of the radio's cycle; also the time from the last frame to the last packet."""
     bench = booted()
-    last_frame_s = bench.module.frames[-1].arrival_s
+    bench.link.feed(frame(), bench.now_s + phase_s)
+    sent_s = bench.now_s + phase_s
     bench.run(1.0, None)
-    stopped_s = bench.packets[-1].time_s
-    assert 0.045 <= stopped_s - last_frame_s <= 0.0705
-    rf_channels = bench.packets[-1].rf_channels
-    resumed = bench.run(0.1, frame())
-    assert resumed[0].rf_channels == rf_channels
-    assert resumed[0].time_s - (bench.now_s - 0.1) < 0.03
+    return bench, bench.packets[-1].time_s - sent_s
+
+
+PHASES_S = [n * 0.001 for n in range(22)]
+
+
+def test_radio_stops_54_to_74_ms_after_the_last_frame_and_resumes_on_the_same_channels() -> None:
+    waits_s = []
+    for phase_s in PHASES_S:
+        bench, waited_s = stopped_in_flight(phase_s)
+        waits_s.append(waited_s)
+        rf_channels = bench.packets[-1].rf_channels
+        resumed = bench.run(0.1, frame())
+        assert resumed[0].rf_channels == rf_channels
+        assert resumed[0].time_s - (bench.now_s - 0.1) < 0.03
+    assert 0.054 <= min(waits_s) <= 0.058
+    assert 0.070 <= max(waits_s) <= 0.074
+
+
+def test_first_packet_after_a_stop_can_be_the_last_one_again_18_ms_before_the_new_one() -> None:
+    stale = 0
+    for phase_s in PHASES_S:
+        bench, _ = stopped_in_flight(phase_s)
+        first, *_, last = bench.run(0.1, frame([1100]))
+        assert ten_bit_count(last.pulses_us[0]) == 171
+        if ten_bit_count(first.pulses_us[0]) == 546:
+            stale += 1
+            new = next(p for p in bench.packets if p.time_s > first.time_s)
+            assert new.pulses_us == last.pulses_us
+            assert math.isclose(new.time_s - first.time_s, 0.018, abs_tol=1e-4)
+    assert 0.1 < stale / len(PHASES_S) < 0.3
 
 
 @pytest.mark.parametrize(
@@ -197,13 +227,20 @@ def test_other_changes_cause_no_outage(unchanged: MultiFrame) -> None:
     rf_channels = bench.packets[-1].rf_channels
     packets = bench.run(0.5, unchanged.to_bytes())
     assert {packet.rf_channels for packet in packets} == {rf_channels}
-    assert len(packets) >= 22
+    assert len(packets) >= 44
 
 
 def test_failsafe_frames_feed_the_dead_mans_stop_but_change_no_channel() -> None:
     bench = booted()
     packets = bench.run(0.5, MultiFrame((2047,) * 16, rx_num=3, failsafe=True).to_bytes())
     assert ten_bit_count(packets[-1].pulses_us[0]) == 546
+
+
+def test_radio_resumes_with_a_failsafe_frame_too() -> None:
+    bench = booted()
+    bench.run(0.5, None)
+    assert bench.run(0.1, MultiFrame((2047,) * 16, rx_num=3, failsafe=True).to_bytes())
+    assert bench.run(0.1, frame())
 
 
 def test_wrong_polarity_makes_the_module_deaf_until_power_cycled() -> None:
@@ -244,7 +281,7 @@ def test_kill_frame_sends_throttle_zero_whatever_the_throttle_channel_says() -> 
 
 def test_status_is_the_golden_one_and_comes_every_501_ms() -> None:
     golden = "4D 50 01 18 47 01 03 04 48 E4 46 06 44 53 4D 00 00 00 00 77 32 20 31 46 00 00 00 00"
-    assert status_answer(0x47, 0) == bytes.fromhex(golden)
+    assert status_answer(0x47, "2 1F") == bytes.fromhex(golden)
     bench = booted()
     bench.statuses()
     bench.run(5.02, frame())
@@ -260,13 +297,21 @@ def test_status_follows_an_initialisation_and_reports_lost_input() -> None:
     assert not bench.statuses()[-1].flags & 0x01
 
 
-def test_eu_build_refuses_the_protocol() -> None:
+def test_eu_build_refuses_dsm2_half_a_second_after_a_status_like_that_of_a_ready_module() -> None:
     bench = Bench(knows_dsm2=False)
     bench.run(2.0, frame())
-    status = bench.statuses()[-1]
-    assert status.flags == 0x03
-    assert status.protocol == ""
+    first, *later = bench.statuses()
+    assert (first.flags, first.protocol, first.sub_protocol) == (0x47, "DSM", "--->")
+    assert not first.ready
+    assert {(status.flags, status.protocol) for status in later} == {(0x03, "")}
     assert not bench.packets
+
+
+def test_eu_build_transmits_dsmx() -> None:
+    bench = Bench(knows_dsm2=False)
+    bench.run(2.0, MultiFrame((1024,) * 16, rx_num=3, sub_protocol=2).to_bytes())
+    assert bench.statuses()[-1].ready
+    assert bench.packets
 
 
 def test_answers_can_be_switched_off() -> None:
@@ -279,7 +324,7 @@ def test_eleven_ms_mode_sends_twice_as_often() -> None:
     bench = Bench()
     bench.run(1.0, MultiFrame((1024,) * 16, rx_num=3, sub_protocol=1, option=0x46).to_bytes())
     times = [packet.time_s for packet in bench.packets]
-    assert math.isclose(times[-1] - times[-2], 0.011)
+    assert math.isclose(times[-1] - times[-3], 0.011)
 
 
 def test_bind_sends_181_packets_listens_and_resumes_after_6_s() -> None:
@@ -294,7 +339,7 @@ def test_bind_sends_181_packets_listens_and_resumes_after_6_s() -> None:
     assert math.isclose(binds[0].time_s - start_s, 0.13, abs_tol=0.01)
     assert math.isclose(binds[1].time_s - binds[0].time_s, 0.01)
     resumed = next(packet for packet in packets if not packet.bind and packet.time_s > start_s + 1)
-    assert math.isclose(resumed.time_s - start_s, 6.03, abs_tol=0.01)
+    assert math.isclose(resumed.time_s - start_s, 6.16, abs_tol=0.02)
     assert any(status.binding for status in bench.statuses())
     assert receiver.model_match == 3
     assert receiver.output(bench.now_s).state is ReceiverState.LINKED
@@ -310,11 +355,49 @@ def test_an_answering_receiver_ends_the_bind_early() -> None:
     assert any(isinstance(answer, MultiBindAnswer) for answer in AnswerParser().feed(bench.answers))
 
 
-def test_clearing_the_bind_bit_early_cuts_the_bind_short() -> None:
+def test_status_shows_the_end_of_a_bind_up_to_half_a_second_late() -> None:
     bench = booted()
-    packets = bench.run(0.5, frame(bind=True)) + bench.run(0.5, frame())
-    assert 35 <= sum(packet.bind for packet in packets) <= 42
-    assert not packets[-1].bind
+    start_s = bench.now_s
+    ended_s = None
+    while ended_s is None:
+        bench.run(0.02, frame(bind=True))
+        statuses = bench.statuses()
+        if bench.now_s - start_s > 0.2 and statuses and not statuses[-1].binding:
+            ended_s = bench.now_s - start_s
+    assert 6.16 <= ended_s <= 6.7
+
+
+def test_a_bind_changes_the_radio_channels() -> None:
+    bench = booted()
+    before = bench.packets[-1].rf_channels
+    assert bench.run(8.0, frame(bind=True))[-1].rf_channels != before
+
+
+def test_clearing_the_bind_bit_early_leaves_three_packets_and_the_whole_time_of_listening() -> None:
+    bench = booted()
+    bench.run(0.5, frame(bind=True))
+    cleared_s = bench.now_s
+    packets = bench.run(6.0, frame())
+    assert sum(packet.bind for packet in packets) == 3
+    resumed = next(packet for packet in packets if not packet.bind)
+    assert math.isclose(resumed.time_s - cleared_s, 4.25, abs_tol=0.02)
+
+
+def test_clearing_the_bind_bit_while_the_module_listens_changes_nothing() -> None:
+    bench = booted()
+    start_s = bench.now_s
+    bench.run(3.0, frame(bind=True))
+    resumed = next(packet for packet in bench.run(6.0, frame()) if not packet.bind)
+    assert math.isclose(resumed.time_s - start_s, 6.16, abs_tol=0.02)
+
+
+def test_frames_that_stop_freeze_a_bind_until_they_return() -> None:
+    bench = booted()
+    before = sum(packet.bind for packet in bench.run(1.0, frame(bind=True)))
+    before += sum(packet.bind for packet in bench.run(0.1, None))
+    assert not bench.run(5.0, None)
+    after = bench.run(8.0, frame(bind=True))
+    assert before + sum(packet.bind for packet in after) == 181
 
 
 def test_keeping_the_bind_bit_set_does_not_bind_again() -> None:

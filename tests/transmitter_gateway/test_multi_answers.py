@@ -135,6 +135,8 @@ def test_port_never_opened_is_said() -> None:
     ("answer", "words"),
     [
         (UNKNOWN_PROTOCOL, "refuses the protocol"),
+        (READY.replace(b"2 1F", b"--->"), "refuses the protocol"),
+        (READY.replace(b"2 1F", b"----"), "refuses the protocol"),
         (with_flags(0x46), "receives no valid frames"),
         (with_flags(0x45), "not in serial mode"),
         (with_flags(0x4F), "binding"),

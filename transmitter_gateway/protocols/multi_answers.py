@@ -13,6 +13,8 @@ PROTOCOL_VALID = 0x04
 BINDING = 0x08
 WAITING_FOR_BIND = 0x10
 
+REFUSED_NAME = "--"
+
 
 @dataclass(frozen=True, slots=True)
 class MultiStatus:
@@ -27,7 +29,17 @@ class MultiStatus:
     @property
     def ready(self) -> bool:
         """True when the module transmits our frames with the DSM protocol."""
-        return self.flags & 0x0F == INPUT_PRESENT | SERIAL_MODE | PROTOCOL_VALID and self.protocol == "DSM"
+        valid = self.flags & 0x0F == INPUT_PRESENT | SERIAL_MODE | PROTOCOL_VALID
+        return valid and self.protocol == "DSM" and not self.refuses
+
+    @property
+    def refuses(self) -> bool:
+        """True when the build does not have the protocol.
+
+        EU builds report a valid protocol in the first 0.5 s after each initialisation; only the name of its
+        sub-protocol shows that it will be refused.
+        """
+        return not self.flags & PROTOCOL_VALID or self.sub_protocol.startswith(REFUSED_NAME)
 
     @property
     def binding(self) -> bool:
@@ -41,7 +53,7 @@ class MultiStatus:
             return f"module {version} is not in serial mode: set its dial to 0"
         if not self.flags & INPUT_PRESENT:
             return f"module {version} receives no valid frames"
-        if not self.flags & PROTOCOL_VALID:
+        if self.refuses:
             return f"module {version} refuses the protocol (EU builds refuse DSM2)"
         if self.protocol != "DSM":
             return f"module {version} runs protocol {self.protocol!r}, not DSM"
