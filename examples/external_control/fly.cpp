@@ -8,6 +8,8 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
+#include <fstream>
 #include <iostream>
 #include <map>
 #include <sstream>
@@ -20,6 +22,8 @@ using Task = std::map<std::string, std::vector<double>>;
 class Connection {
  public:
   explicit Connection(int port) : socket_(socket(AF_INET, SOCK_STREAM, 0)) {
+    const char* home = std::getenv("HOME");
+    std::ifstream(std::string(home ? home : ".") + "/.http_bridge.key") >> key_;
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_port = htons(static_cast<uint16_t>(port));
@@ -36,8 +40,8 @@ class Connection {
   // Body of the reply; everything but status 200 is an error.
   std::string post(const std::string& path, const std::string& body) {
     std::ostringstream request;
-    request << "POST " << path << " HTTP/1.1\r\nHost: localhost\r\nContent-Length: " << body.size()
-            << "\r\n\r\n" << body;
+    request << "POST " << path << " HTTP/1.1\r\nHost: localhost\r\nX-Key: " << key_
+            << "\r\nContent-Length: " << body.size() << "\r\n\r\n" << body;
     const std::string text = request.str();
     if (write(socket_, text.data(), text.size()) != static_cast<ssize_t>(text.size()))
       throw std::runtime_error("the bridge is gone");
@@ -59,6 +63,7 @@ class Connection {
     return {data.data(), static_cast<size_t>(count)};
   }
   int socket_;
+  std::string key_;
 };
 
 Task parsed(const std::string& text) {

@@ -5,7 +5,8 @@ function fly_http(seconds, port)
     if nargin < 1, seconds = 10; end
     if nargin < 2, port = 8050; end
     bridge = sprintf('http://127.0.0.1:%d', port);
-    text = weboptions('ContentType', 'text');
+    key = fileread(fullfile(getenv('HOME'), '.http_bridge.key'));
+    text = weboptions('ContentType', 'text', 'HeaderFields', {'X-Key', key});
     task = parsed(webwrite([bridge '/take'], 'patience_s', '0.3', text));
     finish = onCleanup(@() webwrite([bridge '/release'], 'by', 'fly_http', text));
     stopwatch = tic;

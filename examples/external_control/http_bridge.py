@@ -7,18 +7,26 @@
     POST /release        return control
 
 A task is plain text, one field per line: its name, then its numbers. Languages that post forms send the
-answer as a field of that name. Only this computer can connect.
+answer as a field of that name.
+
+Only programs of the same user on the same computer have access: every request needs the header `X-Key` with
+the secret in ~/.http_bridge.key, which the bridge writes. Web pages in a browser cannot send this header.
 """
 
+import hmac
+import os
+import secrets
 import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from urllib.parse import parse_qsl
 
 from external_control import ExternalControl
 
 FIELDS = ("motion", "disturbance", "hover_input", "input_gain", "input_min", "input_max")
 LONGEST_BODY = 1000
+NAMES = ("127.0.0.1", "localhost")
 PATIENCE_S = 0.1
 
 
@@ -40,6 +48,15 @@ def parsed_answer(text):
     return int(number), [float(value) for value in inputs]
 
 
+def new_key(path):
+    """Write a new secret to a file that only its owner can read, and return it."""
+    key = secrets.token_urlsafe(32)
+    path.unlink(missing_ok=True)
+    with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="ascii") as file:
+        file.write(key)
+    return key
+
+
 class Handler(BaseHTTPRequestHandler):
     """One client at a time flies the vehicle of the server."""
 
@@ -48,6 +65,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self):
         """Only the task can be read."""
+        if not self._permitted():
+            return
         if self.path == "/task":
             self._reply_with(self._task)
         else:
@@ -55,7 +74,10 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_POST(self):
         """Take, answer, release."""
-        length = int(self.headers.get("Content-Length") or 0)
+        if not self._permitted():
+            return
+        text = self.headers.get("Content-Length", "0")
+        length = int(text) if text.isascii() and text.isdigit() else -1
         if not 0 <= length <= LONGEST_BODY:
             self.close_connection = True
             self._reply(413, f"at most {LONGEST_BODY} bytes\n")
@@ -74,6 +96,16 @@ class Handler(BaseHTTPRequestHandler):
 
     def log_message(self, *_):
         """Fifty requests a second are not logged."""
+
+    def _permitted(self):
+        """Whether a program of this user sends the request; refuse it otherwise."""
+        host = self.headers.get("Host", "").partition(":")[0]
+        key = self.headers.get("X-Key", "").encode(errors="replace")
+        if host in NAMES and hmac.compare_digest(key, self.server.key.encode()):
+            return True
+        self.close_connection = True
+        self._reply(403, "the header X-Key must have the secret in ~/.http_bridge.key\n")
+        return False
 
     def _take(self, patience_s):
         self.server.vehicle.take(patience_s)
@@ -121,6 +153,7 @@ class Bridge(ThreadingHTTPServer):
     def __init__(self, vehicle, port=8050):
         super().__init__(("127.0.0.1", port), Handler)
         self.vehicle = vehicle
+        self.key = new_key(Path.home() / ".http_bridge.key")
         self.one_at_a_time = threading.Lock()
 
 

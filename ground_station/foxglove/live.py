@@ -19,6 +19,9 @@ NANO: Final = 1_000_000_000
 class FoxgloveServer:
     """A server for viewers on this computer; it only reads from the bus.
 
+    The SDK cannot check who connects: every program of this computer, and every web page in its browsers, can
+    read. It has no capability by which viewers could send anything.
+
     Port 0 takes any free port. `wall_ns` and `clock` are the wall clock [ns] and the monotonic clock [s].
     Raises OSError if the port is in use.
     """
@@ -36,7 +39,9 @@ class FoxgloveServer:
         self._arrived: SimpleQueue[RawMessage] = SimpleQueue()
         self._zero_ns = wall_ns() - round(clock() * NANO)
         try:
-            self._server = foxglove.start_server(name=fleet.name, host=HOST, port=port, context=context)
+            self._server = foxglove.start_server(
+                name=fleet.name, host=HOST, port=port, capabilities=[], context=context
+            )
         except RuntimeError as error:
             raise OSError(f"port {port}: {error}") from None
         session.tap(self._arrived.put)

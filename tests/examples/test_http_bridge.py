@@ -75,7 +75,10 @@ def vehicle() -> DoubleIntegrator:
 
 
 @pytest.fixture
-def bridge(vehicle: DoubleIntegrator) -> Iterator[http_bridge.Bridge]:
+def bridge(
+    vehicle: DoubleIntegrator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[http_bridge.Bridge]:
+    monkeypatch.setenv("HOME", str(tmp_path))
     with http_bridge.Bridge(vehicle, port=0) as server:
         thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
@@ -93,8 +96,12 @@ def client(bridge: http_bridge.Bridge) -> Iterator[http.client.HTTPConnection]:
     connection.close()
 
 
-def asked(client: http.client.HTTPConnection, method: str, path: str, body: str = "") -> tuple[int, str]:
-    client.request(method, path, body)
+def asked(
+    client: http.client.HTTPConnection, method: str, path: str, body: str = "", **headers: str
+) -> tuple[int, str]:
+    """Status and text of the reply; `headers` replace those of a program that knows the secret."""
+    key = (Path.home() / ".http_bridge.key").read_text()
+    client.request(method, path, body, {"X-Key": key} | headers)
     reply = client.getresponse()
     return reply.status, reply.read().decode()
 
@@ -146,6 +153,30 @@ def test_what_cannot_be_done_is_told_and_the_bridge_goes_on(
     assert vehicle.answers == []
     client.close()
     assert asked(client, "POST", "/answer", "1 0 0 0.5 0")[0] == 200
+
+
+@pytest.mark.parametrize(("method", "path"), [("POST", "/take"), ("POST", "/answer"), ("GET", "/task")])
+@pytest.mark.parametrize(
+    "headers", [{"X-Key": ""}, {"X-Key": "wrong"}, {"Host": "evil.example:8050"}, {"Host": ""}]
+)
+def test_strangers_and_pages_of_a_browser_are_refused(
+    client: http.client.HTTPConnection,
+    vehicle: DoubleIntegrator,
+    method: str,
+    path: str,
+    headers: dict[str, str],
+) -> None:
+    assert asked(client, method, path, "1 0 0 0.5 0" if path == "/answer" else "", **headers)[0] == 403
+    assert not vehicle.taken
+    assert vehicle.answers == []
+    assert (Path.home() / ".http_bridge.key").stat().st_mode & 0o777 == 0o600
+
+
+def test_a_browser_is_not_permitted_to_send_the_header(client: http.client.HTTPConnection) -> None:
+    client.request("OPTIONS", "/take", headers={"Origin": "http://evil.example"})
+    reply = client.getresponse()
+    assert reply.status == 501
+    assert reply.getheader("Access-Control-Allow-Headers") is None
 
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler on this computer")

@@ -68,6 +68,18 @@ def test_a_viewer_is_told_of_the_channels_and_gets_what_it_subscribes_to(server:
         assert b"room" in got[0]
 
 
+def test_viewers_can_send_nothing(server: FoxgloveServer) -> None:
+    channel = {"id": 1, "topic": "/h1/kill", "encoding": "json", "schemaName": ""}
+    with client.connect(server.address, subprotocols=[PROTOCOL]) as connection:
+        assert json.loads(connection.recv(timeout=DEADLINE_S))["capabilities"] == []
+        connection.send(json.dumps({"op": "advertise", "channels": [channel]}))
+        answer: dict[str, Any] = {}
+        while answer.get("op") != "status":
+            text = connection.recv(timeout=DEADLINE_S)
+            answer = json.loads(text) if isinstance(text, str) else {}
+        assert "clientPublish" in answer["message"]
+
+
 def test_a_port_in_use_is_told(fleet: Fleet, server: FoxgloveServer) -> None:
     port = int(server.address.rpartition(":")[2])
     with pytest.raises(OSError, match=str(port)):
