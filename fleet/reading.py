@@ -18,6 +18,8 @@ from rcopterx.fleet.snapshot import SUFFIX, read_snapshot
 
 T = TypeVar("T")
 
+DEEPEST = 16
+"""Tables and arrays within each other."""
 _STEP = re.compile(r"\.(\w+)|\[")
 
 
@@ -48,7 +50,9 @@ def parse_fleet(text: str) -> FleetFile:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise FleetError(f"not TOML: {error}") from None
-    _check_finite(raw, "")
+    except RecursionError:
+        raise FleetError(f"nested more than {DEEPEST} times") from None
+    _check_values(raw, "")
     defaults = raw.pop("defaults", {})
     vehicles = raw.get("vehicles")
     if isinstance(defaults, dict) and isinstance(vehicles, dict):
@@ -97,16 +101,18 @@ def converted(raw: object, kind: type[T], where: str) -> T:
         raise FleetError(f"{path or 'top level'}: {what[0].lower()}{what[1:]}") from None
 
 
-def _check_finite(value: object, where: str) -> None:
-    """Refuse nan and inf, which TOML permits."""
+def _check_values(value: object, where: str, depth: int = 0) -> None:
+    """Refuse nan and inf, which TOML permits, and deeply nested tables and arrays."""
     if isinstance(value, float) and not math.isfinite(value):
         raise FleetError(f"{where}: {value} is not a finite number")
+    if depth > DEEPEST:
+        raise FleetError(f"{where}: nested more than {DEEPEST} times")
     if isinstance(value, dict):
         for key, item in value.items():
-            _check_finite(item, f"{where}.{key}" if where else str(key))
+            _check_values(item, f"{where}.{key}" if where else str(key), depth + 1)
     elif isinstance(value, list):
         for number, item in enumerate(value):
-            _check_finite(item, f"{where}[{number}]")
+            _check_values(item, f"{where}[{number}]", depth + 1)
 
 
 def dataclass_from(kind: type[T], table: Mapping[str, Any], where: str) -> T:

@@ -18,6 +18,10 @@ from mcap.records import Attachment, Channel, Chunk, Metadata
 from rcopterx.flights.mcap_writing import COMPRESSION, MAGIC, LoggedMessage
 
 MAX_RECORD_BYTES: Final = 256 * 1024 * 1024
+MAX_CHUNK_BYTES: Final = 64 * 1024 * 1024
+"""Decompressed. The recorder writes some kilobytes."""
+SIZE_UNKNOWN: Final = -1
+"""Size of a frame of zstandard that declares none."""
 _HEAD: Final = struct.Struct("<BQ")
 _MESSAGE: Final = struct.Struct("<HIQQ")
 """Channel, sequence, log time, publish time."""
@@ -128,14 +132,18 @@ def _messages(body: bytes, channels: dict[int, str], contents: Contents) -> Iter
 
 
 def chunk_data(body: bytes) -> bytes | None:
-    """Return the records of a chunk; None where its checksum is wrong."""
+    """Return the records of a chunk; None where its checksum or the size that it declares is wrong."""
     chunk = Chunk.read(_stream(body))
     if chunk.compression not in ("", COMPRESSION):
         raise FlightLogError(f"compression {chunk.compression!r}, ours is {COMPRESSION!r}")
     try:
         data = chunk.data
         if chunk.compression:
-            data = zstandard.decompress(chunk.data, chunk.uncompressed_size)
+            # zstandard allocates the size in the frame, whatever the maximum that it is given.
+            sizes = {chunk.uncompressed_size, zstandard.frame_content_size(data)} - {SIZE_UNKNOWN}
+            if len(sizes) > 1 or max(sizes) > MAX_CHUNK_BYTES:
+                return None
+            data = zstandard.decompress(data, chunk.uncompressed_size)
     except zstandard.ZstdError:
         return None
     return data if zlib.crc32(data) == chunk.uncompressed_crc else None

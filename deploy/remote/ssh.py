@@ -31,7 +31,7 @@ def on(target: str) -> Run:
 
     def run(command: str, content: bytes) -> "subprocess.CompletedProcess[bytes]":
         done = subprocess.run(
-            ["ssh", *OPTIONS, target, command], input=content, capture_output=True, check=False
+            ["ssh", *OPTIONS, "--", target, command], input=content, capture_output=True, check=False
         )
         if done.returncode == UNREACHABLE:
             raise RemoteError(f"{target}: {_output(done)}")

@@ -65,6 +65,8 @@ def read_scenario(path: Path) -> tuple[TimedFault, ...]:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ScenarioError(f"{path}: not TOML: {error}") from None
+    except RecursionError:
+        raise ScenarioError(f"{path}: tables or arrays are nested too deeply") from None
     tables = document.pop("fault", [])
     if document or not isinstance(tables, list) or not 1 <= len(tables) <= MAX_FAULTS:
         raise ScenarioError(f"{path}: allowed are 1 to {MAX_FAULTS} tables [[fault]] and nothing else")

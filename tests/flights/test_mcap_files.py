@@ -1,9 +1,12 @@
 """Promises of MCAP files: the library of the format reads them, and a cut-off one loses its last chunk."""
 
+import struct
+import tracemalloc
 from io import BytesIO
 from pathlib import Path
 
 import pytest
+import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -105,3 +108,24 @@ def test_what_is_no_flight_log_is_refused_by_its_name(path: Path, data: bytes) -
         list(messages_of(path))
     with pytest.raises(FlightLogError, match=r"absent.mcap: cannot be read: No such file"):
         contents_of(path.with_name("absent.mcap"))
+
+
+@pytest.mark.parametrize("declared", [1 << 30, 1 << 60])
+@pytest.mark.parametrize("at", ["in the chunk", "in its compressed frame"])
+def test_a_chunk_that_declares_gigabytes_is_left_out_and_costs_no_memory(
+    path: Path, declared: int, at: str
+) -> None:
+    frame = bytes.fromhex("28b52ffde0") + declared.to_bytes(8, "little") + bytes.fromhex("010000")
+    size = declared if at == "in the chunk" else 8
+    compressed = zstandard.compress(bytes(8)) if at == "in the chunk" else frame
+    body = struct.pack("<QQQII4sQ", 0, 0, size, 0, 4, b"zstd", len(compressed)) + compressed
+    whole = written([[message(1)]])
+    start = written([], finish=False)
+    path.write_bytes(start + struct.pack("<BQ", 6, len(body)) + body + whole[len(start) :])
+    contents = Contents()
+    tracemalloc.start()
+    assert [found.payload for found in messages_of(path, contents)] == [b"payload 1"]
+    _, peak_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert contents.damaged_chunks == 1
+    assert peak_bytes < 10_000_000

@@ -57,6 +57,7 @@ def test_scenario_is_read_in_the_order_of_its_times(tmp_path: Path) -> None:
     ("text", "reason"),
     [
         ("[[fault]", "not TOML"),
+        ("x = " + 5000 * "[" + 5000 * "]", "nested too deeply"),
         ("", r"1 to 200 tables \[\[fault\]\]"),
         ("seed = 1\n[[fault]]\nat_s = 0\nkind = 'close'", "and nothing else"),
         ("fault = 3", r"tables \[\[fault\]\]"),
