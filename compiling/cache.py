@@ -8,6 +8,7 @@ import hashlib
 import os
 import platform
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
@@ -57,6 +58,7 @@ def directory() -> Path | None:
             _check_private(base)
             path = base / name
             path.mkdir(exist_ok=True, mode=0o700)
+            _check_private(path)
             os.utime(path)
         except OSError:
             continue
@@ -75,10 +77,15 @@ def _bases() -> Iterator[Path]:
     yield Path(tempfile.gettempdir()) / f"rcopterx-kernels-{os.getuid()}"
 
 
-def _check_private(base: Path) -> None:
-    status = base.stat()
-    if status.st_uid != os.getuid() or status.st_mode & 0o022:
-        raise PermissionError(f"{base} belongs to another user, or others may write to it")
+def _check_private(path: Path) -> None:
+    """Refuse a directory that another user could fill, or replace in a directory above it."""
+    for place in (path, *path.parents):
+        status = place.lstat()
+        mine = status.st_uid == os.getuid() or (status.st_uid == 0 and place != path)
+        # In a directory like /tmp others cannot rename what is ours.
+        sticky = status.st_mode & stat.S_ISVTX and place != path
+        if not mine or (status.st_mode & 0o022 and not sticky):
+            raise PermissionError(f"{place} belongs to another user, or others may write to it")
 
 
 def _digest() -> str:

@@ -83,6 +83,35 @@ def test_a_place_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("mode", [0o770, 0o707], ids=["group", "everyone"])
+def test_a_place_that_others_could_replace_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: int
+) -> None:
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(mode)
+    monkeypatch.setenv(cache.VARIABLE, str(shared / "mine"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = cache.directory()
+    assert path is not None
+    assert path.parent == tmp_path / "cache" / "rcopterx"
+    shared.chmod(mode | stat.S_ISVTX)
+    cache.directory.cache_clear()
+    assert cache.directory() == shared / "mine" / path.name
+
+
+def test_a_directory_of_kernels_that_others_may_write_to_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "here"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = cache.directory()
+    assert path is not None
+    path.chmod(0o777)
+    cache.directory.cache_clear()
+    assert cache.directory() == tmp_path / "cache" / "rcopterx" / path.name
+
+
 def test_kernels_are_compiled_also_where_no_place_is_writable(tmp_path: Path) -> None:
     script = "from rcopterx.compiling import cache; cache.directory = lambda: None" + KERNEL
     (tmp_path / "kernel.py").write_text(script)
