@@ -59,7 +59,8 @@ class BusAddress:
     """Router endpoints, name of the fleet in the keys, and namespace (tests only).
 
     `host` is the name of this computer in the fleet file, empty without one; `credentials` are for endpoints
-    that require a certificate.
+    that require a certificate. Messages of units that are not in `units` are discarded, so that strangers
+    cannot fill the memory; an empty set permits all.
     """
 
     endpoints: tuple[str, ...]
@@ -67,6 +68,7 @@ class BusAddress:
     namespace: str | None = None
     host: str = ""
     credentials: Credentials | None = None
+    units: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -225,15 +227,17 @@ class Session:
         """Receive a channel of every unit; parameters as in `subscribe`."""
         pattern = channels.key(self.address.fleet, "*", channel.topic)
         wake = self.wake if waking else lambda: None
-        return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth, deliver)
+        units = self.address.units
+        return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth, deliver, units)
 
     def tap(self, store: Callable[[RawMessage], None], topic: str = "*", fleet: str | None = None) -> None:
         """Receive all messages of a fleet, or of one topic, undecoded; receive threads call `store`."""
+        units = self.address.units
 
         def on_sample(sample: zenoh.Sample) -> None:
             chunks = str(sample.key_expr).split("/")
             # A message on a wildcard key belongs to no unit.
-            if len(chunks) == 4 and "*" not in str(sample.key_expr):
+            if len(chunks) == 4 and "*" not in str(sample.key_expr) and (not units or chunks[2] in units):
                 number = number_of(sample.attachment)
                 store(RawMessage(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock(), number))
 

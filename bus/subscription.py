@@ -167,7 +167,10 @@ class Subscription(Inbox[M]):
 
 
 class UnitSubscriptions(Generic[M]):
-    """One channel of every unit of a fleet, with an inbox for each; parameters as in `Subscription`."""
+    """One channel of every unit of a fleet, with an inbox for each; parameters as in `Subscription`.
+
+    Messages of other units than `units` are rejected; an empty set permits all.
+    """
 
     def __init__(
         self,
@@ -178,8 +181,10 @@ class UnitSubscriptions(Generic[M]):
         wake: Callable[[], None],
         depth: int = 1,
         deliver: Deliver = Inbox.store,
+        units: frozenset[str] = frozenset(),
     ) -> None:
         self._deliver = deliver
+        self._units = units
         self.inboxes: dict[str, Inbox[M]] = {}
         self._rejections = Rejections()
         self._channel = channel
@@ -201,13 +206,16 @@ class UnitSubscriptions(Generic[M]):
             return
         inbox = self.inboxes.get(unit)
         if inbox is None:
+            if self._units and unit not in self._units:
+                self._rejections.count("unit")
+                return
             inbox = self.inboxes[unit] = Inbox(self._channel, self._depth, unit)
         self._deliver(inbox, sample.payload.to_bytes(), self._clock())
         self._wake()
 
     @property
     def rejected(self) -> Counter[str]:
-        """Messages on wildcard keys, which belong to no unit."""
+        """Messages on wildcard keys, which belong to no unit, and of unknown units."""
         return self._rejections.counts()
 
     def close(self) -> None:

@@ -26,7 +26,6 @@ MAX_WAITING_BYTES: Final = 64 * 1024 * 1024
 NANO: Final = 1_000_000_000
 TIME_MASK_NS: Final = 1023
 """Bits of times that are cleared: zeros compress, and a microsecond is below their accuracy."""
-FIXED_UNITS: Final = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
 
 
 def schemas() -> dict[str, tuple[str, bytes]]:
@@ -34,7 +33,7 @@ def schemas() -> dict[str, tuple[str, bytes]]:
     found: dict[str, tuple[str, bytes]] = {}
     for channel in CHANNELS:
         shape = msgspec.json.encode(msgspec.json.schema(channel.message))
-        fixed = channel.unit in FIXED_UNITS
+        fixed = channel.unit in channels.FIXED_UNITS
         key = f"{channel.unit}/{channel.topic}" if fixed else channel.topic
         found[key] = (f"rcopterx.{channel.message.__name__}", shape)
     return found

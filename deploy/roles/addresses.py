@@ -1,5 +1,6 @@
 """Where the processes of a fleet find the bus."""
 
+from rcopterx.bus.channels import FIXED_UNITS
 from rcopterx.bus.session import BusAddress
 from rcopterx.deploy.certificates.files import own_credentials
 from rcopterx.deploy.hosts.run_directory import router_socket, run_directory
@@ -14,6 +15,7 @@ def bus_address(fleet: FleetFile, host: str) -> BusAddress:
         namespace=fleet.bus.namespace,
         host=host,
         credentials=own_credentials(fleet, host),
+        units=frozenset({*fleet.vehicles, *fleet.hosts, *FIXED_UNITS}),
     )
 
 

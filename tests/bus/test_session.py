@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import msgpack
 import pytest
@@ -229,6 +229,22 @@ def test_a_tap_receives_every_unit_undecoded_and_survives_strange_keys(
     assert {unit for unit, _, _ in received_raw} == {"h1", "h2"}
 
 
+def test_units_that_the_fleet_does_not_have_take_no_memory(join: Join, bus_address: BusAddress) -> None:
+    with Session(replace(bus_address, units=frozenset({"h1"})), timeout_s=DEADLINE_S) as receiver:
+        sender, tapped = join(), set[str]()
+        receiver.tap(lambda message: tapped.add(message.unit))
+        units = receiver.subscribe_all(channels.POSE)
+
+        def all_arrived() -> bool:
+            for number in range(100):
+                sender.publish(channels.POSE, f"stranger{number}", pose(1))
+            sender.publish(channels.POSE, "h1", pose(1))
+            return units.rejected["unit"] >= 100 and "h1" in units.inboxes
+
+        wait_for(all_arrived, "not everything arrives")
+        assert set(units.inboxes) == tapped == {"h1"}
+
+
 def test_namespaces_keep_fleets_apart(join: Join, bus_address: BusAddress) -> None:
     another = BusAddress(bus_address.endpoints, bus_address.fleet, "another")
     with Session(another, timeout_s=DEADLINE_S) as other:
@@ -407,7 +423,7 @@ def test_a_session_without_a_router_says_where_and_for_how_long_it_tried() -> No
 
 def test_the_token_of_a_killed_process_vanishes(join: Join, bus_address: BusAddress) -> None:
     watcher = join()
-    child = Child(ALIVE_CODE, json.dumps(asdict(bus_address)))
+    child = Child(ALIVE_CODE, json.dumps(asdict(bus_address), default=list))
     try:
         child.wait_ready()
         wait_for(lambda: ("h7", "agent") in watcher.alive_units(), "the process is not seen alive")
@@ -473,7 +489,7 @@ def test_a_session_waits_for_a_router_that_is_being_started() -> None:
 
 def test_a_program_that_never_left_the_bus_ends_without_a_word(bus_address: BusAddress) -> None:
     ended = subprocess.run(
-        [sys.executable, "-c", LEFT_OPEN_CODE, json.dumps(asdict(bus_address))],
+        [sys.executable, "-c", LEFT_OPEN_CODE, json.dumps(asdict(bus_address), default=list)],
         capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
