@@ -99,7 +99,6 @@ NOT_TYPED = {
             "fleets --resume fleets.jsonl",
             "beyond",
             "family --json --plot docs/figures/family.svg",
-            "tuning --seeds 0,1,2,3",
             "hover --conditions helicopters --seeds 100,101,102,103,104",
             "family --seeds 0,1,2,3,4,5,6,7,8,9",
         )

@@ -344,7 +344,7 @@ def test_an_offset_is_three_numbers(up: str, offset: str, vehicles: Vehicles) ->
 def test_numbers_that_are_not_finite_are_refused_by_the_vehicle(up: str, vehicles: Vehicles) -> None:
     result = run("goto", "h1", "nan", "0", "1", "-f", up)
     assert result.exit_code == 1
-    assert "h1 did not answer go_to: go_to: a number is not finite" in result.stderr
+    assert "h1 did not answer go_to: go_to: Expected `float`" in result.stderr
     assert vehicles["h1"].requests == []
 
 

@@ -22,7 +22,7 @@ def test_an_error_becomes_a_line_with_its_place_and_is_repeated_after_a_while_on
     clock = FakeClock()
     attempt = Attempts(clock)
     (line,) = attempt("starting", fails)
-    assert line == "launcher: starting failed: KeyError: 'pid' (test_attempts.py, line 10); going on"
+    assert line == "launcher: starting failed: KeyError: 'pid' (test_start_attempts.py, line 10); going on"
     assert attempt("starting", fails) == []
     assert attempt("stopping", fails) == [line.replace("starting", "stopping")]
     clock.advance(REPEAT_S)

@@ -211,7 +211,7 @@ def flown_hastily(recorded: RecordedAgent) -> tuple[list[AgentStep], list[Messag
 def test_steps_given_up_for_time_are_given_up_again(follower: RecordedAgent) -> None:
     steps, commands, plans = flown_hastily(follower)
     questions = [question for step in steps for _, question in step.overtime]
-    assert sum(question > 0 for question in questions) > 10
+    assert any(question > 0 for question in questions)
     assert questions.count(0) > 2
     (life,) = follower.lives
     periods = [period for _, period in control_periods("h2", follower.fleet, replace(life, steps=steps))]
