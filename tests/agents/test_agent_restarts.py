@@ -90,8 +90,9 @@ def test_an_agent_that_restarts_in_flight_does_not_turn_back_whole_turns(
     bench = successor(join, bus_address, INTENT)
     bench.start()
     status = bench.status()
-    assert status.yaw_rad == pytest.approx(2 * math.tau)
-    assert status.set_point.yaw_rad - status.yaw_rad == pytest.approx(0.5)
+    # A loaded computer may have predicted a period before the status; a whole turn is 6.28 rad.
+    assert status.yaw_rad == pytest.approx(2 * math.tau, abs=0.01)
+    assert status.set_point.yaw_rad - status.yaw_rad == pytest.approx(0.5, abs=0.01)
 
 
 def test_an_agent_that_starts_on_the_floor_forgets_the_task_of_its_predecessor(
