@@ -4,54 +4,45 @@ It comes with the wheel `comma-deps-acados` and is called through its C interfac
 (https://github.com/giaf/hpipm).
 """
 
-from collections.abc import Callable
 from ctypes import CDLL, RTLD_GLOBAL, byref, c_char, c_double, c_int, c_size_t, c_void_p
 from ctypes import Array as CArray
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rcopterx.control.solver.candidates import rated, rolled_out
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
+from rcopterx.benchmarks.peers import TOLERANCE, PeerSolver
+from rcopterx.control.solver.candidates import rolled_out
+from rcopterx.control.solver.problem import OptimalControlProblem, Trajectories
 from rcopterx.vehicles.state import Array
 
-TOLERANCE: Final = 1e-6
 MOST_ITERATIONS: Final = 100
 BALANCED: Final = 2
 """HPIPM's mode BALANCE."""
 
 
-class Hpipm:
-    """A `rcopterx.control.solver.solvers.Solver`; every row is soft with its weight s."""
+class Hpipm(PeerSolver):
+    """The solver; every row is soft with its weight s."""
 
     package = "acados"
 
     def __init__(self, tolerance: float = TOLERANCE) -> None:
-        directory = Path(import_module(self.package).LIB_DIR)
+        super().__init__(tolerance)
+        directory = Path(self._module.LIB_DIR)
         CDLL(str(directory / "libblasfeo.so"), mode=RTLD_GLOBAL)
         self._library = CDLL(str(directory / "libhpipm.so"))
-        self._tolerance = tolerance
         self._workspace: _Workspace | None = None
 
     def reset(self) -> None:
         """Start the next solve cold."""
         self._workspace = None
 
-    def solve(
-        self,
-        p: OptimalControlProblem,
-        same_cost: bool = False,  # noqa: ARG002 - numbers are updated in any case
-        expired: Callable[[], bool] = never,  # noqa: ARG002 - a benchmark waits for every solver
-    ) -> Plan:
-        """Solve a problem."""
+    def _solved(self, p: OptimalControlProblem) -> tuple[Trajectories, int, bool]:
         if self._workspace is None or not self._workspace.fits(p):
             self._workspace = _Workspace(self._library, p, self._tolerance)
         u, iterations, optimal = self._workspace.solve(p)
-        plan = rolled_out(p, u)
-        return rated(p, plan, np.zeros(plan.y.shape), iterations, optimal)
+        return rolled_out(p, u), iterations, optimal
 
 
 class _Workspace:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from rcopterx.control.solver.candidates import rated
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories, never
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.vehicles.state import Array
 
@@ -22,7 +22,7 @@ EXACT: Final = 1e-9
 
 
 class PeerSolver(ABC):
-    """A `rcopterx.control.solver.solvers.Solver` on the sparse form of the problem."""
+    """A `rcopterx.control.solver.solvers.Solver` of another library."""
 
     package: ClassVar[str]
     """What must be installed."""
@@ -30,11 +30,10 @@ class PeerSolver(ABC):
     def __init__(self, tolerance: float = TOLERANCE) -> None:
         self._tolerance = tolerance
         self._module: Any = import_module(self.package)
-        self._qp: SparseQP | None = None
 
+    @abstractmethod
     def reset(self) -> None:
         """Start the next solve cold."""
-        self._qp = None
 
     def solve(
         self,
@@ -43,19 +42,36 @@ class PeerSolver(ABC):
         expired: Callable[[], bool] = never,  # noqa: ARG002 - a benchmark waits for every solver
     ) -> Plan:
         """Solve a problem."""
+        plan, iterations, optimal = self._solved(p)
+        return rated(p, plan, np.zeros(plan.y.shape), iterations, optimal)
+
+    @abstractmethod
+    def _solved(self, p: OptimalControlProblem) -> tuple[Trajectories, int, bool]:
+        """Return the plan, iterations, and whether the tolerance is met."""
+
+
+class SparseSolver(PeerSolver):
+    """A peer that solves the sparse form of the problem."""
+
+    _qp: SparseQP | None = None
+
+    def reset(self) -> None:
+        """Start the next solve cold."""
+        self._qp = None
+
+    def _solved(self, p: OptimalControlProblem) -> tuple[Trajectories, int, bool]:
         first = self._qp is None or not self._qp.fits(p)
         qp = SparseQP(p) if self._qp is None or first else self._qp
         self._qp = qp
         z, iterations, optimal = self._run(qp, p, first)
-        plan = qp.plan_of(z, p)
-        return rated(p, plan, np.zeros(plan.y.shape), iterations, optimal)
+        return qp.plan_of(z, p), iterations, optimal
 
     @abstractmethod
     def _run(self, qp: SparseQP, p: OptimalControlProblem, first: bool) -> tuple[Array, int, bool]:
         """Return variables, iterations, and whether the tolerance is met."""
 
 
-class PiqpSparse(PeerSolver):
+class PiqpSparse(SparseSolver):
     """PIQP, a proximal interior-point method."""
 
     package = "piqp"
@@ -85,7 +101,7 @@ class PiqpMultistage(PiqpSparse):
     backend = "sparse_multistage"
 
 
-class Clarabel(PeerSolver):
+class Clarabel(SparseSolver):
     """Clarabel, an interior-point method for cones."""
 
     package = "clarabel"
@@ -107,7 +123,7 @@ class Clarabel(PeerSolver):
         return np.array(result.x), int(result.iterations), bool(solved)
 
 
-class Proxqp(PeerSolver):
+class Proxqp(SparseSolver):
     """ProxQP, a proximal augmented Lagrangian method, warm-started by its last solution."""
 
     package = "proxsuite"

@@ -79,7 +79,7 @@ class Contestant:
         return CascadeController(self.model, PERIOD_S, CascadeSettings(horizon=horizon), chosen)
 
 
-def _peer(kind: type[PeerSolver] | type[Hpipm]) -> Contestant:
+def _peer(kind: type[PeerSolver]) -> Contestant:
     return Contestant(kind, package=kind.package)
 
 
