@@ -92,8 +92,9 @@ class CascadeController(BaseController):
         self._effort_factors = np.array(settings.effort_factors)[[0, 0, 1, 2]]
         stages = settings.horizon - 1
         self._recovery = recovery(period_s, stages)
-        self._heading, self._height = self._axis(YAW, stages), self._axis(Z, stages)
-        self._horizontal = self._horizontal_problem(stages)
+        weights = self._weights()
+        self._heading, self._height = (self._axis(axis, weights, stages) for axis in (YAW, Z))
+        self._horizontal = self._horizontal_problem(weights, stages)
         self._coupling = model.thrust_coupling if settings.actuator_lag else 0.0
         make = new_solver or settings.new_solver
         self._heading_solver, self._height_solver, self._horizontal_solver = make(), make(), make()
@@ -109,13 +110,13 @@ class CascadeController(BaseController):
         efforts = np.array(settings.input_weights or default_input_weights(model, self._period_s))
         return CascadeWeights(states[:4], states[4:], efforts * self._effort_factors, settings.soft_weight)
 
-    def _axis(self, axis: int, stages: int) -> AxisProblem:
+    def _axis(self, axis: int, weights: CascadeWeights, stages: int) -> AxisProblem:
         axes, settings = slice(axis, axis + 1), self._settings
         dynamics = LagDynamics.of(self._model, self._period_s, settings.actuator_lag, axes)
-        return AxisProblem(axes, dynamics, self._weights(), stages, settings.feed_forward)
+        return AxisProblem(axes, dynamics, weights, stages, settings.feed_forward)
 
-    def _horizontal_problem(self, stages: int) -> HorizontalProblem:
-        model, period_s, settings, weights = self._model, self._period_s, self._settings, self._weights()
+    def _horizontal_problem(self, weights: CascadeWeights, stages: int) -> HorizontalProblem:
+        model, period_s, settings = self._model, self._period_s, self._settings
         if model.tilt is not None:
             return LateralTilt(model, period_s, weights, stages, settings.feed_forward)
         dynamics = LagDynamics.of(model, period_s, settings.actuator_lag, HORIZONTAL)
