@@ -46,14 +46,14 @@ class RecorderStatus(Message, frozen=True, kw_only=True):
 
     state: Annotated[str, Meta(pattern="^(recording|stopped)$")]
     reason: Text = ""
-    """Why it stopped."""
+    """Why it stopped; it resumes as soon as the disk permits."""
     file: Text = ""
     """File under construction."""
     messages: Count = 0
     written_bytes: Count = 0
     """Of this recorder process, after compression."""
     lost: Count = 0
-    """Messages that did not arrive, by the counters of their senders, or were dropped for a slow disk."""
+    """Messages that did not arrive, by the counters of their senders, or were not written to the disk."""
 
 
 class RoundedEstimate(Struct, frozen=True):

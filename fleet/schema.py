@@ -244,7 +244,7 @@ class LogConfig(Table, frozen=True, kw_only=True):
     directory: Text | None = None
     """Directory of flight logs; by default `RCOPTERX_FLIGHTS`, else `~/.local/share/rcopterx/flights`."""
     keep_gb: Annotated[float, Meta(ge=0.01, le=10_000)] = 10.0
-    """Disk space of all flight logs in the directory; the oldest are removed."""
+    """Disk space of the flight logs of this fleet in the directory; the oldest are removed."""
     part_mb: Annotated[float, Meta(ge=1, le=2000)] = 200.0
     """Size of a file of a flight log, after which the next file begins."""
 

@@ -1,4 +1,4 @@
-"""Writes the files of one flight: part after part, within a limit of disk space, until the disk is full."""
+"""Writes the files of one flight: part after part, within limits of disk space."""
 
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -7,14 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from rcopterx.flights.flights import flights_in, next_part, part_path, too_many
+from rcopterx.flights.flights import Flight, flights_in, next_part, part_path, too_many
 from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
 
 METADATA: Final = "flight"
 FLEET_ATTACHMENT: Final = "fleet.json"
 FREE_BYTES: Final = 64 * 1024 * 1024
 """Left free on the disk for logs, reports and the fleet file."""
-CHECK_FREE_CHUNKS: Final = 10
+KEPT_FLIGHTS: Final = 5
+"""Newest earlier flights of a fleet that are never removed for a disk that is almost full."""
+CHECK_FREE_WRITES: Final = 10
+RETRY_WRITES: Final = 50
+"""After a failure, every so many writes, about 5 s, the disk is tried again."""
 PART_CHUNKS: Final = 20_000
 """A part ends after half an hour at the latest: the index of its chunks is kept in memory."""
 
@@ -34,7 +38,7 @@ class FlightSettings:
     part_bytes
         Size from which a part is followed by the next one.
     keep_bytes
-        Limit of all flights in the directory; the oldest parts are removed.
+        Limit of all flights of the fleet in the directory; the oldest parts are removed.
     """
 
     directory: Path
@@ -57,7 +61,7 @@ def free_bytes(directory: Path) -> int:
 
 
 class FlightWriter:
-    """Writes chunks of messages; the first failure of the disk ends the recording, see `problem`."""
+    """Writes chunks of messages; a failure of the disk, see `problem`, interrupts the recording."""
 
     def __init__(
         self,
@@ -71,10 +75,10 @@ class FlightWriter:
         self._file: BinaryIO | None = None
         self._mcap: McapFile | None = None
         self._earlier_bytes = 0
-        self._chunks = 0
+        self._writes = 0
         self.path: Path | None = None
         self.problem = ""
-        """Why the recording ended; empty while it works."""
+        """Why nothing is recorded; empty while it works."""
 
     @property
     def written_bytes(self) -> int:
@@ -82,29 +86,51 @@ class FlightWriter:
         return self._earlier_bytes + (0 if self._mcap is None else self._mcap.written_bytes)
 
     def write(self, messages: Sequence[LoggedMessage]) -> None:
-        """Write messages to the disk."""
-        if self.problem or not messages:
+        """Write messages to the disk; after a failure, only every `RETRY_WRITES` calls try again."""
+        if not messages:
+            return
+        self._writes += 1
+        if self.problem and self._writes % RETRY_WRITES:
             return
         try:
             self._write(messages)
+            self.problem = ""
         except OSError as error:
             self._stop(f"{self.path or self._settings.directory}: {error.strerror or error}")
 
     def _write(self, messages: Sequence[LoggedMessage]) -> None:
         if self._mcap is not None and self._part_is_full(self._mcap):
             self.close()
+        if self._mcap is None or self._writes % CHECK_FREE_WRITES == 0:
+            self._settings.directory.mkdir(parents=True, exist_ok=True)
+            self._make_free()
         mcap = self._begin(messages[0].time_ns) if self._mcap is None else self._mcap
-        if self._chunks % CHECK_FREE_CHUNKS == 0 and self._free(self._settings.directory) < FREE_BYTES:
-            raise OSError(f"less than {FREE_BYTES // 2**20} MiB are free")
-        self._chunks += 1
         mcap.add_chunk(messages)
+
+    def _make_free(self) -> None:
+        """Remove the oldest flights as long as the disk is almost full; raises OSError if it stays so."""
+        # Twice as much is needed to resume, so that parts do not become many and short.
+        needed = 2 * FREE_BYTES if self.problem else FREE_BYTES
+        earlier, _ = self._flights()
+        removable = [path for flight in earlier[:-KEPT_FLIGHTS] for path in flight.parts]
+        while self._free(self._settings.directory) < needed:
+            if not removable:
+                raise OSError(f"less than {needed // 2**20} MiB are free")
+            removable.pop(0).unlink(missing_ok=True)
+
+    def _flights(self) -> tuple[list[Flight], list[Flight]]:
+        """Earlier flights of the fleet, the oldest first, and this one as far as it is written."""
+        settings = self._settings
+        fleet = settings.flight.partition("-")[0]
+        flights = [f for f in flights_in(settings.directory) if f.name.partition("-")[0] == fleet]
+        own = [flight for flight in flights if flight.name == settings.flight]
+        return [flight for flight in flights if flight not in own], own
 
     def _part_is_full(self, mcap: McapFile) -> bool:
         return mcap.written_bytes >= self._settings.part_bytes or mcap.chunks >= PART_CHUNKS
 
     def _begin(self, time_ns: int) -> McapFile:
         settings = self._settings
-        settings.directory.mkdir(parents=True, exist_ok=True)
         self._make_room()
         number = next_part(settings.directory, settings.flight)
         self.path = part_path(settings.directory, settings.flight, number)
@@ -116,26 +142,28 @@ class FlightWriter:
 
     def _make_room(self) -> None:
         """Remove the oldest parts, those of this flight last, to make room for the next one."""
-        settings = self._settings
-        flights = flights_in(settings.directory)
-        own = [flight for flight in flights if flight.name == settings.flight]
-        parts = [path for flight in [*(f for f in flights if f not in own), *own] for path in flight.parts]
-        sizes = [(path, path.stat().st_size) for path in parts]
-        for path in too_many(sizes, max(0, settings.keep_bytes - settings.part_bytes)):
+        earlier, own = self._flights()
+        sizes = [(path, path.stat().st_size) for flight in [*earlier, *own] for path in flight.parts]
+        for path in too_many(sizes, max(0, self._settings.keep_bytes - self._settings.part_bytes)):
             path.unlink(missing_ok=True)
 
     def _stop(self, problem: str) -> None:
         self.problem = problem
-        if self._file is not None and self._mcap is not None:
-            # What was written of the last chunk would end every reader.
-            with suppress(OSError):
-                self._file.truncate(self._mcap.written_bytes)
-                self._file.seek(self._mcap.written_bytes)
-                self._mcap.finish()
-            with suppress(OSError):
-                self._file.close()
-            self._earlier_bytes += self._mcap.written_bytes
+        file, mcap = self._file, self._mcap
         self._file = self._mcap = None
+        if file is None:
+            return
+        with suppress(OSError):
+            if mcap is None or mcap.chunks == 0:
+                Path(file.name).unlink()
+            else:
+                self._earlier_bytes += mcap.written_bytes
+                # What was written of the last chunk would end every reader.
+                file.truncate(mcap.written_bytes)
+                file.seek(mcap.written_bytes)
+                mcap.finish()
+        with suppress(OSError):
+            file.close()
 
     def close(self) -> None:
         """Complete the present part."""

@@ -93,7 +93,7 @@ class Recorder:
         self._writer = writer
         self._wall_ns = wall_ns
         self._gaps = Gaps()
-        self._messages = 0
+        self._messages = self._unwritten = 0
         self._recorded = {channel.topic for channel in CHANNELS if channel.recorded}
 
     def flush(self) -> None:
@@ -106,7 +106,9 @@ class Recorder:
                 time_ns = self._wall_ns + round(message.arrived_s * NANO) & ~TIME_MASK_NS
                 chunk.append(LoggedMessage(topic, message.payload, time_ns, message.number))
         self._writer.write(chunk)
-        if not self._writer.problem:
+        if self._writer.problem:
+            self._unwritten += len(chunk)
+        else:
             self._messages += len(chunk)
 
     def status(self) -> RecorderStatus:
@@ -118,7 +120,7 @@ class Recorder:
             file=str(writer.path or "")[:400],
             messages=self._messages,
             written_bytes=writer.written_bytes,
-            lost=self._gaps.lost + self._waiting.dropped,
+            lost=self._gaps.lost + self._waiting.dropped + self._unwritten,
         )
 
 
@@ -137,9 +139,10 @@ class RecorderSettings:
 
 
 def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) -> None:
-    """Record until SIGTERM or SIGINT; a failure of the disk ends the recording, not the process.
+    """Record until SIGTERM or SIGINT; a failure of the disk interrupts the recording, not the process.
 
-    `announce` is called with a line when the recording ends early. Raises `BusUnreachableError`.
+    `announce` is called with a line when the recording stops early, and when it resumes.
+    Raises `BusUnreachableError`.
     """
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -153,14 +156,14 @@ def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) ->
         writer = FlightWriter(settings.flight())
         recorder = Recorder(waiting, writer, settings.wall_ns)
         session.announce(settings.host, "recorder")
-        report_at_s, announced = 0.0, ""
+        report_at_s, stopped = 0.0, False
         heartbeat = own_heartbeat()
         while not stop.wait(FLUSH_S):
             heartbeat.beat()
             recorder.flush()
-            if writer.problem != announced:
-                announced = writer.problem
-                announce(f"recording stopped: {announced}")
+            if bool(writer.problem) != stopped:
+                stopped = not stopped
+                announce(f"recording stopped: {writer.problem}" if stopped else "recording resumed")
             if session.clock() >= report_at_s:
                 report_at_s = session.clock() + REPORT_S
                 session.publish(channels.RECORDER, settings.host, recorder.status())

@@ -7,7 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from rcopterx.flights.flight_writing import FREE_BYTES, FlightSettings, FlightWriter
+from rcopterx.flights.flight_writing import (
+    FREE_BYTES,
+    KEPT_FLIGHTS,
+    RETRY_WRITES,
+    FlightSettings,
+    FlightWriter,
+)
 from rcopterx.flights.flights import flights_in, part_path
 from rcopterx.flights.listing import summary_of
 from rcopterx.flights.mcap_reading import contents_of, messages_of
@@ -65,12 +71,13 @@ def test_every_chunk_is_on_disk_when_write_returns(tmp_path: Path) -> None:
 def test_the_oldest_flights_make_room_for_the_new_one_and_the_own_parts_come_last(tmp_path: Path) -> None:
     for day in (20, 21):
         part_path(tmp_path, f"lab-202611{day}-120000", 0).write_bytes(bytes(1000))
+    part_path(tmp_path, "other-20261101-120000", 0).write_bytes(bytes(1000))
     flight = writer(tmp_path, part_bytes=1000, keep_bytes=4000)
     for number in range(6):
         flight.write(chunk(number))
     flight.close()
-    (found,) = flights_in(tmp_path)
-    assert found.name == FLIGHT
+    other, found = flights_in(tmp_path)
+    assert (other.name, found.name) == ("other-20261101-120000", FLIGHT)
     assert len(found.parts) < 3
     assert found.size_bytes <= 4000
     assert [m.number for path in found.parts for m in messages_of(path)][-1] == 5
@@ -105,7 +112,79 @@ def test_a_disk_that_is_almost_full_is_left_to_others(tmp_path: Path) -> None:
     flight.write(chunk(1))
     assert "64 MiB" in flight.problem
     flight.write(chunk(2))
-    assert list(messages_of(part_path(tmp_path, FLIGHT, 0))) == []
+    assert flights_in(tmp_path) == []
+
+
+class Disk:
+    """A disk with `spare_bytes` more than what stays free, shared by flights and other files."""
+
+    def __init__(self, spare_bytes: int) -> None:
+        self.spare_bytes = spare_bytes
+
+    def free(self, directory: Path) -> int:
+        """See `free_bytes`."""
+        return FREE_BYTES + self.spare_bytes - sum(path.stat().st_size for path in directory.iterdir())
+
+
+def earlier_flights(directory: Path, fleet: str, count: int) -> None:
+    for day in range(1, count + 1):
+        part_path(directory, f"{fleet}-202611{day:02d}-120000", 0).write_bytes(bytes(10_000))
+
+
+def names(directory: Path) -> list[str]:
+    return [flight.name for flight in flights_in(directory)]
+
+
+def test_the_oldest_flights_of_the_own_fleet_make_room_on_a_disk_that_is_almost_full(tmp_path: Path) -> None:
+    earlier_flights(tmp_path, "lab", KEPT_FLIGHTS + 2)
+    earlier_flights(tmp_path, "other", 2)
+    before = names(tmp_path)
+    disk = Disk(10_000 * len(before) + 3_000)
+    flight = FlightWriter(settings(tmp_path), free=disk.free)
+    for number in range(20):
+        flight.write(chunk(number))
+    assert not flight.problem
+    assert names(tmp_path) == [*(name for name in before if name != "lab-20261101-120000"), FLIGHT]
+
+
+def test_the_newest_flights_stay_whatever_fills_the_disk(tmp_path: Path) -> None:
+    earlier_flights(tmp_path, "lab", KEPT_FLIGHTS + 2)
+    before = names(tmp_path)
+    flight = FlightWriter(settings(tmp_path), free=Disk(0).free)
+    flight.write(chunk(0))
+    assert "64 MiB" in flight.problem
+    assert names(tmp_path) == before[-KEPT_FLIGHTS:]
+
+
+def test_recording_resumes_in_another_part_when_there_is_space_again(tmp_path: Path) -> None:
+    disk = Disk(PLENTY)
+    flight = FlightWriter(settings(tmp_path), free=disk.free)
+    flight.write(chunk(0))
+    disk.spare_bytes = 0
+    for number in range(1, 2 * RETRY_WRITES):
+        flight.write(chunk(number))
+    assert "128 MiB" in flight.problem
+    disk.spare_bytes = PLENTY
+    for number in range(2 * RETRY_WRITES, 3 * RETRY_WRITES + 1):
+        flight.write(chunk(number))
+    assert not flight.problem
+    flight.close()
+    (found,) = flights_in(tmp_path)
+    assert len(found.parts) == 2
+    assert [m.number for path in found.parts for m in messages_of(path)][-1] == 3 * RETRY_WRITES
+    assert summary_of(found).complete
+    assert flight.written_bytes == found.size_bytes
+
+
+def test_tries_on_a_disk_that_stays_full_leave_no_empty_parts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(FullDisk, "room", 600)
+    flight = FlightWriter(settings(tmp_path), opener=lambda path: FullDisk(path, "xb"), free=lambda _: PLENTY)
+    for number in range(3 * RETRY_WRITES):
+        flight.write(chunk(number))
+    assert "No space left" in flight.problem
+    assert flights_in(tmp_path) == []
 
 
 def test_a_directory_that_cannot_be_created_ends_the_recording_only(tmp_path: Path) -> None:
