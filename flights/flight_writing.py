@@ -153,15 +153,16 @@ class FlightWriter:
         self._file = self._mcap = None
         if file is None:
             return
-        with suppress(OSError):
-            if mcap is None or mcap.chunks == 0:
+        if mcap is None or mcap.chunks == 0:
+            with suppress(OSError):
                 Path(file.name).unlink()
-            else:
-                self._earlier_bytes += mcap.written_bytes
-                # What was written of the last chunk would end every reader.
+        else:
+            # What was written of the last chunk would end every reader.
+            with suppress(OSError):
                 file.truncate(mcap.written_bytes)
                 file.seek(mcap.written_bytes)
                 mcap.finish()
+            self._earlier_bytes += mcap.written_bytes
         with suppress(OSError):
             file.close()
 
