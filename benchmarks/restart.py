@@ -70,8 +70,7 @@ def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
     start_up = measured_start_up(path, show)
     kills: dict[str, list[dict[str, Any]]] = {}
     with launched(path) as fleet:
-        if fleet.launcher is None:
-            raise NotReachedError("the fleet was not started here")
+        assert fleet.launcher is not None
         start_up["open_ms"] = _open_ms(fleet)
         fleet.take_off(height_m=HEIGHT_M)
         fleet.wait_for_formation()

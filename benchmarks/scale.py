@@ -24,7 +24,6 @@ from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
-from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 RATE_HZ: Final = 50.0
 """Frames of the motion capture; control periods stay 20 ms."""
@@ -98,10 +97,14 @@ def run(
     `largest_fleet` is the largest one up to which no fleet missed or left out a control period, 0 if the
     first one did. A fleet that cannot be flown has a `problem` in `runs`, and no larger one is flown.
     """
-    runs = []
+    runs: list[dict[str, Any]] = []
     for vehicles in sorted(sizes):
-        runs.append(_measured_or_failed(vehicles, horizon, seconds, show, rate_hz))
-        if "problem" in runs[-1]:
+        try:
+            runs.append(_measured(vehicles, horizon, seconds, show, rate_hz))
+        except FLIGHT_ERRORS as error:
+            show(f"{vehicles} vehicles: {'; '.join(lines_of(error))}")
+            failed = {"missed_ticks": None, "pose_to_command_ms": None, "problem": str(error)}
+            runs.append({"vehicles": vehicles, "horizon": horizon, **failed})
             break
     largest = 0
     for row in runs:
@@ -111,39 +114,18 @@ def run(
     return {"largest_fleet": largest, "seconds": seconds, "rate_hz": rate_hz, "runs": runs}
 
 
-def _measured_or_failed(
-    vehicles: int, horizon: int, seconds: float, show: Show, rate_hz: float
-) -> dict[str, Any]:
-    try:
-        return _measured(vehicles, horizon, seconds, show, rate_hz)
-    except FLIGHT_ERRORS as error:
-        show(f"{vehicles} vehicles: {'; '.join(lines_of(error))}")
-        return {
-            "vehicles": vehicles, "horizon": horizon, "missed_ticks": None, "pose_to_command_ms": None,
-            "problem": str(error),
-        }  # fmt: skip
-
-
 @contextmanager
-def started(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Iterator[tuple[Fleet, Launcher]]:
-    """A fleet on the floor, and its launcher; at the end it lands and is stopped."""
+def in_formation(vehicles: int, horizon: int, rate_hz: float) -> Iterator[tuple[Fleet, Launcher]]:
+    """A fleet in formation, and its launcher; at the end it lands and is stopped."""
     with tempfile.TemporaryDirectory(prefix="rcopterx-") as directory:
         path = Path(directory) / "scale.toml"
         path.write_text(fleet_text(vehicles, horizon, rate_hz), encoding="utf-8")
         with launched(path, record=False) as fleet:
-            if fleet.launcher is None:
-                raise NotReachedError("the fleet was not started here")
+            assert fleet.launcher is not None
+            fleet.take_off()
+            fleet.wait_for_formation()
+            time.sleep(SETTLE_S)
             yield fleet, fleet.launcher
-
-
-@contextmanager
-def in_formation(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> Iterator[tuple[Fleet, Launcher]]:
-    """A fleet that has been `started`, in formation."""
-    with started(vehicles, horizon, rate_hz) as (fleet, launcher):
-        fleet.take_off()
-        fleet.wait_for_formation()
-        time.sleep(SETTLE_S)
-        yield fleet, launcher
 
 
 def fly_legs(fleet: Fleet, seconds: float, flown: Callable[[float], object] = lambda _: None) -> None:

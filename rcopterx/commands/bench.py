@@ -126,23 +126,6 @@ def scale(
 
 
 @app.command()
-def overload(
-    as_json: JsonOption = False,
-    factor: Annotated[
-        float,
-        typer.Option(metavar="F", min=0.5, max=5, help="Vehicles for each one that this computer serves."),
-    ] = 1.5,
-    horizon: HorizonOption = 30,
-    seconds: SecondsOption = 60.0,
-) -> None:
-    """Fly a fleet too large for this computer: control rate, distances, touchdowns."""
-    from rcopterx.benchmarks.overload import run
-
-    with _errors():
-        print_document(run(factor, horizon, seconds, _progress("overload")), as_json)
-
-
-@app.command()
 def cost(
     against: Annotated[Path, typer.Option(metavar="DIRECTORY", help="Checkout to compare this one with.")],
     as_json: JsonOption = False,
@@ -203,18 +186,3 @@ def hosts(as_json: JsonOption = False, rounds: RoundsOption = 2, seconds: Second
 
     with _errors():
         print_document(run(rounds, seconds, _progress("hosts")), as_json)
-
-
-@app.command()
-def kill(
-    as_json: JsonOption = False,
-    repeats: Annotated[
-        int, typer.Option("--presses", metavar="N", min=1, help="Kills by each of the two ways.")
-    ] = 20,
-    fleet: FleetOption = DEFAULT_FLEET,
-) -> None:
-    """Time KILL, by a script and by the space bar of the page, until every radio gets throttle low."""
-    from rcopterx.benchmarks.kill_times import run
-
-    with _errors():
-        print_document(run(_path(fleet), repeats, _progress("kill")), as_json)

@@ -1,7 +1,5 @@
 """Promises of the scale benchmark: its fleets can be flown, and its verdict is that of its runs."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -76,17 +74,6 @@ def test_a_fleet_that_cannot_be_flown_ends_the_series_with_the_reason(
     document = scale.run((2, 4, 6), 30, 1.0, lambda _: None)
     assert document["largest_fleet"] == 2
     assert [run.get("problem") for run in document["runs"]] == [None, "h3 is held"]
-
-
-def test_fleet_that_was_not_started_here_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    @contextmanager
-    def elsewhere(_: Path, *, record: bool) -> Iterator[Any]:
-        assert not record
-        yield type("Fleet", (), {"launcher": None})
-
-    monkeypatch.setattr(scale, "launched", elsewhere)
-    (run,) = scale.run((2,), 30, 1.0, lambda _: None)["runs"]
-    assert run["problem"] == "the fleet was not started here"
 
 
 def test_figure_shows_latency_and_load() -> None:
