@@ -5,12 +5,10 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from rcopterx.experiments import (
-    beyond,
     chain,
     family,
     fleets,
     formation,
-    horizon,
     hover,
     preview,
     swapping,
@@ -18,7 +16,7 @@ from rcopterx.experiments import (
 )
 from rcopterx.experiments.runner import Experiment
 
-_MODULES: Final = (hover, horizon, formation, preview, chain, turning, swapping, family, fleets, beyond)
+_MODULES: Final = (hover, formation, preview, chain, turning, swapping, family, fleets)
 EXPERIMENTS: Final[Mapping[str, Experiment[Any]]] = MappingProxyType(
     {module.EXPERIMENT.name: module.EXPERIMENT for module in _MODULES}
 )

@@ -18,13 +18,11 @@ from rcopterx.experiments.events import Event, Fly, GoTo
 from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.knowledge import Knowledge
 from rcopterx.experiments.record import VehicleRecord, rms
-from rcopterx.experiments.rig import GUARDED, Progress, Rig, RigOptions
+from rcopterx.experiments.rig import GUARDED, Progress, Rig
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, Scheme
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.laboratory import Particulars
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
 
@@ -61,21 +59,19 @@ class Programme:
     """Times of the parts of a flight.
 
     Hover counts from `settled_s` to `hover_s`. Each set point takes `slot_s`, with rest in the last `rest_s`.
-    A turn of the figure-eight takes `eight_s`.
     """
 
     settled_s: float = 5.0
     hover_s: float = 20.0
     slot_s: float = 5.0
     rest_s: float = 1.5
-    eight_s: float = 6.0
 
 
 PROGRAMME: Final = Programme()
-QUICK_PROGRAMME: Final = Programme(settled_s=3.0, hover_s=6.0, slot_s=3.0, rest_s=0.5, eight_s=6.0)
+QUICK_PROGRAMME: Final = Programme(settled_s=3.0, hover_s=6.0, slot_s=3.0, rest_s=0.5)
 STEPS: Final[tuple[tuple[Three, float], ...]] = (((0.4, 0.3, 1.3), 0.0), (HOME_M, 0.0))
 YAW_STEPS: Final[tuple[tuple[Three, float], ...]] = ((HOME_M, np.pi / 2), (HOME_M, 0.0))
-EIGHT: Final = partial(figure_eight, HOME_M, (0.5, 0.25))
+EIGHT: Final = figure_eight(HOME_M, (0.5, 0.25), 6.0)
 
 
 def levels_of(knowledge: Sequence[Knowledge]) -> dict[str, Scheme]:
@@ -122,39 +118,21 @@ DISTRIBUTED: Final = tuple(field.name for field in fields(Flown) if field.type i
 """Figures that are reported as a distribution."""
 
 
-@dataclass(frozen=True)
-class TrueVehicle:
-    """What flies in place of what the conditions give, see `RigVehicle`."""
-
-    particulars: Particulars | None = None
-    plant_type: Model | None = None
-
-
 def fly_member(
-    scheme: Scheme,
-    programme: Programme,
-    conditions: Conditions,
-    seed: int,
-    progress: Progress | None = None,
-    true: TrueVehicle | None = None,
-    options: RigOptions = GUARDED,
+    scheme: Scheme, programme: Programme, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> Flown:
     """Fly one vehicle through the whole programme."""
     slots = STEPS + YAW_STEPS
     starts = [programme.hover_s + index * programme.slot_s for index in range(len(slots) + 1)]
-    path = EIGHT(programme.eight_s)
     events: list[Event] = [
         GoTo(at_s, "h1", place, yaw_rad) for at_s, (place, yaw_rad) in zip(starts, slots, strict=False)
     ]
-    events.append(Fly(starts[-1], "h1", path))
+    events.append(Fly(starts[-1], "h1", EIGHT))
     vehicle = scheme.vehicle("h1", Pose(HOME_M), conditions, seed)
-    if true is not None:
-        plant_type = true.plant_type or vehicle.plant_type
-        vehicle = replace(vehicle, particulars=true.particulars, plant_type=plant_type)
-    rig = Rig([vehicle], conditions, seed, options)
-    record = rig.fly(starts[-1] + path.duration_s, events, progress)["h1"]
+    rig = Rig([vehicle], conditions, seed, GUARDED)
+    record = rig.fly(starts[-1] + EIGHT.duration_s, events, progress)["h1"]
     eight = record.time_s >= starts[-1]
-    wanted = path.sample(record.time_s[eight] - starts[-1])[:, :3]
+    wanted = EIGHT.sample(record.time_s[eight] - starts[-1])[:, :3]
     return _figures(record, programme, starts, record.motion[eight, :3] - wanted)
 
 

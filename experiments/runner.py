@@ -3,7 +3,7 @@
 import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, Generic, TypeVar
 
@@ -37,7 +37,7 @@ class Options:
     quick
         Short flights, to see that everything works; the figures mean little.
     processes
-        Processor cores to use. Flights do not depend on it, measured computing times do.
+        Processor cores to use; flights do not depend on it.
     preset
         Name of the laboratory's conditions in `rcopterx.simulator.conditions.PRESETS`.
     kept
@@ -89,10 +89,6 @@ class Experiment(Generic[T]):
         Draws a result into an empty `matplotlib` figure.
     beside_ideal
         First-order plants also fly the first seed in ideal conditions; the document is then by preset.
-    timed
-        Processor times are measured, so that flights use one process.
-    first_seed
-        Default of the first seed; None chooses it by the conditions.
     compares_knowledge
         Whether it flies at every level of `Options.knowledge`.
     """
@@ -104,14 +100,10 @@ class Experiment(Generic[T]):
     figures: Callable[[str, Mapping[int, T]], dict[str, Any]]
     draw: Callable[[Result[T], Any], None] | None = None
     beside_ideal: bool = False
-    timed: bool = False
-    first_seed: int | None = None
     compares_knowledge: bool = False
 
     def seeds(self, preset: str, first: int | None = None) -> tuple[int, ...]:
         """Consecutive seeds for a preset."""
-        if first is None:
-            first = self.first_seed
         if first is None:
             drawn = PRESETS[preset].coaxial_plant == "drawn_helicopter"
             first = FIRST_REPORTED_VEHICLE if drawn else 0
@@ -133,7 +125,6 @@ class Experiment(Generic[T]):
         KeptFlightsError
             A kept flight has a result of another type.
         """
-        options = replace(options, processes=1) if self.timed else options
         cases, presets = self.cases(options), self.presets(options)
         flown: dict[str, dict[str, dict[int, T]]] = {
             preset: {name: {} for name in cases} for preset in presets

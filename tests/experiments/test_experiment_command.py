@@ -23,7 +23,6 @@ def test_experiments_are_listed() -> None:
     assert result.exit_code == 0
     assert [line.split()[0] for line in result.stdout.splitlines()] == [
         "hover",
-        "horizon",
         "formation",
         "preview",
         "chain",
@@ -31,7 +30,6 @@ def test_experiments_are_listed() -> None:
         "swapping",
         "family",
         "fleets",
-        "beyond",
     ]
 
 
@@ -112,11 +110,10 @@ def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyP
         ["chain", "--seed", "3"],
         ["turning", "--seeds", "9,4", "--quick"],
         ["family", "--quick"],
-        ["beyond"],
     ):
         assert runner.invoke(app, ["experiment", *arguments]).exit_code == 0
-    assert [options.seeds for options in seen] == [(0, 1, 2), (3, 4, 5), (9, 4), (100, 101), (0, 1, 2)]
-    assert [options.quick for options in seen] == [False, False, True, True, False]
+    assert [options.seeds for options in seen] == [(0, 1, 2), (3, 4, 5), (9, 4), (100, 101)]
+    assert [options.quick for options in seen] == [False, False, True, True]
 
 
 def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
@@ -142,7 +139,7 @@ def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["tea"], "known are hover, horizon, formation, preview, chain"),
+        (["tea"], "known are hover, formation, preview, chain"),
         (["hover", "--seeds", "1,x"], "different whole numbers"),
         (["hover", "--seeds", "1,1"], "different whole numbers"),
         (["family", "--knowledge", "default,guessed"], "unknown 'guessed', known are default, identified"),
