@@ -59,8 +59,6 @@ class Channel(Generic[M]):
         Zenoh priority. All channels drop on congestion, none is express.
     recorded
         Whether flight logs keep it.
-    purpose
-        For the reference, in a line.
     """
 
     topic: str
@@ -70,8 +68,7 @@ class Channel(Generic[M]):
     rate_hz: float
     stale_after_s: float
     priority: str
-    recorded: bool
-    purpose: str
+    recorded: bool = True
 
     @property
     def encoding(self) -> str:
@@ -79,91 +76,38 @@ class Channel(Generic[M]):
         return f"application/msgpack;{ROOT}.{self.topic}.v{SCHEMA_VERSION}"
 
 
-POSE: Final = Channel(
-    "pose", messages.Pose, "vehicle", "vicon_gateway", 50, 0.04, REAL_TIME, True,
-    "where the motion capture sees the vehicle",
-)  # fmt: skip
-PLAN: Final = Channel(
-    "plan", messages.Plan, "vehicle", "agent", 50, 0.1, INTERACTIVE_HIGH, True,
-    "predicted trajectory; what followers subscribe to",
-)  # fmt: skip
-COMMAND: Final = Channel(
-    "command", messages.Command, "vehicle", "agent", 50, 0.06, REAL_TIME, True,
-    "stick command and the inputs that follow it",
-)  # fmt: skip
-LEASE_BID: Final = Channel(
-    "lease_bid", messages.LeaseBid, "vehicle", "agent", 0, 1.0, REAL_TIME, True,
-    "request of an agent for the lease that its commands need",
-)  # fmt: skip
-LEASE: Final = Channel(
-    "lease", messages.Lease, "vehicle", "transmitter_gateway", 0, 1.0, REAL_TIME, True,
-    "which agent may command",
-)  # fmt: skip
-APPLIED: Final = Channel(
-    "applied", messages.Applied, "vehicle", "transmitter_gateway", 50, 0.2, DATA_HIGH, True,
-    "what was written to the radio module",
-)  # fmt: skip
-CONTROL_TASK: Final = Channel(
-    "control_task", messages.ControlTask, "vehicle", "agent", 50, 0.1, REAL_TIME, True,
-    "state and reference for a controller outside the agent, while one has authority",
-)  # fmt: skip
+POSE: Final = Channel("pose", messages.Pose, "vehicle", "vicon_gateway", 50, 0.04, REAL_TIME)
+PLAN: Final = Channel("plan", messages.Plan, "vehicle", "agent", 50, 0.1, INTERACTIVE_HIGH)
+COMMAND: Final = Channel("command", messages.Command, "vehicle", "agent", 50, 0.06, REAL_TIME)
+LEASE_BID: Final = Channel("lease_bid", messages.LeaseBid, "vehicle", "agent", 0, 1.0, REAL_TIME)
+LEASE: Final = Channel("lease", messages.Lease, "vehicle", "transmitter_gateway", 0, 1.0, REAL_TIME)
+APPLIED: Final = Channel("applied", messages.Applied, "vehicle", "transmitter_gateway", 50, 0.2, DATA_HIGH)
+CONTROL_TASK: Final = Channel("control_task", messages.ControlTask, "vehicle", "agent", 50, 0.1, REAL_TIME)
 EXTERNAL_INPUT: Final = Channel(
-    "external_input", messages.ExternalInput, "vehicle", "external controller", 50, 0.1, REAL_TIME, True,
-    "inputs of a controller outside the agent",
-)  # fmt: skip
-AGENT_STATUS: Final = Channel(
-    "status", messages.AgentStatus, "vehicle", "agent", 5, 1.0, DATA_LOW, True,
-    "what a vehicle does; solver times and every fallback of its agent",
-)  # fmt: skip
-INTENT: Final = Channel(
-    "intent", Intent, "vehicle", "agent", 5, 3.0, DATA_LOW, True,
-    "task and configuration of an agent, for its successor",
-)  # fmt: skip
+    "external_input", messages.ExternalInput, "vehicle", "external controller", 50, 0.1, REAL_TIME
+)
+AGENT_STATUS: Final = Channel("status", messages.AgentStatus, "vehicle", "agent", 5, 1.0, DATA_LOW)
+INTENT: Final = Channel("intent", Intent, "vehicle", "agent", 5, 3.0, DATA_LOW)
 TRANSMITTER_STATUS: Final = Channel(
-    TRANSMITTER_TOPIC, messages.TransmitterStatus, "vehicle", "transmitter_gateway", 5, 1.0, DATA_LOW, True,
-    "state of the arbiter, the serial port and the radio module",
-)  # fmt: skip
+    TRANSMITTER_TOPIC, messages.TransmitterStatus, "vehicle", "transmitter_gateway", 5, 1.0, DATA_LOW
+)
 TRACKER_STATUS: Final = Channel(
-    "status", host_messages.TrackerStatus, TRACKER_UNIT, "vicon_gateway", 5, 1.0, DATA_LOW, True,
-    "connection to the motion capture and the subjects it lists",
-)  # fmt: skip
+    "status", host_messages.TrackerStatus, TRACKER_UNIT, "vicon_gateway", 5, 1.0, DATA_LOW
+)
 LABORATORY: Final = Channel(
-    "laboratory", host_messages.LaboratoryState, SIMULATOR_UNIT, "simulator", 50, 0.5, DATA_LOW, True,
-    "truth of the simulated laboratory, for measurement only",
-)  # fmt: skip
-LAUNCHER: Final = Channel(
-    "launcher", host_messages.LauncherStatus, "host", "launcher", 2, 2.0, DATA_LOW, True,
-    "vehicles that take part, and restarts of processes",
-)  # fmt: skip
-BEAT: Final = Channel(
-    "beat", Beat, "host", "router", 12.5, 0.32, REAL_TIME, False,
-    "whether messages between routers of different hosts arrive",
-)  # fmt: skip
-ROUTER_STATUS: Final = Channel(
-    "links", RouterStatus, "host", "router", 2, 2.0, DATA_LOW, True,
-    "links of a router to the other hosts",
-)  # fmt: skip
-KILL: Final = Channel(
-    KILL_TOPIC, messages.Kill, FLEET_UNIT, "operator", 0, 1.0, REAL_TIME, True,
-    "cut the motors of some or all vehicles",
-)  # fmt: skip
+    "laboratory", host_messages.LaboratoryState, SIMULATOR_UNIT, "simulator", 50, 0.5, DATA_LOW
+)
+LAUNCHER: Final = Channel("launcher", host_messages.LauncherStatus, "host", "launcher", 2, 2.0, DATA_LOW)
+BEAT: Final = Channel("beat", Beat, "host", "router", 12.5, 0.32, REAL_TIME, recorded=False)
+ROUTER_STATUS: Final = Channel("links", RouterStatus, "host", "router", 2, 2.0, DATA_LOW)
+KILL: Final = Channel(KILL_TOPIC, messages.Kill, FLEET_UNIT, "operator", 0, 1.0, REAL_TIME)
 
 ANSWERED: Final = Channel(
-    "answered", log_messages.AnsweredRequest, "vehicle", "server of the request", 0, 1.0, DATA_LOW, True,
-    "requests and their answers, for flight logs",
-)  # fmt: skip
-LAUNCHER_EVENT: Final = Channel(
-    "event", log_messages.LauncherEvent, "host", "launcher", 0, 1.0, DATA_LOW, True,
-    "starts, deaths and restarts of processes",
-)  # fmt: skip
-AGENT_STEPS: Final = Channel(
-    "steps", log_messages.AgentSteps, "vehicle", "agent", 50, 0.5, DATA_LOW, True,
-    "inputs of an agent at each step, for replays",
-)  # fmt: skip
-RECORDER: Final = Channel(
-    "recorder", log_messages.RecorderStatus, "host", "recorder", 1, 3.0, DATA_LOW, True,
-    "state of the flight log",
-)  # fmt: skip
+    "answered", log_messages.AnsweredRequest, "vehicle", "server of the request", 0, 1.0, DATA_LOW
+)
+LAUNCHER_EVENT: Final = Channel("event", log_messages.LauncherEvent, "host", "launcher", 0, 1.0, DATA_LOW)
+AGENT_STEPS: Final = Channel("steps", log_messages.AgentSteps, "vehicle", "agent", 50, 0.5, DATA_LOW)
+RECORDER: Final = Channel("recorder", log_messages.RecorderStatus, "host", "recorder", 1, 3.0, DATA_LOW)
 
 FIXED_UNITS: Final = (TRACKER_UNIT, SIMULATOR_UNIT, FLEET_UNIT)
 CHANNELS: Final[tuple[Channel[Message], ...]] = (

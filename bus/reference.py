@@ -3,8 +3,10 @@
 import ast
 import inspect
 import json
+import re
 import struct
-from collections.abc import Iterable, Iterator
+import textwrap
+from collections.abc import Callable, Collection, Iterator
 from itertools import pairwise
 from typing import Any, Final
 
@@ -27,12 +29,17 @@ from rcopterx.bus.message import (
 from rcopterx.bus.requests import VERBS, Reply, Request
 
 UNITS: Final = {
+    "_m_s2": "m/s²",
+    "_rad_s": "rad/s",
     "_m_s": "m/s",
+    "_per_s": "1/s",
     "_ms_p50": "ms",
     "_ms_p99": "ms",
     "_ms_max": "ms",
-    "_us": "us",
+    "_us": "µs",
     "_ms": "ms",
+    "_gb": "GB",
+    "_mb": "MB",
     "_hz": "Hz",
     "_rad": "rad",
     "_m": "m",
@@ -141,7 +148,7 @@ def _channel_lines() -> Iterator[str]:
         rate = f"{row.rate_hz:g}" if row.rate_hz else "on events"
         yield (
             f"| {row.unit} / {row.topic} | {_link(row.message)} | {row.publisher} | {rate} "
-            f"| {row.stale_after_s:g} | {row.priority} | {row.purpose} |"
+            f"| {row.stale_after_s:g} | {row.priority} | {purpose(row.message)} |"
         )
     yield ""
     yield f"The encoding of a payload is `{CHANNELS[0].encoding}`, with the topic in the place of `pose`."
@@ -166,7 +173,7 @@ def _request_lines(structures: dict[str, type]) -> Iterator[str]:
     for verb in VERBS.values():
         yield (
             f"| {verb.name} | {_link(verb.request)} | {verb.asker} | {verb.server} "
-            f"| {_link(verb.reply)} | {verb.purpose} |"
+            f"| {_link(verb.reply)} | {purpose(verb.request)} |"
         )
     yield ""
     for verb in VERBS.values():
@@ -190,69 +197,100 @@ def _section(kind: type, base: type, structures: dict[str, type]) -> Iterator[st
     yield f"### {kind.__name__}"
     yield one_line(kind.__doc__ or "")
     yield ""
-    inherited = set(getattr(base, "__struct_fields__", ()))
-    documents = _field_documents(kind)
+    inherited = getattr(base, "__struct_fields__", ())
     info = types.type_info(kind)
-    own = [field for field in getattr(info, "fields", ()) if field.name not in inherited]
     tag = getattr(info, "tag_field", None)
-    if not own and not tag:
+    if not tag and not set(getattr(kind, "__struct_fields__", ())).difference(inherited):
         yield "No fields of its own."
         yield ""
         return
-    yield "| field | type | unit | default | meaning |"
-    yield "| --- | --- | --- | --- | --- |"
+
+    def structure(part: Any) -> str:
+        if part.cls is FloatArray:
+            return "matrix"
+        if not issubclass(part.cls, Message):
+            structures[part.cls.__name__] = part.cls
+        return _link(part.cls)
+
+    header, rule, *rows = field_table(kind, structure, _default, inherited)
+    yield from (header, rule)
     if tag:
         yield f"| `{tag}` | `{getattr(info, 'tag', None)}` | | | which one it is |"
-    for field in own:
-        described = _type(field.type, structures)
-        default = "" if field.required else f"`{_default(field)}`"
-        meaning = documents.get(field.name, "")
-        yield f"| `{field.name}` | {described} | {_unit(field.name)} | {default} | {meaning} |"
+    yield from rows
     yield ""
 
 
+def field_table(
+    kind: type,
+    structure: Callable[[Any], str],
+    default: Callable[[types.Field], str],
+    inherited: Collection[str] = (),
+) -> Iterator[str]:
+    """Yield the lines of a table of the fields of a type, without inherited ones.
+
+    `structure` returns the text of a type with fields of its own, `default` that of a field's default.
+    """
+    yield "| field | type | unit | default | meaning |"
+    yield "| --- | --- | --- | --- | --- |"
+    meanings = meanings_of(kind)
+    for field in getattr(types.type_info(kind), "fields", ()):
+        if field.name not in inherited:
+            unit = next((unit for end, unit in UNITS.items() if field.name.endswith(end)), "")
+            yield (
+                f"| `{field.name}` | {_type(field.type, structure)} | {unit} | {default(field)} "
+                f"| {meanings.get(field.name, '')} |"
+            )
+
+
+def purpose(kind: type) -> str:
+    """First paragraph of a type's docstring."""
+    return one_line((kind.__doc__ or "").split("\n\n")[0])
+
+
 def _default(field: types.Field) -> str:
+    if field.required:
+        return ""
     value = field.default_factory() if field.default is msgspec.NODEFAULT else field.default
-    return json.dumps(msgspec.to_builtins(value)).replace("null", "nil")
-
-
-def _unit(name: str) -> str:
-    return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
+    return f"`{json.dumps(msgspec.to_builtins(value)).replace('null', 'nil')}`"
 
 
 def _link(kind: type) -> str:
     return f"[{kind.__name__}](#{kind.__name__.lower()})"
 
 
-def _type(kind: Any, structures: dict[str, type]) -> str:
+def _type(kind: Any, structure: Callable[[Any], str]) -> str:
     """A field's type as text."""
+
+    def text(inner: Any) -> str:
+        return _type(inner, structure)
+
     match kind:
         case types.BoolType():
             return "boolean"
         case types.IntType() | types.FloatType():
-            return ("integer" if isinstance(kind, types.IntType) else "float") + bounds(kind)
+            return ("integer" if isinstance(kind, types.IntType) else "float") + _bounds(kind)
         case types.StrType():
             return _text(kind)
+        case types.LiteralType():
+            return " or ".join(f"`{word}`" for word in kind.values)
         case types.BytesType():
             return "bytes"
         case types.NoneType():
             return "nil"
+        case types.AnyType():
+            return "anything"
         case types.UnionType():
-            return " or ".join(_type(member, structures) for member in kind.types)
+            return " or ".join(map(text, kind.types))
         case types.TupleType():
-            return f"{len(kind.item_types)} times {_type(kind.item_types[0], structures)}"
+            return f"{len(kind.item_types)} times {text(kind.item_types[0])}"
         case types.VarTupleType() if kind.min_length == kind.max_length is not None:
-            return f"{kind.max_length} times {_type(kind.item_type, structures)}"
-        case types.VarTupleType():
-            return f"array of {_type(kind.item_type, structures)}{_length(kind)}"
+            return f"{kind.max_length} times {text(kind.item_type)}"
+        case types.VarTupleType() | types.ListType() | types.FrozenSetType():
+            return f"array of {text(kind.item_type)}{_length(kind)}"
         case types.DictType():
-            return f"map of {_type(kind.key_type, structures)} to {_type(kind.value_type, structures)}"
-        case types.StructType() if kind.cls is FloatArray:
-            return "matrix"
-        case types.StructType():
-            if not issubclass(kind.cls, Message):
-                structures[kind.cls.__name__] = kind.cls
-            return _link(kind.cls)
+            return f"map of {text(kind.key_type)} to {text(kind.value_type)}"
+        case types.StructType() | types.DataclassType():
+            return structure(kind)
     raise TypeError(f"no text for {kind}")
 
 
@@ -263,7 +301,7 @@ def _text(kind: types.StrType) -> str:
     return "name" if "[" in kind.pattern else " or ".join(f"`{word}`" for word in words)
 
 
-def bounds(kind: types.IntType | types.FloatType) -> str:
+def _bounds(kind: types.IntType | types.FloatType) -> str:
     """Limits of a number, to be put after its type; empty if there are none but the general ones."""
     low, high = kind.ge if kind.gt is None else kind.gt, kind.le
     low = None if low is not None and -low in GENERAL_LIMITS else low
@@ -276,22 +314,35 @@ def bounds(kind: types.IntType | types.FloatType) -> str:
     return "" if high is None else f", to {high:g}"
 
 
-def _length(kind: types.VarTupleType) -> str:
+def _length(kind: types.VarTupleType | types.ListType | types.FrozenSetType) -> str:
     low = f", at least {kind.min_length}" if kind.min_length else ""
     return low + ("" if kind.max_length is None else f", at most {kind.max_length}")
 
 
-def _field_documents(kind: type) -> dict[str, str]:
-    """The strings that stand below fields in the source, by field."""
+def meanings_of(kind: type) -> dict[str, str]:
+    """Return the documentation of the fields of a type: strings below them, or its parameter section."""
     found: dict[str, str] = {}
-    for base in reversed(kind.__mro__):
-        if issubclass(base, msgspec.Struct) and base.__module__.startswith("rcopterx.bus."):
-            found |= dict(documented(ast.parse(inspect.getsource(base)).body[0]))
+    for base in reversed(kind.__mro__[:-1]):
+        if base.__module__.partition(".")[0] != "msgspec":
+            node = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+            found |= dict(_parameters(inspect.cleandoc(base.__doc__ or "")))
+            found |= dict(_documented(node))
     return found
 
 
-def documented(node: ast.stmt) -> Iterable[tuple[str, str]]:
-    """Fields of a class, and the strings that stand below them in its source."""
+_PARAMETER: Final = re.compile(r"^(\w+(?:, \w+)*)(?: : [^\n]*)?\n((?: {4}[^\n]*\n?)+)", re.MULTILINE)
+
+
+def _parameters(text: str) -> Iterator[tuple[str, str]]:
+    """Yield the entries of the section Parameters or Attributes of a docstring."""
+    _, _, entries = text.partition("----\n")
+    for names, meaning in _PARAMETER.findall(entries.partition("\n\n")[0] + "\n"):
+        for name in names.split(", "):
+            yield name, one_line(meaning)
+
+
+def _documented(node: ast.stmt) -> Iterator[tuple[str, str]]:
+    """Yield fields of a class, and the strings that stand below them in its source."""
     body = node.body if isinstance(node, ast.ClassDef) else []
     for field, below in pairwise(body):
         if (

@@ -294,7 +294,6 @@ class Verb:
     name: str
     server: str
     request: type[Request]
-    purpose: str
     reply: type[Reply] = Reply
     asker: str = OPERATOR
     """Role that may send it; `ANYBODY` for every client."""
@@ -307,54 +306,32 @@ class Verb:
 VERBS: Final = {
     verb.name: verb
     for verb in (
-        Verb("arm", "transmitter_gateway", Arm, "let commands reach the transmitter"),
-        Verb("disarm", "transmitter_gateway", Disarm, "throttle low until armed again"),
-        Verb("kill", "transmitter_gateway", KillVehicle, "cut the motors, latching"),
-        Verb("reset", "transmitter_gateway", ResetKill, "leave KILLED while disarmed"),
-        Verb("take_off", "agent", TakeOff, "climb to a height"),
-        Verb("land", "agent", Land, "descend and switch the rotor off"),
-        Verb("go_to", "agent", GoTo, "new set point"),
-        Verb("fly", "agent", Fly, "fly a trajectory"),
-        Verb("follow", "agent", Follow, "follow another vehicle's plan"),
-        Verb("lead", "agent", Lead, "follow no leader"),
-        Verb("tune", "agent", Tune, "change controller, estimator or their settings"),
-        Verb("excite", "agent", Excite, "move the sticks a little, to identify the vehicle"),
-        Verb("take_control", "agent", TakeControl, "fly the vehicle from outside the agent"),
-        Verb("release_control", "agent", ReleaseControl, "return the vehicle to its own controller"),
-        Verb(
-            "prepare_leaders",
-            "agent",
-            PrepareLeaders,
-            "prepare a change of leaders of several vehicles",
-        ),
-        Verb("commit_leaders", "agent", CommitLeaders, "adopt the prepared leaders at a frame"),
-        Verb("withdraw_leaders", "agent", WithdrawLeaders, "discard the prepared leaders"),
-        Verb("start_vehicle", "launcher", StartVehicle, "let a vehicle take part", unit="host"),
-        Verb("stop_vehicle", "launcher", StopVehicle, "let a vehicle leave", unit="host"),
-        Verb("take_vehicle", "launcher", TakeVehicle, "move the agent of a vehicle here", unit="host"),
-        Verb("start_host", "launcher", StartHost, "start the processes of a host", unit="host"),
-        Verb("stop_host", "launcher", StopHost, "end the processes of a host", unit="host"),
-        Verb(
-            "read_logs",
-            "launcher",
-            ReadLogs,
-            "what the processes of a host have logged",
-            ReadLogsReply,
-            ANYBODY,
-            "host",
-            recorded=False,
-        ),
-        Verb(
-            "recall",
-            "launcher",
-            Recall,
-            "last intent of a vehicle's previous agent",
-            RecallReply,
-            "agent",
-            "host",
-        ),
-        Verb("identify", "router", Identify, "which fleet is up", IdentifyReply, ANYBODY, "host"),
-        Verb("inject", "simulator", Inject, "inject faults into the laboratory", unit=SIMULATOR_UNIT),
+        Verb("arm", "transmitter_gateway", Arm),
+        Verb("disarm", "transmitter_gateway", Disarm),
+        Verb("kill", "transmitter_gateway", KillVehicle),
+        Verb("reset", "transmitter_gateway", ResetKill),
+        Verb("take_off", "agent", TakeOff),
+        Verb("land", "agent", Land),
+        Verb("go_to", "agent", GoTo),
+        Verb("fly", "agent", Fly),
+        Verb("follow", "agent", Follow),
+        Verb("lead", "agent", Lead),
+        Verb("tune", "agent", Tune),
+        Verb("excite", "agent", Excite),
+        Verb("take_control", "agent", TakeControl),
+        Verb("release_control", "agent", ReleaseControl),
+        Verb("prepare_leaders", "agent", PrepareLeaders),
+        Verb("commit_leaders", "agent", CommitLeaders),
+        Verb("withdraw_leaders", "agent", WithdrawLeaders),
+        Verb("start_vehicle", "launcher", StartVehicle, unit="host"),
+        Verb("stop_vehicle", "launcher", StopVehicle, unit="host"),
+        Verb("take_vehicle", "launcher", TakeVehicle, unit="host"),
+        Verb("start_host", "launcher", StartHost, unit="host"),
+        Verb("stop_host", "launcher", StopHost, unit="host"),
+        Verb("read_logs", "launcher", ReadLogs, ReadLogsReply, ANYBODY, "host", recorded=False),
+        Verb("recall", "launcher", Recall, RecallReply, "agent", "host"),
+        Verb("identify", "router", Identify, IdentifyReply, ANYBODY, "host"),
+        Verb("inject", "simulator", Inject, unit=SIMULATOR_UNIT),
     )
 }
 """Every verb by name. The key is `rcopterx/<fleet>/<vehicle>/request/<verb>`."""

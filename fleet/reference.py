@@ -3,11 +3,7 @@
 Keys, types, defaults, limits and meanings come from the types in `schema`.
 """
 
-import ast
-import inspect
 import json
-import re
-import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass
 from typing import Any, Final
@@ -15,7 +11,7 @@ from typing import Any, Final
 import msgspec
 from msgspec import inspect as types
 
-from rcopterx.bus.reference import bounds, documented, one_line
+from rcopterx.bus.reference import field_table, purpose
 from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.control.estimators.registry import ESTIMATORS
 from rcopterx.fleet import schema
@@ -63,20 +59,6 @@ subject = "heli2"
 transmitter = { port = "/dev/ttyUSB1", model_match = 2 }
 follow = [{ leader = "h1", offset_m = [-0.4, 0.5, 0.0] }]
 """
-UNITS: Final = {
-    "_m_s2": "m/s²",
-    "_rad_s": "rad/s",
-    "_m_s": "m/s",
-    "_per_s": "1/s",
-    "_us": "µs",
-    "_gb": "GB",
-    "_mb": "MB",
-    "_hz": "Hz",
-    "_rad": "rad",
-    "_m": "m",
-    "_s": "s",
-}
-"""Units by the end of a key; the first match counts."""
 
 
 @dataclass(frozen=True)
@@ -183,45 +165,12 @@ def _section(section: Section, first: bool) -> Iterator[str]:
     if first:
         yield f"## {f'[{section.path}]' if section.path else 'Top level'}"
         yield ""
-    yield " ".join(filter(None, (_purpose(section.kind), section.note)))
+    yield " ".join(filter(None, (purpose(section.kind), section.note)))
     yield ""
-    yield "| key | type | unit | default | meaning |"
-    yield "| --- | --- | --- | --- | --- |"
-    meanings = meanings_of(section.kind)
-    info = types.type_info(section.kind)
-    for field in getattr(info, "fields", ()):
-        default = section.own_default or _default(field)
-        unit = next((unit for end, unit in UNITS.items() if field.name.endswith(end)), "")
-        meaning = meanings.get(field.name, "")
-        yield f"| `{field.name}` | {_type(field.type)} | {unit} | {default} | {meaning} |"
+    rows = field_table(section.kind, lambda _: "table", lambda field: section.own_default or _default(field))
+    # TOML has no nil: such a key is left out.
+    yield from (row.replace(" or nil", "") for row in rows)
     yield ""
-
-
-def _purpose(kind: type) -> str:
-    return one_line((kind.__doc__ or "").split("\n\n")[0])
-
-
-def meanings_of(kind: type) -> dict[str, str]:
-    """Return the documentation of the fields of a type: strings below them, or its parameter section."""
-    found: dict[str, str] = {}
-    for base in reversed(kind.__mro__[:-1]):
-        if base.__module__.partition(".")[0] == "msgspec":
-            continue
-        node = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
-        found |= dict(_parameters(inspect.cleandoc(base.__doc__ or "")))
-        found |= dict(documented(node))
-    return found
-
-
-_PARAMETER: Final = re.compile(r"^(\w+(?:, \w+)*)(?: : [^\n]*)?\n((?: {4}[^\n]*\n?)+)", re.MULTILINE)
-
-
-def _parameters(text: str) -> Iterator[tuple[str, str]]:
-    """Yield the entries of the section Parameters or Attributes of a docstring."""
-    _, _, entries = text.partition("----\n")
-    for names, meaning in _PARAMETER.findall(entries.partition("\n\n")[0] + "\n"):
-        for name in names.split(", "):
-            yield name, one_line(meaning)
 
 
 def _default(field: types.Field) -> str:
@@ -241,35 +190,6 @@ def _sorted(value: Any) -> Any:
 
 def _holds_tables(value: Any) -> bool:
     return isinstance(value, dict) and any(isinstance(item, msgspec.Struct) for item in value.values())
-
-
-def _type(kind: Any) -> str:
-    """Return the type of a key as text."""
-    match kind:
-        case types.BoolType():
-            return "boolean"
-        case types.IntType() | types.FloatType():
-            return ("integer" if isinstance(kind, types.IntType) else "number") + bounds(kind)
-        case types.StrType():
-            return "name" if kind.pattern is not None else "text"
-        case types.LiteralType():
-            return " or ".join(f"`{word}`" for word in kind.values)
-        case types.AnyType():
-            return "anything"
-        case types.UnionType():
-            return " or ".join(
-                _type(member) for member in kind.types if not isinstance(member, types.NoneType)
-            )
-        case types.TupleType():
-            return f"list of {len(kind.item_types)}: {_type(kind.item_types[0])}"
-        case types.VarTupleType() | types.ListType() | types.FrozenSetType():
-            return f"list of {_type(kind.item_type)}"
-        case types.DictType():
-            inner = _type(kind.value_type)
-            return {"anything": "table", "table": "tables by name"}.get(inner, f"table of {inner}")
-        case types.StructType() | types.DataclassType():
-            return "table"
-    raise TypeError(f"no text for {kind}")
 
 
 if __name__ == "__main__":

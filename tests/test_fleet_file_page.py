@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from rcopterx import deploy
+from rcopterx.bus.reference import meanings_of
 from rcopterx.fleet.reading import parse_fleet
-from rcopterx.fleet.reference import EXAMPLE, meanings_of, reference, sections
+from rcopterx.fleet.reference import EXAMPLE, reference, sections
 
 PAGE = Path(deploy.__file__).resolve().parents[1] / "docs" / "fleet_file.md"
 ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]*) \| ([^|]+) \| ([^|]+) \|$")
@@ -29,11 +30,11 @@ def test_every_key_has_a_type_a_default_and_a_meaning() -> None:
     ("key", "cells"),
     [
         ("router_port", "| `router_port` | integer, 1 to 65535 |  | `7447` | TCP port of the bus router. |"),
-        ("max_m", "| `max_m` | list of 3: number | m | `[1.2, 1.2, 2.0]` | Highest x, y, z."),
+        ("max_m", "| `max_m` | 3 times float | m | `[1.2, 1.2, 2.0]` | Highest x, y, z."),
         ("then", '| `then` | `hold` or `land` or `promote` |  | `"hold"` | Keep the place;'),
         ("subject", "| `subject` | text |  | **needed** | Name of the vehicle's subject"),
-        ("gain_us", "| `gain_us` | number | µs | `400.0` | Pulse width per unit of input"),
-        ("braking_m_s2", "| `braking_m_s2` | list of 3: number | m/s² | `[2.0, 2.0, 2.0]` | Deceleration"),
+        ("gain_us", "| `gain_us` | float | µs | `400.0` | Pulse width per unit of input"),
+        ("braking_m_s2", "| `braking_m_s2` | 3 times float | m/s² | `[2.0, 2.0, 2.0]` | Deceleration"),
     ],
 )
 def test_types_units_defaults_limits_and_meanings_come_from_the_source(key: str, cells: str) -> None:

@@ -56,7 +56,7 @@ def test_figures_of_a_channel_make_sense(channel: Channel[Message]) -> None:
     assert channel.rate_hz >= 0
     # A sender that keeps its rate must never count as silent for one lost message.
     assert channel.rate_hz == 0 or channel.stale_after_s >= 2 / channel.rate_hz
-    assert channel.purpose
+    assert channel.message.__doc__
     assert channel.publisher
 
 
