@@ -96,6 +96,7 @@ class Transmitter:
         """Take a command; an accepted one is written by the next `tick`, if it flies the vehicle."""
         answer = self.arbiter.command(command, now_s)
         if answer.accepted:
+            self._save()
             self._decide_at_once(urgent=self.arbiter.commanded)
         return answer
 
@@ -117,6 +118,9 @@ class Transmitter:
         if request.action is Action.SHUTDOWN:
             self._shutdown = True
         answer = self.arbiter.request(request, now_s)
+        if self.arbiter.state is not State.DISARMED:
+            self._last, self._unknown_until_s = None, -math.inf
+        self._save()
         self._decide_at_once()
         return answer
 
@@ -150,8 +154,11 @@ class Transmitter:
             self._last = last
 
     def _save(self) -> None:
-        """Write into the page what a successor needs."""
-        if self._page is None:
+        """Write into the page what a successor needs, before it shows outside of this process.
+
+        Until it is decided whether a vehicle is taken over, the page of the earlier process stays.
+        """
+        if self._page is None or self.undecided:
             return
         arbiter = self.arbiter
         self._page.save(
@@ -176,8 +183,6 @@ class Transmitter:
     def _decide(self, now_s: float) -> None:
         """Take the vehicle over if it flies, once its pose is known and the port is open."""
         limits = self.arbiter.limits
-        if self.arbiter.state is not State.DISARMED:
-            self._last, self._unknown_until_s = None, -math.inf
         track = self.arbiter.surveillance.own_track
         seen = track is not None and track.position_m is not None
         if seen and now_s < self._unknown_until_s and not seen_on_floor(track, limits):
@@ -267,9 +272,7 @@ class Transmitter:
         self._due_now = False
         if self.undecided:
             self._decide(now_s)
-        if self.undecided:
-            return None
-        write = self._advance(now_s)
+        write = None if self.undecided else self._advance(now_s)
         self._save()
         return write
 

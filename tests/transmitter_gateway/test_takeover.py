@@ -386,6 +386,37 @@ def test_agents_keep_their_lease_and_the_next_one_gets_the_next_number(restart: 
     assert restart.transmitter.arbiter.issued == 2
 
 
+class KilledError(Exception):
+    """The process ends while it writes a frame."""
+
+
+def test_delayed_command_of_an_earlier_lease_does_not_count_after_a_kill_while_a_later_one_is_written(
+    restart: Restart, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    restart.fly()
+    assert restart.transmitter.bid(2, restart.now_s, take_over=True) == 2
+
+    def killed(frame: bytes, now_s: float) -> None:
+        raise KilledError
+
+    monkeypatch.setattr(restart.transmitter.port, "write_frame", killed)
+    u = (0.0, 0.0, 0.55, 0.0)
+    command = CommandInput(2, 1, 1, restart.sequence, u)
+    assert restart.transmitter.on_command(command, restart.now_s).accepted
+    with pytest.raises(KilledError):
+        restart.tick(0.01)
+    restart.die(0.04)
+    delayed = CommandInput(1, 1, restart.sequence + 1, restart.sequence, u)
+    assert restart.transmitter.on_command(delayed, restart.now_s).reason == "control lease lost"
+
+
+def test_kill_that_was_answered_outlives_the_process_at_once(restart: Restart) -> None:
+    restart.fly()
+    assert restart.request(Action.KILL).accepted
+    restart.die(0.04)
+    assert restart.state is State.KILLED
+
+
 def test_a_lost_page_leaves_the_radio_silent_until_the_vehicle_is_seen_and_lands_it(restart: Restart) -> None:
     restart.fly()
     restart.lose_page()
