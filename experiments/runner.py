@@ -1,6 +1,7 @@
 """Experiments as data, and flying every case of one on every seed."""
 
 import multiprocessing
+import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 
+from rcopterx.deploy.roles.run import end_with
 from rcopterx.experiments.kept import KeptFlights
 from rcopterx.experiments.knowledge import LEVELS, Knowledge, flies_helicopters
 from rcopterx.simulator.conditions import PRESETS, Conditions
@@ -178,7 +180,8 @@ def fly_all(flights: Mapping[str, "partial[T]"], options: Options, show: ShowPro
         for label, fly in missing.items():
             finish(label, fly(progress=partial(_show_within, show, label, len(results), len(flights))))
     else:
-        with ProcessPoolExecutor(options.processes, multiprocessing.get_context("spawn")) as pool:
+        spawn = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(options.processes, spawn, end_with, (os.getpid(),)) as pool:
             futures = {pool.submit(fly): label for label, fly in missing.items()}
             for future in as_completed(futures):
                 finish(futures[future], future.result())

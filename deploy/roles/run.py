@@ -26,10 +26,14 @@ EXIT_UNREACHABLE = 3
 def end_with_parent() -> None:
     """Receive SIGTERM when the launcher dies; gateways then bring their vehicles down."""
     parent = os.environ.get("RCOPTERX_PARENT")
-    if parent is None:
-        return
+    if parent is not None:
+        end_with(int(parent))
+
+
+def end_with(parent: int) -> None:
+    """Receive SIGTERM when the parent process with this id dies."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != int(parent):
+    if os.getppid() != parent:
         os.kill(os.getpid(), signal.SIGTERM)
 
 

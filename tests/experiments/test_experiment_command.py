@@ -1,12 +1,15 @@
 """The command `rcopterx experiment`: documents, figures, and what it says to mistakes."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from support.waiting import DEADLINE_S, wait_for
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
@@ -191,3 +194,27 @@ def test_flights_on_several_cores_return_in_order() -> None:
 
 def _square(number: int, progress: object = None) -> int:
     return number * number
+
+
+FLIES_LONG = """
+import time
+from functools import partial
+from rcopterx.experiments.runner import Options, fly_all
+if __name__ == "__main__":
+    fly_all({str(n): partial(time.sleep, 600) for n in range(2)}, Options((0,), processes=2), print)
+"""
+
+
+def test_workers_end_with_their_experiment(tmp_path: Path) -> None:
+    script = tmp_path / "flies_long.py"
+    script.write_text(FLIES_LONG)
+    experiment = subprocess.Popen([sys.executable, str(script)])
+    children = Path(f"/proc/{experiment.pid}/task/{experiment.pid}/children")
+    try:
+        # Two workers, and the process with which multiprocessing tracks its resources.
+        wait_for(lambda: len(children.read_text().split()) == 3, "there are no workers")
+        pids = children.read_text().split()
+    finally:
+        experiment.terminate()
+        experiment.wait(DEADLINE_S)
+    wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids), "workers stay behind")
