@@ -12,6 +12,8 @@ from rcopterx.agents.flight.task import FollowedLeader
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.pilot import BRIDGED_S, Pilot
+from rcopterx.bus.message import SHORTEST_PERIOD_S
+from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.control.identification.excitation import Excitation
 from rcopterx.vehicles.state import U_THRUST
 from rcopterx.vehicles.types import COAXIAL_LAG
@@ -203,11 +205,15 @@ def test_the_next_inputs_are_those_after_the_command() -> None:
     assert flight.start_s == COAXIAL_LAG.delay_s
 
 
-@pytest.mark.parametrize("period_s", [0.005, 0.01, 0.02, 0.04])
-def test_the_next_inputs_last_for_the_same_time_at_any_control_period(period_s: float) -> None:
-    controller = NotedController(HOVER[None, :], period_s, horizon=40)
+@pytest.mark.parametrize("period_s", [SHORTEST_PERIOD_S, 0.0025, 0.005, 0.01, 0.02, 0.04])
+def test_the_next_inputs_last_for_the_same_time_at_any_control_period_and_fit_into_a_command(
+    period_s: float,
+) -> None:
+    controller = NotedController(HOVER[None, :], period_s, horizon=100)
     pilot = airborne(Pilot(COAXIAL_LAG, controller, ExactEstimator(), Guidance()))
-    assert len(pilot.control({}).next_inputs) * period_s == pytest.approx(BRIDGED_S, abs=period_s / 2 + 1e-9)
+    count = len(pilot.control({}).next_inputs)
+    assert count * period_s == pytest.approx(BRIDGED_S, abs=period_s / 2 + 1e-9)
+    assert count <= MAX_NEXT_INPUTS
 
 
 def test_every_fallback_of_the_controller_is_counted_by_kind() -> None:

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
+from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.transmitter_gateway.admission import Admission, Rejection
 from rcopterx.transmitter_gateway.inputs import CommandInput, PoseStamp
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
@@ -174,7 +175,9 @@ def test_gap_exactly_at_the_limit_is_a_gap() -> None:
 
 
 def test_longest_plan_is_accepted() -> None:
-    assert Gate().consider(next_u=((0.0, 0.0, 0.5, 0.0),) * 63) is None
+    rows = ((0.0, 0.0, 0.5, 0.0),) * MAX_NEXT_INPUTS
+    assert Gate().consider(next_u=rows) is None
+    assert Gate().consider(next_u=rows + rows[:1]) is Rejection.MALFORMED
 
 
 @pytest.mark.parametrize(("sequence", "rejection"), [(9, True), (10, True), (11, False), (10**15, False)])
