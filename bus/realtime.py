@@ -4,6 +4,8 @@ import gc
 import os
 import resource
 import sys
+from collections.abc import Iterable
+from contextlib import suppress
 from typing import Final
 
 SPIN_LIMIT_S: Final = 5.0
@@ -15,36 +17,42 @@ ONE_THREAD: Final = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 more would only wait."""
 
 
-def request_realtime(priority: int, *, children: bool = True) -> bool:
-    """Move this thread, and the ones it starts from now on, into the real-time class.
+def request_realtime(priority: int, *, process: int = 0, children: bool = True) -> bool:
+    """Move a thread, and the ones it starts from now on, into the real-time class.
 
     Parameters
     ----------
     priority
         SCHED_FIFO priority 1..99; 0 changes nothing.
+    process
+        Process whose main thread is moved; 0 for this thread.
     children
-        Whether threads and processes that this one starts inherit it.
+        Whether threads and processes that the thread starts inherit it.
 
     Returns
     -------
     bool
-        False without the permission (CAP_SYS_NICE or an rtprio limit), or for priority 0.
+        False without the permission (CAP_SYS_NICE or an rtprio limit), for priority 0, and where only one
+        processor can be used: a thread that spins would leave nothing to all others.
     """
-    if priority == 0 or not hasattr(os, "sched_setscheduler"):
+    if priority == 0 or not hasattr(os, "sched_setscheduler") or len(os.sched_getaffinity(0)) == 1:
         return False
     try:
         policy = os.SCHED_FIFO if children else os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-        os.sched_setscheduler(0, policy, os.sched_param(priority))
+        os.sched_setscheduler(process, policy, os.sched_param(priority))
     except OSError:
         return False
-    _limit_spinning()
+    if process == 0:
+        _limit_spinning()
     return True
 
 
-def leave_realtime() -> None:
-    """Move this thread, and the ones it starts from now on, back to the normal class."""
+def leave_realtime(threads: Iterable[int] = (0,)) -> None:
+    """Move threads, by default this one, and those they start from now on, back to the normal class."""
     if hasattr(os, "sched_setscheduler"):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        for thread in threads:
+            with suppress(ProcessLookupError):
+                os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
 
 
 def _limit_spinning() -> None:

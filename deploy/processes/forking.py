@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, Final
 
 from rcopterx.bus.heartbeat import HeartbeatPage
-from rcopterx.bus.realtime import ONE_THREAD
+from rcopterx.bus.realtime import ONE_THREAD, leave_realtime
 from rcopterx.deploy.processes.fork_server import LARGEST_BYTES, PERMISSION, Answer, Order
 
 SERVER: Final = "rcopterx.deploy.processes.fork_server"
@@ -89,6 +89,15 @@ class ForkedProcess:
     def kill(self) -> None:
         """Send SIGKILL."""
         self._signal(signal.SIGKILL)
+
+    def leave_realtime(self) -> None:
+        """Move all of its threads into the normal class, for one that does not end.
+
+        Where real-time threads fill the processors, a killed one may wait for ever for the time that it needs
+        to end.
+        """
+        with suppress(OSError):
+            leave_realtime(map(int, os.listdir(f"/proc/{self.pid}/task")))
 
     def _signal(self, number: signal.Signals) -> None:
         with self._reaping:

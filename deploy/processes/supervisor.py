@@ -15,9 +15,9 @@ from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.child import Child, restart_pause_s, signal_name
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 from rcopterx.deploy.processes.process_log import rotate
-from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, TRANSMITTERS, ProcessSpec
+from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, RECORDER, TRANSMITTERS, ProcessSpec
 from rcopterx.deploy.spares.spares import Spares
-from rcopterx.deploy.watchdog.liveness import Liveness
+from rcopterx.deploy.watchdog.liveness import Liveness, Watched
 from rcopterx.deploy.watchdog.watchdog import Duty, Watchdog, WatchdogLimits
 
 STABLE_AFTER_S = 2.0
@@ -29,8 +29,8 @@ START_RETRY_S: Final = 0.2
 SPARE_RETRY_S: Final = 1.0
 SPARE_SILENCE_S: Final = 0.15
 """A spare that has shown no progress for so long does not take over."""
-BACKGROUND_ROLES: Final = ("simulator", "recorder")
-"""Not replaced at once when they make no progress."""
+DUTIES: Final = {TRANSMITTERS: Duty.RADIO, "simulator": Duty.BACKGROUND, RECORDER: Duty.BACKGROUND}
+"""Duties of processes by role; those of others are `Duty.FLIGHT`."""
 KNOWING_ROLES: Final = ("agent", TRANSMITTERS)
 """Processes of these roles know whether vehicles fly."""
 STOP_LIMIT_S = 12.0
@@ -146,7 +146,7 @@ class Supervisor:
         self.turns += 1
         lines = attempt("preparing spares", partial(self._prepare, now))
         lines += attempt("starting and stopping", self._start_and_stop)
-        lines += attempt("the watchdog", partial(self._kill_hung, now))
+        lines += attempt("the watchdog", self._kill_hung)
         for name in self._dead(now, timeout_s):
             lines += attempt(f"handling the death of {name}", partial(self._on_death, name))
         return lines + attempt("restarting", self._restart)
@@ -194,22 +194,24 @@ class Supervisor:
                 self._spare_at_s = now_s + SPARE_RETRY_S
         return lines
 
-    def _kill_hung(self, now_s: float) -> list[str]:
+    def _kill_hung(self) -> list[str]:
         """Kill what makes no progress; the deaths of children are then noticed like any others."""
         if self.liveness is None:
             return []
-        children = {
-            child.process.pid: child
-            for child in self.children.values()
-            if child.process is not None and child.wanted
-        }
-        pages = {pid: (page, Duty.STANDBY) for pid, page in self._spares.pages.items()}
-        for pid, child in children.items():
-            assert child.process is not None
-            duty = Duty.BACKGROUND if child.spec.role in BACKGROUND_ROLES else Duty.FLIGHT
-            pages[pid] = (child.process.page, duty)
+        processes = self._spares.processes
+        watched = {pid: Watched("spare", spare.page, Duty.STANDBY) for pid, spare in processes.items()}
+        children = {}
+        for name, process in self._processes().items():
+            child = self.children[name]
+            if child.verdict is not None:
+                process.leave_realtime()
+            if child.wanted:
+                children[process.pid], processes[process.pid] = child, process
+                duty = DUTIES.get(child.spec.role, Duty.FLIGHT)
+                watched[process.pid] = Watched(name, process.page, duty)
         lines = []
-        for hung in self.liveness.check(now_s, pages):
+        for hung in self.liveness.check(self._clock(), watched):
+            processes[hung.process].kill()
             if hung.process in children:
                 children[hung.process].hung += 1
                 children[hung.process].verdict = hung
@@ -248,6 +250,7 @@ class Supervisor:
             child.process.terminate()
         elif self._clock() - child.leaving_since_s > STOP_LIMIT_S + child.spec.landing_s:
             child.process.kill()
+            child.process.leave_realtime()
             # Killed once, however long it takes until its death is noticed.
             child.leaving_since_s = math.inf
 
@@ -304,7 +307,7 @@ class Supervisor:
     @property
     def spare_pids(self) -> tuple[int, ...]:
         """Process ids of the spares, the one that is taken first at the beginning."""
-        return tuple(self._spares.pages)
+        return tuple(self._spares.processes)
 
     @property
     def watchdog_on(self) -> bool:
@@ -361,4 +364,5 @@ class Supervisor:
                 child.process.wait(max(0.01, deadline_s - self._clock()))
             except subprocess.TimeoutExpired:
                 child.process.kill()
+                child.process.leave_realtime()
             self._reap(child)

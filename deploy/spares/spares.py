@@ -1,15 +1,14 @@
 """The supervisor's side of the spare processes."""
 
 import json
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from rcopterx.bus.heartbeat import HeartbeatPage, Phase
+from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.realtime import request_realtime
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 
 Job = tuple[str, str]
@@ -125,7 +124,7 @@ class Spares:
             return None
         order = {"role": role, "unit": unit, "log": str(log), "take_over": take_over}
         for spare in ready:
-            self._prefer(spare.process.pid)
+            request_realtime(self._priority, process=spare.process.pid)
             assert spare.process.stdin is not None
             try:
                 spare.process.stdin.write(json.dumps(order).encode() + b"\n")
@@ -136,16 +135,10 @@ class Spares:
             return spare.process
         return None
 
-    def _prefer(self, process: int) -> None:
-        """Move a process into the real-time class, where that is permitted."""
-        if self._priority:
-            with suppress(OSError):
-                os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(self._priority))
-
     @property
-    def pages(self) -> dict[int, HeartbeatPage]:
-        """Heartbeat page of each spare by its process id, the one that is taken first at the beginning."""
-        return {spare.process.pid: spare.process.page for spare in self._spares}
+    def processes(self) -> dict[int, ForkedProcess]:
+        """Process of each spare by its id, the one that is taken first at the beginning."""
+        return {spare.process.pid: spare.process for spare in self._spares}
 
     def ready(self) -> int:
         """Number of spares that could take over now."""

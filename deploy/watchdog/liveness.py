@@ -1,33 +1,58 @@
-"""Checks that processes make progress, and kills those that do not."""
+"""Checks that processes make progress."""
 
-import os
-import signal
 from collections.abc import Mapping
-from contextlib import suppress
+from typing import NamedTuple
 
 from rcopterx.bus.heartbeat import HeartbeatPage
-from rcopterx.deploy.watchdog.processor_time import Threads, excuse_of, threads_of
-from rcopterx.deploy.watchdog.watchdog import Duty, Excuse, Hung, Observation, Watchdog
+from rcopterx.deploy.watchdog.processor_time import (
+    Threads,
+    excuse_of,
+    main_thread_of,
+    pressure_s,
+    threads_of,
+)
+from rcopterx.deploy.watchdog.watchdog import Duty, Hung, Observation, Watchdog
+
+
+class Watched(NamedTuple):
+    """A process that is checked."""
+
+    name: str
+    """Also that of its successors."""
+    page: HeartbeatPage
+    duty: Duty
 
 
 class Liveness:
-    """Reads heartbeat pages and thread times for a watchdog, and kills the processes that it finds hung."""
+    """Reads heartbeat pages and processor times for a watchdog."""
 
     def __init__(self, watchdog: Watchdog) -> None:
         self._watchdog = watchdog
-        self._now_s = 0.0
-        self._readings: dict[int, tuple[float, Threads]] = {}
+        self._checked_s = 0.0
+        self._pressure_s = pressure_s()
+        self._threads: dict[int, Threads] = {}
 
-    def check(self, now_s: float, pages: Mapping[int, tuple[HeartbeatPage, Duty]]) -> list[Hung]:
-        """Check all processes, by process id; kill and return those that hang."""
-        self._now_s = now_s
-        self._readings = {pid: reading for pid, reading in self._readings.items() if pid in pages}
-        observations = {pid: Observation(page.beats, page.phase, duty) for pid, (page, duty) in pages.items()}
-        hung = self._watchdog.check(now_s, observations, self._excuse)
-        for found in hung:
-            with suppress(ProcessLookupError):
-                os.kill(found.process, signal.SIGKILL)
-        return hung
+    def check(self, now_s: float, processes: Mapping[int, Watched]) -> list[Hung]:
+        """Check all processes, by process id; return those that hang and are to be killed."""
+        elapsed_s, self._checked_s = now_s - self._checked_s, now_s
+        pressure_before_s, self._pressure_s = self._pressure_s, pressure_s()
+        pressed_s = min(elapsed_s, self._pressure_s - pressure_before_s)
+        before, suspects = self._threads, self._watchdog.suspects
+        self._threads = {
+            pid: threads_of(pid) if pid in suspects else main_thread_of(pid) for pid in processes
+        }
+        observations = {
+            pid: Observation(
+                name=process.name,
+                duty=process.duty,
+                beats=process.page.beats,
+                phase=process.page.phase,
+                excuse=excuse_of(pid, before.get(pid, {}), self._threads[pid], elapsed_s),
+                pressed_s=pressed_s,
+            )
+            for pid, process in processes.items()
+        }
+        return self._watchdog.check(now_s, observations)
 
     def silent_s(self, process: int) -> float:
         """Return how long a process has shown no progress."""
@@ -41,9 +66,3 @@ class Liveness:
     def forgiven(self) -> dict[str, int]:
         """How often a silence beyond the limit was no hang, by reason."""
         return dict(self._watchdog.forgiven)
-
-    def _excuse(self, process: int) -> Excuse:
-        threads = threads_of(process)
-        before_s, before = self._readings.get(process, (self._now_s, {}))
-        self._readings[process] = (self._now_s, threads)
-        return excuse_of(process, before, threads, self._now_s - before_s)

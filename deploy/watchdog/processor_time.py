@@ -1,11 +1,11 @@
-"""What the kernel knows of a process that makes no progress: stopped, traced, or waiting for a processor.
+"""What the kernel knows of a process that makes no progress: stopped, traced, or waiting.
 
 For each thread, `/proc/PID/task/TID/stat` has the state, and `schedstat` the times for which it has run and
 has waited for a processor.
 """
 
+import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Final, NamedTuple
 
 from rcopterx.deploy.watchdog.watchdog import Excuse
@@ -13,7 +13,11 @@ from rcopterx.deploy.watchdog.watchdog import Excuse
 STOPPED: Final = "T"
 TRACED: Final = "t"
 RUNNABLE: Final = "R"
+IN_KERNEL: Final = "D"
+"""Waits for a disk, for memory that was swapped out or for a device, and cannot be killed meanwhile."""
+SMALL_BYTES: Final = 4096
 NS_PER_S: Final = 1e9
+US_PER_S: Final = 1e6
 
 
 class ThreadTime(NamedTuple):
@@ -28,22 +32,48 @@ Threads = Mapping[int, ThreadTime]
 """Threads of a process by thread id; that of the main thread is the process id."""
 
 
-def threads_of(process: int, proc: Path = Path("/proc")) -> Threads:
+def threads_of(process: int, proc: str = "/proc") -> Threads:
     """Read the threads of a process; empty for one that has ended, and without `schedstat`."""
-    found = {}
     try:
-        tasks = list((proc / str(process) / "task").iterdir())
+        threads = [int(name) for name in os.listdir(f"{proc}/{process}/task")]
     except OSError:
         return {}
-    for task in tasks:
-        try:
-            # The name of a program may contain anything; its last bracket ends it.
-            state = (task / "stat").read_text().rpartition(")")[2].split()[0]
-            ran, waited, _ = (task / "schedstat").read_text().split()
-        except (OSError, ValueError, IndexError):
-            continue
-        found[int(task.name)] = ThreadTime(state, int(ran) / NS_PER_S, int(waited) / NS_PER_S)
-    return found
+    times = {thread: _time_of(process, thread, proc) for thread in threads}
+    return {thread: time for thread, time in times.items() if time is not None}
+
+
+def main_thread_of(process: int, proc: str = "/proc") -> Threads:
+    """Read the main thread of a process only, which costs a twentieth."""
+    time = _time_of(process, process, proc)
+    return {} if time is None else {process: time}
+
+
+def pressure_s(proc: str = "/proc") -> float:
+    """Return for how long any process of this computer has waited for a processor; 0 where unknown."""
+    try:
+        some = _read(f"{proc}/pressure/cpu").split(b"\n")[0]
+        return int(some.rpartition(b"total=")[2]) / US_PER_S
+    except (OSError, ValueError):
+        return 0.0
+
+
+def _time_of(process: int, thread: int, proc: str) -> ThreadTime | None:
+    try:
+        # The name of a program may contain anything; its last bracket ends it.
+        state = _read(f"{proc}/{process}/task/{thread}/stat").rpartition(b")")[2].split()[0]
+        ran, waited, _ = _read(f"{proc}/{process}/task/{thread}/schedstat").split()
+        return ThreadTime(state.decode(), int(ran) / NS_PER_S, int(waited) / NS_PER_S)
+    except (OSError, ValueError, IndexError):
+        return None
+
+
+def _read(path: str) -> bytes:
+    """Read a small file, several times faster than through file objects."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        return os.read(descriptor, SMALL_BYTES)
+    finally:
+        os.close(descriptor)
 
 
 def excuse_of(process: int, before: Threads, now: Threads, elapsed_s: float) -> Excuse:
@@ -55,7 +85,7 @@ def excuse_of(process: int, before: Threads, now: Threads, elapsed_s: float) -> 
     state = "" if main is None else main.state
     waits = [_waited_s(before[thread], time, elapsed_s) for thread, time in now.items() if thread in before]
     return Excuse(
-        waited_s=min(elapsed_s, max(waits, default=0.0)),
+        waited_s=elapsed_s if state == IN_KERNEL else min(elapsed_s, max(waits, default=0.0)),
         stopped=state == STOPPED,
         traced=state == TRACED,
     )

@@ -1,30 +1,42 @@
-"""Decides which processes hang: those whose loop makes no progress for longer than their limit.
+"""Decides which processes hang: those whose loop could run for longer than their limit and made no progress.
 
 Silence is the time without progress between checks, by the supervisor's clock. It does not include what is
-not the fault of the process: late checks (a suspended computer, heavy load), waiting for a processor, a
-debugger.
+not the fault of the process: waiting for a processor or in a driver, late checks (when the supervisor gets no
+processor, others get none either), a debugger.
 """
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final, NamedTuple
 
 from rcopterx.bus.heartbeat import Phase
 
+TIMELY_S: Final = 0.03
+"""Longest time between two checks in time; what is beyond that is the supervisor's delay."""
 LATE_S: Final = 0.1
-"""A check that comes later than this after the last one is late."""
-SUSPECT: Final = 0.4
-"""Share of the limit from which on the watchdog requests excuses of a silent process."""
+"""A check that comes later than this after the last one is counted as late."""
+SUSPECT: Final = 0.2
+"""Share of the limit from which on all threads of a silent process are read."""
+LATE: Final = 0.4
+"""Share of the limit from which on a silent process is late."""
+PRESSED_SHARE: Final = 0.5
+"""Share of the time in which processes wait for processors that does not count for a transmitter gateway."""
 CROWD_LIMITS: Final = 4.0
 """Limits after which a process hangs although most others are silent as well."""
+APART_S: Final = 0.5
+"""Time after any kill in which no transmitter gateway is killed."""
+AGAIN_S: Final = 5.0
+"""Time after the kill of a transmitter gateway in which its successor is not killed."""
 
 
 class Duty(Enum):
     """Purpose of a process, on which its limit depends."""
 
+    RADIO = auto()
+    """Vehicles in the air fall without it: a transmitter gateway."""
     FLIGHT = auto()
     """Vehicles in the air need it."""
     STANDBY = auto()
@@ -48,26 +60,43 @@ class WatchdogLimits:
         """Return the limit of a process."""
         if observation.duty is Duty.BACKGROUND or observation.phase in (Phase.STARTING, Phase.ENDING):
             return self.start_s
-        return self.flight_s if flying and observation.duty is Duty.FLIGHT else self.floor_s
-
-
-class Observation(NamedTuple):
-    """Heartbeat of a process at a check."""
-
-    beats: int
-    phase: Phase
-    duty: Duty = Duty.FLIGHT
+        needed = observation.duty in (Duty.RADIO, Duty.FLIGHT)
+        return self.flight_s if flying and needed else self.floor_s
 
 
 class Excuse(NamedTuple):
-    """Why a process may have made no progress since its last excuse."""
+    """Why a process may have made no progress since the last check."""
 
     waited_s: float = 0.0
-    """Time for which it could have run but had no processor."""
+    """Time for which it could have run but had no processor, or waited in a driver."""
     stopped: bool = False
     """A signal has stopped it: load is no explanation."""
     traced: bool = False
     """A debugger has stopped it."""
+
+
+class Observation(NamedTuple):
+    """A process at a check."""
+
+    name: str
+    """Also that of its successors."""
+    duty: Duty
+    beats: int
+    phase: Phase
+    excuse: Excuse = Excuse()
+    pressed_s: float = 0.0
+    """For how long any process of this computer has waited for a processor since the last check."""
+
+
+def blamed_s(elapsed_s: float, seen: Observation) -> float:
+    """Return for how much of the time between two checks a process without progress is to blame."""
+    if seen.excuse.traced:
+        return 0.0
+    if seen.excuse.stopped:
+        return elapsed_s
+    # The loop of a gateway may wait for a process that waits, such as the kernel's for a serial line.
+    pressed_s = PRESSED_SHARE * seen.pressed_s if seen.duty is Duty.RADIO else 0.0
+    return max(0.0, min(elapsed_s, TIMELY_S) - max(seen.excuse.waited_s, pressed_s))
 
 
 class Hung(NamedTuple):
@@ -81,27 +110,35 @@ class Hung(NamedTuple):
 @dataclass
 class _Watch:
     last: Observation
+    limit_s: float
     silent_s: float = 0.0
     """Time without progress that counts."""
     elapsed_s: float = 0.0
     """Time without progress."""
-    limit_s: float = math.inf
     longest_s: float = 0.0
-    stopped: bool = False
     condemned: bool = False
 
-    @property
-    def suspect(self) -> bool:
-        """Whether it is silent for a good part of its limit."""
-        return self.silent_s > SUSPECT * self.limit_s
+    def silent_for(self, share: float) -> bool:
+        """Whether it has been silent for a share of its limit, and not been killed for it."""
+        return not self.condemned and self.silent_s > share * self.limit_s
 
-    def restart(self, observation: Observation) -> None:
-        """Begin to count from now."""
-        self.last, self.silent_s, self.elapsed_s, self.stopped = observation, 0.0, 0.0, False
+    def update(self, seen: Observation, elapsed_s: float, limit_s: float) -> bool:
+        """Apply an observation; return whether the process was silent beyond its limit and goes on."""
+        progress = (seen.beats, seen.phase) != (self.last.beats, self.last.phase)
+        forgiven = progress and self.elapsed_s > self.limit_s
+        self.last, self.limit_s = seen, limit_s
+        if progress or seen.excuse.traced:
+            self.silent_s = self.elapsed_s = 0.0
+            return forgiven
+        self.elapsed_s += elapsed_s
+        self.silent_s += blamed_s(elapsed_s, seen)
+        if seen.phase in (Phase.WORKING, Phase.FLYING):
+            self.longest_s = max(self.longest_s, self.elapsed_s)
+        return False
 
     def overdue(self, patience: float) -> bool:
         """Whether it hangs, with `patience` times its limit unless it was stopped."""
-        return not self.condemned and self.silent_s > self.limit_s * (1.0 if self.stopped else patience)
+        return self.silent_for(1.0 if self.last.excuse.stopped else patience)
 
 
 class Watchdog:
@@ -120,13 +157,12 @@ class Watchdog:
         self._blind = blind
         self._watches: dict[int, _Watch] = {}
         self._checked_s: float | None = None
+        self._killed_s: dict[str, float] = {}
         self.forgiven: Counter[str] = Counter()
         """How often a silence beyond the limit was no hang, by reason."""
 
-    def check(
-        self, now_s: float, observations: Mapping[int, Observation], excuse: Callable[[int], Excuse]
-    ) -> list[Hung]:
-        """Return the processes that are found to hang now; each is returned once.
+    def check(self, now_s: float, observations: Mapping[int, Observation]) -> list[Hung]:
+        """Return the processes that are to be killed now; each is returned once.
 
         Parameters
         ----------
@@ -134,29 +170,43 @@ class Watchdog:
             Monotonic time of the supervisor.
         observations
             By process id. A process that is missing has ended.
-        excuse
-            Called at every check for each process that has been silent for a good part of its limit.
         """
         elapsed_s = 0.0 if self._checked_s is None else now_s - self._checked_s
         self._checked_s = now_s
-        self._watches = {
-            process: self._watches.get(process) or _Watch(observation)
-            for process, observation in observations.items()
-        }
         if elapsed_s > LATE_S:
-            self._forgive_all()
-            elapsed_s = 0.0
+            self.forgiven["supervisor_late"] += 1
         flying = self._blind or any(seen.phase is Phase.FLYING for seen in observations.values())
+        known, self._watches = self._watches, {}
         for process, seen in observations.items():
-            if not self._progress(self._watches[process], seen, self._limits.of(seen, flying)):
-                self._count(process, elapsed_s, excuse)
+            limit_s = self._limits.of(seen, flying)
+            watch = self._watches[process] = known.get(process) or _Watch(seen, limit_s)
+            if process in known and watch.update(seen, elapsed_s, limit_s):
+                self.forgiven["load"] += 1
         patience = CROWD_LIMITS if self._crowd() else 1.0
+        overdue = [item for item in self._watches.items() if item[1].overdue(patience)]
         hung = []
-        for process, watch in self._watches.items():
-            if watch.overdue(patience):
+        for process, watch in sorted(overdue, key=lambda item: item[1].last.duty is Duty.RADIO):
+            if self._may_be_killed(watch, now_s):
                 watch.condemned = True
+                self._killed_s[watch.last.name] = now_s
                 hung.append(Hung(process, watch.silent_s, watch.limit_s))
         return hung
+
+    def _may_be_killed(self, watch: _Watch, now_s: float) -> bool:
+        """Whether a kill is no mistake that load may explain: transmitter gateways come last, and seldom."""
+        if watch.last.duty is not Duty.RADIO or watch.last.excuse.stopped:
+            return True
+        flying = (other for other in self._watches.values() if other.last.duty is Duty.FLIGHT)
+        if any(other.silent_for(LATE) and other.limit_s <= watch.limit_s for other in flying):
+            return False
+        last_s = max(self._killed_s.values(), default=-math.inf)
+        own_s = self._killed_s.get(watch.last.name, -math.inf)
+        return now_s - last_s >= APART_S and now_s - own_s >= AGAIN_S
+
+    @property
+    def suspects(self) -> set[int]:
+        """Processes whose threads are all to be read at the next check."""
+        return {process for process, watch in self._watches.items() if watch.silent_for(SUSPECT)}
 
     def silent_s(self, process: int) -> float:
         """Return how long a process has made no progress, 0 for an unknown one."""
@@ -168,40 +218,8 @@ class Watchdog:
         watch = self._watches.get(process)
         return 0.0 if watch is None else watch.longest_s
 
-    def _forgive_all(self) -> None:
-        self.forgiven["supervisor_late"] += 1
-        for watch in self._watches.values():
-            watch.restart(watch.last)
-
-    def _progress(self, watch: _Watch, observation: Observation, limit_s: float) -> bool:
-        """Whether a process has made progress since the last check."""
-        silent_before_s, limit_before_s = watch.elapsed_s, watch.limit_s
-        watch.limit_s = limit_s
-        if observation == watch.last:
-            return False
-        if silent_before_s > limit_before_s:
-            self.forgiven["load"] += 1
-        watch.restart(observation)
-        return True
-
-    def _count(self, process: int, elapsed_s: float, excuse: Callable[[int], Excuse]) -> None:
-        """Count the time since the last check as silence, except for what is excused."""
-        watch = self._watches[process]
-        watch.elapsed_s += elapsed_s
-        watch.silent_s += elapsed_s
-        if watch.last.phase in (Phase.WORKING, Phase.FLYING):
-            watch.longest_s = max(watch.longest_s, watch.elapsed_s)
-        if not watch.suspect:
-            return
-        reason = excuse(process)
-        watch.stopped = reason.stopped
-        if reason.traced:
-            watch.restart(watch.last)
-        else:
-            watch.silent_s -= min(elapsed_s, reason.waited_s)
-
     def _crowd(self) -> bool:
         """Whether at least two processes, and at least half of all, are silent without being stopped."""
-        able = [watch for watch in self._watches.values() if not watch.stopped]
-        late = sum(watch.suspect for watch in able)
+        able = [watch for watch in self._watches.values() if not watch.last.excuse.stopped]
+        late = sum(watch.silent_for(LATE) for watch in able)
         return late >= 2 and 2 * late >= len(able)

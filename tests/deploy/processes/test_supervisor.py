@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,16 +35,19 @@ LIMITS = WatchdogLimits(flight_s=0.5, floor_s=0.5, start_s=60.0)
 BEATS = """
 import mmap, os, sys, time
 words = memoryview(mmap.mmap(int(os.environ["RCOPTERX_HEARTBEAT"]), 4096)).cast("Q")
-spins = len(sys.argv) > 1
+spins = "spins" in sys.argv
 if "in real time" in sys.argv:
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
 while True:
     words[0], words[1] = words[0] + 1, 1
     while spins and words[0] > 20:
         pass
+    works_until_s = time.process_time() + (0.01 if "works" in sys.argv else 0.0)
+    while time.process_time() < works_until_s:
+        pass
     time.sleep(0.01)
 """
-"""Shows progress; with an argument it spins after a while."""
+"""Shows progress; with an argument it spins after a while, or works 10 ms in each turn."""
 
 
 @dataclass(frozen=True)
@@ -464,6 +467,50 @@ def test_a_process_that_spins_is_replaced(supervise: Supervise, how: tuple[str, 
         supervisor, lambda: supervisor.children["one"].restarts == 1, "not replaced", deadline_s=300.0
     )
     assert "one: hung: no progress for" in replaced[0]
+
+
+@contextmanager
+def starved(process: int) -> Iterator[None]:
+    """Leave a process hardly any processor time."""
+    processor = min(os.sched_getaffinity(0))
+    spins = f"import os\nos.sched_setaffinity(0, {{{processor}}})\nwhile True: pass"
+    os.sched_setaffinity(process, {processor})
+    os.setpriority(os.PRIO_PROCESS, process, 19)
+    # Linux shares processors among sessions first.
+    with suppress(OSError):
+        Path(f"/proc/{process}/autogroup").write_text("19", encoding="ascii")
+    command = [sys.executable, "-S", "-c", spins]
+    spinning = [subprocess.Popen(command, start_new_session=True) for _ in range(3)]
+    try:
+        yield
+    finally:
+        for program in spinning:
+            program.kill()
+            program.wait()
+
+
+@pytest.mark.parametrize("pause_s", [0.01, 0.06], ids=["checked in time", "checked late"])
+def test_a_process_that_gets_no_processor_is_waited_for(supervise: Supervise, pause_s: float) -> None:
+    supervisor = supervise(
+        beating("one", "works"),
+        *(beating(name) for name in ("two", "three", "four")),
+        watchdog=WatchdogLimits(flight_s=0.15, floor_s=0.15, start_s=60.0),
+    )
+    supervisor.start_all()
+    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
+    pid = supervisor.pid("one")
+    assert pid is not None
+    with starved(pid):
+        end_s = time.monotonic() + DEADLINE_S
+        while supervisor.longest_silence_s("one") < 0.6:
+            time.sleep(pause_s)
+            lines = supervisor.watch(0.0)
+            assert not any(line.startswith("one: ") for line in lines)
+            assert time.monotonic() < end_s, f"not starved: {supervisor.longest_silence_s('one')} s"
+    beats = beats_of(supervisor, "one")
+    watch_until(supervisor, lambda: beats_of(supervisor, "one") > beats, "it does not go on")
+    assert supervisor.pid("one") == pid
+    assert supervisor.forgiven["load"] >= 1
 
 
 def test_without_a_watchdog_a_process_may_be_stopped(supervise: Supervise) -> None:

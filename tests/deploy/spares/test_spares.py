@@ -87,12 +87,12 @@ def test_a_spare_takes_no_job_it_was_not_prepared_for(spares: Spares, tmp_path: 
 
 def test_a_spare_that_died_is_not_used(spares: Spares, tmp_path: Path) -> None:
     spares.prepare()
-    (before,) = spares.pages
+    (before,) = spares.processes
     os.kill(before, signal.SIGKILL)
     os.waitid(os.P_PID, before, os.WEXITED | os.WNOWAIT)
     assert spares.take("tracker", "main", tmp_path / "x.log", always) is None
     spares.prepare()
-    assert list(spares.pages) != [before]
+    assert list(spares.processes) != [before]
 
 
 class WarmForks(ForkServer):
@@ -152,7 +152,7 @@ def test_a_spare_that_makes_no_progress_is_passed_over(warm: WarmForks, tmp_path
     log = tmp_path / "tracker.log"
     taken = [spares.take("tracker", "main", log, lambda pid: pid != hung) for _ in range(SPARES)]
     assert taken == [*warm.started[1:], None]
-    assert list(spares.pages) == [hung]
+    assert list(spares.processes) == [hung]
     spares.close()
     assert warm.started[0].returncode is not None
 
@@ -183,7 +183,7 @@ def test_a_spare_that_is_stopped_while_it_warms_up_keeps_no_other_one_waiting(
     clock.advance(WARMING_LIMIT_S)
     spares.prepare()
     assert spares.ready() == SPARES - 1
-    assert next(iter(spares.pages)) == warm.started[0].pid
+    assert next(iter(spares.processes)) == warm.started[0].pid
     spares.close()
 
 

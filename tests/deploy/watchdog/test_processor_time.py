@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.deploy.watchdog.processor_time import ThreadTime, excuse_of, threads_of
+from rcopterx.deploy.watchdog.processor_time import (
+    ThreadTime,
+    excuse_of,
+    main_thread_of,
+    pressure_s,
+    threads_of,
+)
 from rcopterx.deploy.watchdog.watchdog import Excuse
 
 MAIN, HELPER = 70, 71
@@ -22,9 +28,10 @@ def test_this_process_has_a_main_thread_that_runs() -> None:
 
 
 def test_nothing_is_known_of_a_process_that_has_ended(tmp_path: Path) -> None:
-    assert threads_of(1, tmp_path) == {}
+    assert threads_of(1, str(tmp_path)) == {}
     (tmp_path / "1" / "task" / "1").mkdir(parents=True)
-    assert threads_of(1, tmp_path) == {}
+    assert main_thread_of(1, str(tmp_path)) == {}
+    assert threads_of(1, str(tmp_path)) == {}
 
 
 def test_the_name_of_a_program_may_contain_anything(tmp_path: Path) -> None:
@@ -32,7 +39,7 @@ def test_the_name_of_a_program_may_contain_anything(tmp_path: Path) -> None:
     task.mkdir(parents=True)
     (task / "stat").write_text("7 (a) R (b) T 1 7 7 0 -1\n")
     (task / "schedstat").write_text("1500000000 250000000 12\n")
-    assert threads_of(7, tmp_path) == {7: ThreadTime("T", 1.5, 0.25)}
+    assert main_thread_of(7, str(tmp_path)) == threads_of(7, str(tmp_path)) == {7: ThreadTime("T", 1.5, 0.25)}
 
 
 @pytest.mark.parametrize(
@@ -41,10 +48,10 @@ def test_the_name_of_a_program_may_contain_anything(tmp_path: Path) -> None:
         ("T", Excuse(stopped=True)),
         ("t", Excuse(traced=True)),
         ("S", Excuse()),
-        ("D", Excuse()),
+        ("D", Excuse(waited_s=0.02)),
     ],
 )
-def test_the_main_thread_shows_whether_a_process_is_stopped_or_in_a_debugger(
+def test_the_main_thread_shows_whether_a_process_is_stopped_in_a_debugger_or_in_a_driver(
     state: str, excuse: Excuse
 ) -> None:
     now = {MAIN: ThreadTime(state, 1.0, 2.0), HELPER: ThreadTime("S", 0.0, 0.0)}
@@ -77,3 +84,21 @@ def test_no_wait_is_negative_or_longer_than_the_time_that_passed(
     before: dict[int, ThreadTime], now: dict[int, ThreadTime], elapsed_s: float
 ) -> None:
     assert 0 <= excuse_of(1, before, now, elapsed_s).waited_s <= elapsed_s
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("some avg10=0.10 avg60=0.00 avg300=0.00 total=2500000\nfull avg10=0.00 total=7\n", 2.5),
+        ("", 0.0),
+        (None, 0.0),
+    ],
+    ids=["known", "empty", "unknown to the kernel"],
+)
+def test_the_pressure_is_the_time_for_which_any_process_has_waited(
+    tmp_path: Path, text: str | None, seconds: float
+) -> None:
+    (tmp_path / "pressure").mkdir()
+    if text is not None:
+        (tmp_path / "pressure" / "cpu").write_text(text)
+    assert pressure_s(str(tmp_path)) == seconds
