@@ -1,16 +1,22 @@
 """Export of a flight log as CSV files: a table for every unit and channel, a row for every message."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from rcopterx.flights.tables import columns_of, file_name, flat, table_messages
+import msgpack
+
+from rcopterx.bus import channels
+from rcopterx.flights.mcap_reading import messages_of
+from rcopterx.flights.mcap_writing import LoggedMessage
 
 TIME: Final = "time_s"
 """Wall clock of arrival at the recorder, seconds since 1970."""
 NANO: Final = 1_000_000_000
+LONGEST_LIST: Final = 32
+"""Longer lists are not columns of a table."""
 
 
 def export_csv(parts: Sequence[Path], directory: Path) -> list[Path]:
@@ -20,18 +26,52 @@ def export_csv(parts: Sequence[Path], directory: Path) -> list[Path]:
     with their number (`position_m.0`). Matrices are left out. Files of the same names are replaced. Raises
     `FlightLogError` if the flight cannot be read, OSError if a table cannot be written.
     """
-    columns = columns_of(parts)
+    columns: dict[str, dict[str, None]] = {}
+    for message in _table_messages(parts):
+        columns.setdefault(message.topic, {}).update(dict.fromkeys(flat(message.payload)))
     directory.mkdir(parents=True, exist_ok=True)
-    paths = {topic: directory / file_name(topic, "csv") for topic in columns}
+    paths = {topic: directory / f"{topic.replace('/', '-')}.csv" for topic in columns}
     with ExitStack() as stack:
         tables = {}
         for topic, path in paths.items():
             file = stack.enter_context(path.open("w", newline="", encoding="utf-8"))
             tables[topic] = csv.DictWriter(file, [TIME, *columns[topic]], restval="")
             tables[topic].writeheader()
-        for message in table_messages(parts):
+        for message in _table_messages(parts):
             seconds, nanoseconds = divmod(message.time_ns, NANO)
             # A float has no room for microseconds and the years since 1970 side by side with nanoseconds.
             row = {TIME: f"{seconds}.{nanoseconds:09d}", **flat(message.payload)}
             tables[message.topic].writerow(row)
     return list(paths.values())
+
+
+def _table_messages(parts: Sequence[Path]) -> Iterator[LoggedMessage]:
+    """Yield the messages of a flight in order, without those that only replays need."""
+    for path in parts:
+        for message in messages_of(path):
+            if message.topic.rpartition("/")[2] != channels.AGENT_STEPS.topic:
+                yield message
+
+
+def flat(payload: bytes) -> dict[str, Any]:
+    """Return the fields of an encoded message by column; none if it is no MessagePack map."""
+    try:
+        plain = msgpack.unpackb(payload, raw=False)
+    except Exception:  # noqa: BLE001 - msgpack raises many types for invalid payloads
+        return {}
+    return dict(_columns(plain, "")) if isinstance(plain, dict) else {}
+
+
+def _columns(value: Any, name: str) -> Iterator[tuple[str, Any]]:
+    match value:
+        case Mapping():
+            for key, item in value.items():
+                yield from _columns(item, f"{name}.{key}" if name else str(key))
+        case list():
+            if len(value) <= LONGEST_LIST:
+                for number, item in enumerate(value):
+                    yield from _columns(item, f"{name}.{number}")
+        case bytes():
+            return
+        case _:
+            yield name, value

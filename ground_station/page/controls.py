@@ -10,7 +10,6 @@ from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.ground_station.geometry import on_level
 from rcopterx.ground_station.page.formations import SHAPES
 from rcopterx.ground_station.page.kill_button import add_kill_button
-from rcopterx.ground_station.page.saved_formations import SavedFormations, SavedFormationsError, in_words
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.page.texts import vehicle_table
 from rcopterx.ground_station.page.weights import GROUPS, weights_of
@@ -18,7 +17,6 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 
 NO_LEADER: Final = "(no leader)"
-NONE_SAVED: Final = "(none yet)"
 SPEED_M_S: Final = 0.4
 """Along drawn waypoints."""
 PACE_S: Final = 1.0
@@ -46,62 +44,6 @@ def add_formation_controls(server: viser.ViserServer, fleet: Fleet, steering: St
     server.gui.add_button("Promote it to leader of the present formation", icon=viser.Icon.CROWN).on_click(
         lambda _: steering.promote(leader.value)
     )
-
-
-class SavedFormationControls:
-    """Saves the present formation, and flies saved ones.
-
-    Formations are numbered: the page has no text field, because the space bar is KILL.
-    """
-
-    def __init__(self, server: viser.ViserServer, steering: Steering, saved: SavedFormations) -> None:
-        self._steering = steering
-        self._saved = saved
-        self._names: dict[str, str] = {}
-        server.gui.add_button("Save the present formation", icon=viser.Icon.DEVICE_FLOPPY).on_click(
-            lambda _: self.save()
-        )
-        self.choice: Any = server.gui.add_dropdown("saved", (NONE_SAVED,))
-        server.gui.add_button("Fly the saved formation", icon=viser.Icon.FOLDER_OPEN).on_click(
-            lambda _: self.fly()
-        )
-        server.gui.add_button("Forget it", icon=viser.Icon.TRASH).on_click(lambda _: self.forget())
-        self._list()
-
-    def _list(self) -> None:
-        try:
-            formations = self._saved.all()
-        except SavedFormationsError as error:
-            self._steering.refuse(str(error))
-            return
-        self._names = {f"{name}: {in_words(formation)}": name for name, formation in formations.items()}
-        self.choice.options = tuple(self._names) or (NONE_SAVED,)
-
-    def save(self) -> None:
-        """Save the present formation."""
-        self._steering.save_formation(self._saved)
-        self._list()
-        self.choice.value = self.choice.options[-1]
-
-    def fly(self) -> None:
-        """Fly the chosen formation."""
-        name = self._chosen()
-        if name is not None:
-            self._steering.fly_saved(self._saved, name)
-
-    def forget(self) -> None:
-        """Remove the chosen formation."""
-        name = self._chosen()
-        if name is not None and self._steering.run(
-            "forgetting", lambda: self._saved.forget(name), "forgotten"
-        ):
-            self._list()
-
-    def _chosen(self) -> str | None:
-        name = self._names.get(self.choice.value)
-        if name is None:
-            self._steering.refuse("no formation is saved yet")
-        return name
 
 
 class VehicleControls:

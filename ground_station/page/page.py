@@ -9,7 +9,6 @@ from rcopterx.bus import channels
 from rcopterx.ground_station.events import Timeline
 from rcopterx.ground_station.page.browser_script import limit_drawing
 from rcopterx.ground_station.page.controls import (
-    SavedFormationControls,
     VehicleControls,
     Waypoints,
     add_fleet_controls,
@@ -17,7 +16,6 @@ from rcopterx.ground_station.page.controls import (
 )
 from rcopterx.ground_station.page.history import History
 from rcopterx.ground_station.page.plots import Plots
-from rcopterx.ground_station.page.saved_formations import SavedFormations, default_path
 from rcopterx.ground_station.page.scene import FleetScene
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.page.texts import banner, event_list
@@ -69,8 +67,6 @@ class FleetPage:
         if self.steering is not None:
             with tabs.add_tab("Formation"):
                 add_formation_controls(server, self._fleet, self.steering)
-                saved = SavedFormations(default_path(self._fleet.file.name))
-                self.saved = SavedFormationControls(server, self.steering, saved)
             with tabs.add_tab("Path"):
                 self.waypoints = Waypoints(server, self._fleet, self.steering)
         with tabs.add_tab("Plots"):

@@ -7,12 +7,6 @@ from typing import Final, Protocol
 from rcopterx.bus.message import Setting
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.ground_station.page.formations import formation_links
-from rcopterx.ground_station.page.saved_formations import (
-    SavedFormations,
-    SavedFormationsError,
-    in_order,
-    in_words,
-)
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 
@@ -107,10 +101,10 @@ class Steering:
             f"{name}: on its way to {place} m",
         )
 
-    def follow(self, name: str, links: Sequence[LeaderLink]) -> bool:
-        """Set the leaders of a vehicle, none to let it lead; return whether it succeeded."""
+    def follow(self, name: str, links: Sequence[LeaderLink]) -> None:
+        """Set the leaders of a vehicle, none to let it lead."""
         vehicle = self._fleet[name]
-        return self.run(f"leaders of {name}", lambda: vehicle.follow(links) if links else vehicle.lead())
+        self.run(f"leaders of {name}", lambda: vehicle.follow(links) if links else vehicle.lead())
 
     def follow_beside(self, name: str, leader: str | None) -> None:
         """Let a vehicle follow another one from its present place, or lead."""
@@ -136,34 +130,6 @@ class Steering:
         followers = [name for name in flying if name != leader]
         for name, link in formation_links(shape, leader, followers, spacing_m).items():
             self.follow(name, (link,))
-
-    def save_formation(self, saved: SavedFormations) -> None:
-        """Save the present formation of the flying vehicles."""
-        formation = {one.name: one.state.assigned for one in self._fleet if one.state.phase == "flying"}
-        if not any(formation.values()):
-            self.refuse("no flying vehicle follows another one")
-            return
-        self.run("saving", lambda: f"saved as {saved.save(formation)}: {in_words(formation)}")
-
-    def fly_saved(self, saved: SavedFormations, name: str) -> None:
-        """Bring the vehicles of a saved formation to their places, leaders first."""
-        try:
-            formation = saved.all().get(name)
-        except SavedFormationsError as error:
-            self.refuse(str(error))
-            return
-        if formation is None:
-            self.refuse(f"no formation is saved as {name}")
-            return
-        flying = {one.name for one in self._fleet if one.state.phase == "flying"}
-        absent = [vehicle for vehicle in formation if vehicle not in flying]
-        if absent:
-            self.refuse(f"formation {name} needs {', '.join(absent)} in flight as well")
-            return
-        for vehicle in in_order(formation):
-            links = formation[vehicle]
-            if self._fleet[vehicle].state.assigned != links and not self.follow(vehicle, links):
-                return
 
     def promote(self, name: str) -> None:
         """Make a vehicle the leader of its formation."""

@@ -10,9 +10,8 @@ from typer.testing import CliRunner
 from rcopterx.bus.codec import decode
 from rcopterx.bus.messages import Command
 from rcopterx.command_line import app
-from rcopterx.flights.csv_export import export_csv
+from rcopterx.flights.csv_export import export_csv, flat
 from rcopterx.flights.mcap_reading import messages_of
-from rcopterx.flights.tables import flat
 
 FLIGHT = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"
 

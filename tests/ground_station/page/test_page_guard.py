@@ -189,10 +189,7 @@ def test_a_page_that_only_watches_has_nothing_to_press(
     fleet: Fleet,
     vehicles: dict[str, ScriptedVehicle],
     steers: bool,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
 ) -> None:
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     FleetPage(fleet, PageFrame(server, "lab"), steers=steers)
     with connected(server) as client:
         client.send(msgpack.packb(CAMERA))

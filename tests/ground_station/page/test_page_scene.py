@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,11 +21,8 @@ BY_HAND = SimpleNamespace(client=object())
 
 
 @pytest.fixture
-def opened(
-    fleet: Fleet, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> Iterator[Callable[..., FleetPage]]:
+def opened(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., FleetPage]]:
     """Open pages; answers to their users are in `notices`."""
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     server = viser.ViserServer("127.0.0.1", free_port(), verbose=False)
     monkeypatch.setattr(FleetPage, "notify", lambda page, text, refused: notices.append((text, refused)))
     notices.clear()
@@ -235,38 +231,6 @@ def test_weights_are_factors_of_the_defaults_and_undo_brings_the_last_ones_back(
     doubled, default = (np.array(one.controller_settings["state_weights"]) for one in asked)
     assert doubled / default == pytest.approx([2, 2, 2, 1, 1, 1, 1, 1])
     assert weights.sliders["position"].value == 0.0
-
-
-def test_a_formation_is_saved_and_flown_again_leaders_first(
-    page: FleetPage, fleet: Fleet, vehicles: Vehicles
-) -> None:
-    page.saved.fly()
-    page.saved.save()
-    assert [text for text, refused in notices if refused] == [
-        "no formation is saved yet",
-        "no flying vehicle follows another one",
-    ]
-    link = LeaderLink(leader="h1", offset_m=(0.0, 1.0, 0.0))
-    fly(vehicles)
-    vehicles["h2"].following = vehicles["h2"].assigned = (link,)
-    wait_for(lambda: fleet["h2"].state.assigned == (link,), "h2 does not follow")
-    shown(page, fleet, "flying")
-    page.saved.save()
-    assert notices[-1] == ("saved as 1: h1 leads h2", False)
-    assert page.saved.choice.value == "1: h1 leads h2"
-    vehicles["h2"].following = vehicles["h2"].assigned = ()
-    wait_for(lambda: not fleet["h2"].state.assigned, "h2 still follows")
-    page.saved.fly()
-    assert [request.following for request in vehicles["h2"].requests if isinstance(request, Follow)] == [
-        (link,)
-    ]
-    assert vehicles["h1"].requests == []
-    vehicles["h1"].phase = "armed"
-    wait_for(lambda: fleet["h1"].state.phase == "armed", "h1 still flies")
-    page.saved.fly()
-    assert notices[-1] == ("formation 1 needs h1 in flight as well", True)
-    page.saved.forget()
-    assert page.saved.choice.options == ("(none yet)",)
 
 
 def test_ellipsoids_of_uncertainty_are_there_if_they_are_wanted_and_told(
