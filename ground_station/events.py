@@ -131,7 +131,7 @@ def changes(now_s: float, before: VehicleState, after: VehicleState) -> Iterator
     if after.phase != before.phase:
         yield Event(now_s, name, f"{before.phase} → {after.phase}")
     if after.transmitter_state != before.transmitter_state and after.transmitter is not None:
-        text = f"transmitter {after.transmitter.state}: {after.transmitter.reason}"
+        text = f"transmitter {after.transmitter_state}: {after.reason}"
         yield Event(now_s, name, text, after.alarming)
     if before.agent is None or after.agent is None:
         return

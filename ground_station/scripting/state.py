@@ -75,6 +75,13 @@ class VehicleState:
         return "unknown" if self.transmitter is None else self.transmitter.state
 
     @property
+    def reason(self) -> str:
+        """Why the arbiter is in its state, without the name of the state; empty without a status."""
+        if self.transmitter is None:
+            return ""
+        return self.transmitter.reason.removeprefix(f"{self.transmitter.state}: ")
+
+    @property
     def airborne(self) -> bool:
         """Whether the vehicle is in the air according to its agent."""
         return self.phase in AIRBORNE
@@ -138,7 +145,7 @@ class VehicleState:
         """Phase and state of the transmitter with its reason."""
         if self.transmitter is None:
             return f"{self.name}: {self.phase}"
-        return f"{self.name}: {self.phase}, transmitter {self.transmitter.state}: {self.transmitter.reason}"
+        return f"{self.name}: {self.phase}, transmitter {self.transmitter.state}: {self.reason}"
 
     def problems(self, stale_s: float = STALE_S) -> list[str]:
         """Problems that block take-off, one line each."""
@@ -154,7 +161,7 @@ class VehicleState:
         elif not self.transmitter.ready:
             found.append(f"{self.name}: transmitter not ready: {self.transmitter.module}")
         elif self.transmitter.state == "killed":
-            found.append(f"{self.name}: killed ({self.transmitter.reason}); reset it first")
+            found.append(f"{self.name}: killed ({self.reason}); reset it first")
         return found
 
 

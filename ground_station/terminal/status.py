@@ -1,6 +1,6 @@
 """The state of a fleet as a JSON document, as `rcopterx status --json` and `check --json` print it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import msgspec
@@ -126,19 +126,10 @@ def _transmitter(state: VehicleState) -> dict[str, Any] | None:
     }
 
 
-def readable(status: Mapping[str, Any]) -> str:
+def readable(status: Mapping[str, Any], vehicles: Iterable[object] = ()) -> str:
     """A line about the fleet, one about each vehicle, each problem and each note."""
     lines = [f"{status['fleet']}: {'ready' if status['ready'] else 'not ready'}"]
-    for name, table in status.get("vehicles", {}).items():
-        agent, transmitter = table["agent"], table["transmitter"]
-        words = [table["phase"], f"transmitter {transmitter['state']}" if transmitter else "no transmitter"]
-        if agent is not None:
-            leaders = ", ".join(link["leader"] for link in agent["following"])
-            words += [f"flown by {agent['flown_by']}", f"follows {leaders}" if leaders else "leads"]
-            words.append(f"{agent['missed_ticks']} control periods missed")
-        if table["error_mm"] is not None:
-            words.append(f"error {table['error_mm']:.0f} mm")
-        lines.append(f"  {name}: {', '.join(words)}")
+    lines += [f"  {vehicle}" for vehicle in vehicles]
     lines += [f"  - {problem}" for problem in status["problems"]]
     return "\n".join([*lines, *(f"  note: {note}" for note in status["notes"])])
 

@@ -124,13 +124,13 @@ class Watch:
         """Show until a condition holds or a signal arrives."""
         from rich.live import Live
 
-        from rcopterx.ground_station.terminal.live_table import fleet_table
+        from rcopterx.ground_station.terminal.live_table import fitting, fleet_view
 
         if self._console.is_terminal:
             with Live(console=self._console, refresh_per_second=1 / REFRESH_S, transient=False) as view:
                 while not done() and not self._interrupts.wait(REFRESH_S):
                     self._print_events(view.console)
-                    view.update(fleet_table(self._fleet, view.console.width))
+                    view.update(fleet_view(self._fleet, fitting(view.console.width)))
             return
         next_s = 0.0
         while not done() and not self._interrupts.wait(REFRESH_S):
