@@ -10,12 +10,13 @@ from typing import Annotated, Final, get_args
 from msgspec import Meta, Struct, ValidationError, convert, to_builtins
 from msgspec.structs import asdict
 
+from rcopterx.bus.message import Place, Seconds, Stick, Three
 from rcopterx.bus.requests import InjectedFault
 
 RadioCondition = Annotated[str, Meta(pattern="^(unplugged|off|refusing)$")]
 StickName = Annotated[str, Meta(pattern="^(pitch|roll|thrust|yaw)$")]
-Trim = Annotated[float, Meta(ge=-1, le=1)]
 Subject = Annotated[str, Meta(min_length=1, max_length=400)]
+MAX_FRAME_ID: Final = 0xFFFFFFFE
 
 
 class FaultError(ValueError):
@@ -29,7 +30,7 @@ class FaultRequest(Struct, frozen=True, tag_field="kind", forbid_unknown_fields=
 class LastingFault(FaultRequest, frozen=True, kw_only=True):
     """Base of the faults that stay for a while; the same fault again replaces the first."""
 
-    duration_s: float | None = None
+    duration_s: Seconds | None = None
     """How long it lasts; without it until `recover`."""
 
     @property
@@ -53,13 +54,13 @@ class WrongMagic(FaultRequest, frozen=True, tag="wrong_magic"):
 class ResetFrameId(FaultRequest, frozen=True, tag="reset_frame_id"):
     """Continue the frame number from `frame`, as after a restart of the capture."""
 
-    frame: int = 0
+    frame: Annotated[int, Meta(ge=0, le=MAX_FRAME_ID)] = 0
 
 
 class Burst(FaultRequest, frozen=True, tag="burst"):
     """Hold back this many frames and send them together with the last one."""
 
-    frames: int = 10
+    frames: Annotated[int, Meta(ge=1, le=1000)] = 10
 
 
 class Recover(FaultRequest, frozen=True, tag="recover"):
@@ -85,21 +86,21 @@ class IgnorePings(LastingFault, frozen=True, tag="ignore_pings"):
 class Dribble(LastingFault, frozen=True, tag="dribble"):
     """Send a few bytes at a time."""
 
-    chunk_bytes: int = 7
-    interval_s: float = 0.0002
+    chunk_bytes: Annotated[int, Meta(ge=1)] = 7
+    interval_s: Annotated[float, Meta(ge=0, le=1)] = 0.0002
 
 
 class Delay(LastingFault, frozen=True, tag="delay"):
     """Send every packet late."""
 
-    delay_s: float = 0.05
+    delay_s: Annotated[float, Meta(ge=0, le=10)] = 0.05
 
 
 class UnknownObject(LastingFault, frozen=True, tag="unknown_object"):
     """Put an object of an unknown type into every frame packet."""
 
-    object_type: int = 64_123
-    size_bytes: int = 40
+    object_type: Annotated[int, Meta(ge=1, le=0xFFFFFFFF)] = 64_123
+    size_bytes: Annotated[int, Meta(ge=0, le=65_536)] = 40
 
 
 class YUp(LastingFault, frozen=True, tag="y_up"):
@@ -122,7 +123,7 @@ class AddSubject(LastingFault, frozen=True, tag="add_subject"):
     """List one more subject, standing still."""
 
     subject: Subject
-    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    position_m: Place = (0.0, 0.0, 0.0)
 
 
 class FreezePose(LastingFault, frozen=True, tag="freeze_pose"):
@@ -135,8 +136,8 @@ class DisplacePose(LastingFault, frozen=True, tag="displace_pose"):
     """Show a subject beside where it is: at once, and ever further with a velocity."""
 
     subject: Subject
-    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset_m: Place = (0.0, 0.0, 0.0)
+    velocity_m_s: Three = (0.0, 0.0, 0.0)
 
 
 class AddNoise(LastingFault, frozen=True, tag="add_noise"):
@@ -201,7 +202,7 @@ class BreakVehicle(VehicleFault, frozen=True, tag="break_vehicle"):
     """Stick that acts the wrong way round."""
     stuck: StickName | None = None
     """Stick that stays where it is."""
-    trim: tuple[Trim, Trim, Trim, Trim] = (0.0, 0.0, 0.0, 0.0)
+    trim: tuple[Stick, Stick, Stick, Stick] = (0.0, 0.0, 0.0, 0.0)
     """Offsets of the sticks: pitch, roll, thrust, yaw."""
 
 

@@ -38,8 +38,6 @@ class VehicleFaults:
             if fault.vehicle not in self._plants:
                 known = ", ".join(self._plants)
                 raise FaultError(f"{kind}: no vehicle {fault.vehicle!r}, there are {known}")
-            if fault.duration_s is not None and fault.duration_s < 0:
-                raise FaultError(f"duration_s = {fault.duration_s!r}: allowed is zero or more")
             if isinstance(fault, BreakRadio):
                 refusal = condition_refused(self._radios[fault.vehicle], fault.condition)
                 if refusal is not None:

@@ -10,7 +10,6 @@ from rcopterx.simulator.faults import (
     BreakRadio,
     Burst,
     Close,
-    Delay,
     DisplacePose,
     Dribble,
     Fault,
@@ -203,27 +202,11 @@ def test_duration_of_a_planned_fault_counts_from_its_own_time() -> None:
 
 
 @pytest.mark.parametrize(
-    "fault",
-    [
-        Occlude("h9"),
-        SwapSubjects("h1", "h9"),
-        AddSubject("h1"),
-        Silence(duration_s=-1.0),
-        Silence(duration_s=float("nan")),
-        Dribble(chunk_bytes=0),
-        Dribble(interval_s=2.0),
-        Delay(delay_s=11.0),
-        Burst(0),
-        ResetFrameId(0xFFFFFFFF),
-        UnknownObject(object_type=9),
-        UnknownObject(size_bytes=10**9),
-        DisplacePose("h1", (float("nan"), 0.0, 0.0)),
-        DisplacePose("h1", velocity_m_s=(0.0, 1001.0, 0.0)),
-    ],
+    "fault", [Occlude("h9"), SwapSubjects("h1", "h9"), AddSubject("h1"), UnknownObject(object_type=9)]
 )
-def test_request_that_makes_no_sense_is_refused_and_says_what_is_allowed(fault: Fault) -> None:
+def test_request_that_makes_no_sense_is_refused_and_says_why(fault: Fault) -> None:
     active = faults()
-    with pytest.raises(FaultError, match=r"allowed is|tracked"):
+    with pytest.raises(FaultError, match=r"known type|tracked"):
         active.apply(fault, 0.0)
     with pytest.raises(FaultError):
         active.schedule([TimedFault(0.0, Close()), TimedFault(1.0, fault)], 0.0)

@@ -1,5 +1,8 @@
 """What a request carries comes out as the same faults, and anything else is refused with its reason."""
 
+import math
+from typing import Any
+
 import pytest
 
 from rcopterx.bus.codec import decode, encode
@@ -36,9 +39,23 @@ def test_faults_come_out_of_a_request_as_they_went_in() -> None:
         ({}, "None: "),
         ({"kind": "occlude"}, "occlude: .*subject"),
         ({"kind": "close", "subject": "h1"}, "close: .*subject"),
-        ({"kind": "set_quality", "subject": "h1", "quality": 2.0}, "set_quality: "),
+        ({"kind": "set_quality", "subject": "h1", "quality": 2.0}, "set_quality: .*<= 1.0"),
+        ({"kind": "silence", "duration_s": -1.0}, "silence: .*>= 0.0 - at `.*duration_s"),
+        ({"kind": "silence", "duration_s": math.nan}, "silence: .*duration_s"),
+        ({"kind": "break_vehicle", "vehicle": "h1", "duration_s": -1.0}, "break_vehicle: .*duration_s"),
+        ({"kind": "dribble", "chunk_bytes": 0}, "dribble: .*chunk_bytes"),
+        ({"kind": "dribble", "interval_s": 2.0}, "dribble: .*interval_s"),
+        ({"kind": "delay", "delay_s": 11.0}, "delay: .*delay_s"),
+        ({"kind": "burst", "frames": 0}, "burst: .*frames"),
+        ({"kind": "reset_frame_id", "frame": 0xFFFFFFFF}, "reset_frame_id: .*frame"),
+        ({"kind": "unknown_object", "size_bytes": 10**9}, "unknown_object: .*size_bytes"),
+        (
+            {"kind": "displace_pose", "subject": "h1", "offset_m": (math.nan, 0.0, 0.0)},
+            "displace_pose: .*offset",
+        ),
+        ({"kind": "add_subject", "subject": "h1", "position_m": (0.0, 1e9, 0.0)}, "add_subject: .*position"),
     ],
 )
-def test_what_is_no_fault_is_refused_with_its_kind(fields: dict[str, bool | float | str], words: str) -> None:
+def test_what_is_no_fault_is_refused_with_its_kind(fields: dict[str, Any], words: str) -> None:
     with pytest.raises(FaultError, match=words):
         timed_faults([InjectedFault(0.0, {**fields})])
