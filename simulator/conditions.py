@@ -41,11 +41,6 @@ class Conditions:
     """Measurement noise per position axis, root mean square."""
     angle_noise_rad: float = 0.0
     """Measurement noise of yaw, roll and pitch, root mean square."""
-    outlier_fraction: float = 0.0
-    """Fraction of the measured poses that are off by `outlier_m`, as when the Tracker mistakes one marker for
-    another."""
-    outlier_m: float = 0.05
-    """Distance by which they are off, in a random direction."""
     volume_min_m: Three = (-2.5, -2.5, -0.1)
     """Lower corner of the flight volume."""
     volume_max_m: Three = (2.5, 2.5, 3.0)
@@ -61,9 +56,9 @@ class Conditions:
     """Longest integration step, at most 4 ms."""
 
     def __post_init__(self) -> None:
-        for name in ("lag_mismatch", "parameter_mismatch", "battery_sag", "outlier_fraction"):
+        for name in ("lag_mismatch", "parameter_mismatch", "battery_sag"):
             _require_between(name, getattr(self, name), 0.0, 0.9)
-        for name in ("position_noise_m", "angle_noise_rad", "trim_offset", "outlier_m"):
+        for name in ("position_noise_m", "angle_noise_rad", "trim_offset"):
             _require_between(name, getattr(self, name), 0.0, 1.0)
         _require_between("turbulence_correlation_s", self.turbulence_correlation_s, 1e-3, 1e3)
         _require_between("battery_endurance_s", self.battery_endurance_s, 1.0, 1e6)

@@ -8,10 +8,8 @@ import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-import numpy as np
-
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.disturbance import NOISE, OUTLIERS, random_stream
+from rcopterx.simulator.disturbance import NOISE, random_stream
 from rcopterx.simulator.downwash import set_downwash
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
@@ -20,7 +18,6 @@ from rcopterx.simulator.oscillating_tilt_plant import OscillatingTiltPlant, Tilt
 from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.tuples import Three
 from rcopterx.vehicles.types import COAXIAL
 
 Particulars = HelicopterParameters | TiltOscillator
@@ -87,7 +84,6 @@ class Laboratory:
             for name, model in self._models.items()
         }
         self._noise = {name: random_stream(self._seed, name, NOISE) for name in self._models}
-        self._outliers = {name: random_stream(self._seed, name, OUTLIERS) for name in self._models}
         self._time_s = 0.0
 
     @property
@@ -133,23 +129,9 @@ class Laboratory:
             self._noise[name].standard_normal(6).tolist()
         )
         x, y, z = pose.position_m
-        away_x, away_y, away_z = self._outlier(name)
         return Pose(
-            (
-                x + position_m * noise_x + away_x,
-                y + position_m * noise_y + away_y,
-                z + position_m * noise_z + away_z,
-            ),
+            (x + position_m * noise_x, y + position_m * noise_y, z + position_m * noise_z),
             math.remainder(pose.yaw_rad + angle_rad * noise_yaw, math.tau),
             pose.pitch_rad + angle_rad * noise_pitch,
             pose.roll_rad + angle_rad * noise_roll,
         )
-
-    def _outlier(self, name: str) -> Three:
-        """How far the next pose of a vehicle is off, besides noise."""
-        generator, fraction = self._outliers[name], self._conditions.outlier_fraction
-        if fraction == 0.0 or generator.random() >= fraction:
-            return 0.0, 0.0, 0.0
-        direction = generator.standard_normal(3)
-        x, y, z = (self._conditions.outlier_m * direction / np.linalg.norm(direction)).tolist()
-        return x, y, z
