@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rcopterx.benchmarks.processes import descendants, memory_of
-from rcopterx.benchmarks.programs import Show
+from rcopterx.benchmarks.processes import Show, descendants, memory_of
 
 OWN: Final = Path(__file__).resolve().parents[1]
 _FLYING: Final = "s flown"

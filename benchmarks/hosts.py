@@ -14,14 +14,16 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
+import tomlkit
 
 from rcopterx.benchmarks.namespaces import Network, network
-from rcopterx.benchmarks.programs import Show
+from rcopterx.benchmarks.processes import Show
 from rcopterx.benchmarks.scale import fly_legs
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.shipped import fleet_path
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
 
@@ -30,8 +32,6 @@ LABORATORY: Final = "main"
 ONE: Final[Mapping[str, str]] = {"h1": "main", "h2": "main", "h3": "main"}
 FOUR: Final[Mapping[str, str]] = {"h1": "compute1", "h2": "compute2", "h3": "compute3"}
 """Host of each vehicle's agent."""
-HORIZON: Final = 50
-OFFSETS_M: Final = {"h2": (-0.4, 0.5, 0.0), "h3": (-0.4, -0.5, 0.0)}
 ROUTER_PORT: Final = 7447
 TRACKER_PORT: Final = 8010
 FIRST_ROUTER_S: Final = 180.0
@@ -42,7 +42,7 @@ STAGES: Final = ("pose to agent", "until the controller begins", "control", "com
 """Stages from pose to command; the second one is estimation and the wait for the leader's plan."""
 
 
-def run(rounds: int, seconds: float, show: Show = lambda _: None) -> dict[str, Any]:
+def run(rounds: int, seconds: float, show: Show) -> dict[str, Any]:
     """Fly the trio on one host and over four in turn, `rounds` times.
 
     Returns
@@ -64,7 +64,7 @@ def run(rounds: int, seconds: float, show: Show = lambda _: None) -> dict[str, A
             flown[name].append(_flown(agents, certificates, seconds))
     document = {name: _figures(flights) for name, flights in flown.items()}
     p99_ms = [document[name]["pose_to_command_ms"]["p99"] for name in ("four_hosts", "one_host")]
-    return {**document, "ratio_p99": p99_ms[0] / p99_ms[1], "horizon": HORIZON, "load": load}
+    return {**document, "ratio_p99": p99_ms[0] / p99_ms[1], "load": load}
 
 
 class Flown:
@@ -114,8 +114,8 @@ def _flown(agents: Mapping[str, str], certificates: bool, seconds: float) -> Flo
         # A short path, because the routers' sockets live in it.
         directory = Path(stack.enter_context(TemporaryDirectory(prefix="rcopterx-")))
         net = stack.enter_context(network(hosts))
-        path = directory / "lab.toml"
-        path.write_text(fleet_text(net.addresses, agents, directory if certificates else None))
+        path, store = directory / "lab.toml", directory / "certificates" if certificates else None
+        path.write_text(fleet_text(net.addresses, agents, store))
         file = load_fleet(path)
         if certificates:
             make_certificates(file, datetime.now(UTC), days=1)
@@ -147,7 +147,7 @@ def _measured(fleet: Fleet, seconds: float) -> Flown:
 
 
 def fleet_text(addresses: Mapping[str, str], agents: Mapping[str, str], certificates: Path | None) -> str:
-    """Fleet file of the trio.
+    """Text of the fleet file `trio`, flown from several hosts.
 
     Parameters
     ----------
@@ -158,38 +158,15 @@ def fleet_text(addresses: Mapping[str, str], agents: Mapping[str, str], certific
     certificates
         Directory of the certificates; None for a fleet without.
     """
-    security = "insecure = true" if certificates is None else f'certificates = "{certificates}/certificates"'
-    hosts = "\n".join(
-        f'[hosts.{host}]\naddress = "{address}"\nrouter_port = {ROUTER_PORT}'
-        for host, address in addresses.items()
-    )
-    vehicles = "\n".join(
-        _vehicle(number, name, host) for number, (name, host) in enumerate(agents.items(), 1)
-    )
-    return f"""
-name = "lab"
-{hosts}
-[security]
-{security}
-[tracker]
-address = "{addresses[LABORATORY]}:{TRACKER_PORT}"
-[simulator]
-[defaults.control]
-controller = "cascade"
-horizon = {HORIZON}
-{vehicles}
-"""
-
-
-def _vehicle(number: int, name: str, host: str) -> str:
-    offset_m = OFFSETS_M.get(name)
-    follow = f'follow = [{{ leader = "h1", offset_m = {list(offset_m)} }}]' if offset_m else ""
-    return f"""
-[vehicles.{name}]
-subject = "heli{number}"
-host = "{host}"
-transmitter = {{ port = "radio-{name}", model_match = {number} }}
-{follow}"""
+    fleet = tomlkit.parse(fleet_path("trio").read_text(encoding="utf-8"))
+    fleet["tracker"] = {"address": f"{addresses[LABORATORY]}:{TRACKER_PORT}"}
+    fleet["hosts"] = {
+        host: {"address": address, "router_port": ROUTER_PORT} for host, address in addresses.items()
+    }
+    fleet["security"] = {"insecure": True} if certificates is None else {"certificates": str(certificates)}
+    for name, vehicle in fleet["vehicles"].items():
+        vehicle["host"] = agents[name]
+    return tomlkit.dumps(fleet)
 
 
 def _run_directory(path: Path, host: str) -> Path:

@@ -18,7 +18,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from rcopterx.benchmarks.namespaces import Network, network
-from rcopterx.benchmarks.programs import Show, running
+from rcopterx.benchmarks.processes import Show
 from rcopterx.bus.endpoints import client_config, open_session
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.processes.forking import child_environment
@@ -99,7 +99,7 @@ class Stream:
         }
 
 
-def run(cuts_s: Sequence[float], rounds: int, show: Show = lambda _: None) -> dict[str, Any]:
+def run(cuts_s: Sequence[float], rounds: int, show: Show) -> dict[str, Any]:
     """Cut the link between two hosts, `rounds` times for each duration, and measure both directions.
 
     Returns
@@ -150,14 +150,8 @@ def linked_hosts() -> Iterator[tuple[Network, dict[str, Stream]]]:
         for host, other in (("a", "b"), ("b", "a")):
             dialled = [endpoints["a"]] if host == "b" else []
             settings = json.dumps([[sockets[host], endpoints[host]], dialled, FLEET, host, [other]])
-            stack.enter_context(
-                running(
-                    net.python(host, "-c", _ROUTER, settings),
-                    signal.SIGTERM,
-                    env=child_environment(),
-                    stderr=subprocess.DEVNULL,
-                )
-            )
+            words, quiet = ("-c", _ROUTER, settings), subprocess.DEVNULL
+            stack.enter_context(net.running(host, words, child_environment(), quiet, signal.SIGTERM))
         for host in HOSTS:
             Session(BusAddress((sockets[host],), FLEET), timeout_s=20.0).close()
         clients = {host: open_session(client_config([sockets[host]], None, 5.0)) for host in HOSTS}

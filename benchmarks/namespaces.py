@@ -1,15 +1,16 @@
 """Hosts on one computer: network namespaces of Linux, joined by a bridge. Needs root."""
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import IO, Final
 
-from rcopterx.benchmarks.programs import running
-
 NETWORK: Final = "10.213.7"
+STOP_S: Final = 30.0
+"""Time that a program has to end before it is killed."""
 
 
 class NetworkUnavailableError(RuntimeError):
@@ -70,12 +71,24 @@ class Network:
 
     @contextmanager
     def running(
-        self, host: str, arguments: Sequence[str], environment: Mapping[str, str], output: int | IO[bytes]
+        self,
+        host: str,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        output: int | IO[bytes],
+        end: signal.Signals = signal.SIGINT,
     ) -> Iterator[None]:
-        """Run Python on a host until the block is left, which interrupts it."""
+        """Run Python on a host until the block is left, which sends it the signal `end`."""
         command = self.python(host, *arguments)
-        with running(command, env=environment, stdout=output, stderr=output):
-            yield
+        with subprocess.Popen(command, env=environment, stdout=output, stderr=output) as process:
+            try:
+                yield
+            finally:
+                process.send_signal(end)
+                try:
+                    process.wait(STOP_S)
+                except subprocess.TimeoutExpired:
+                    process.kill()
 
     def cut(self, host: str) -> None:
         """Cut the link of a host to all others."""

@@ -1,8 +1,11 @@
 """Processes that a process has started, and their memory and processor time (proc(5))."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+
+Show = Callable[[str], None]
+"""Shows a line about the progress of a benchmark."""
 
 
 def descendants(process: int, proc: Path = Path("/proc")) -> list[int]:

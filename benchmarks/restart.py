@@ -6,10 +6,7 @@ those of arrival in this process, which runs on the same host.
 
 import os
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,14 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from rcopterx.benchmarks.programs import Show
+from rcopterx.benchmarks.processes import Show
 from rcopterx.bus import channels
 from rcopterx.bus.messages import AgentStatus, TransmitterStatus
-from rcopterx.bus.session import Session
 from rcopterx.deploy.hosts.launcher import Launcher
-from rcopterx.deploy.roles.addresses import bus_address
-from rcopterx.deploy.roles.agent import pilot_of
-from rcopterx.fleet.reading import load_fleet
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -35,7 +28,6 @@ SETTLE_S = 3.0
 WATCH_S = 4.0
 SPARE_LIMIT_S = 30.0
 HEIGHT_M = 1.0
-START_UP_RUNS = 5
 
 
 @dataclass(frozen=True)
@@ -67,11 +59,9 @@ def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
     NotReachedError
         A vehicle did not come back.
     """
-    start_up = measured_start_up(path, show)
     kills: dict[str, list[dict[str, Any]]] = {}
     with launched(path) as fleet:
         assert fleet.launcher is not None
-        start_up["open_ms"] = _open_ms(fleet)
         fleet.take_off(height_m=HEIGHT_M)
         fleet.wait_for_formation()
         for number in range(rounds):
@@ -82,38 +72,8 @@ def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
     return {
         "fleet": fleet.file.name,
         "rounds": rounds,
-        "start_up_ms": start_up,
         "kills": {process: summary(rows) for process, rows in kills.items()},
     }
-
-
-def measured_start_up(path: Path, show: Show) -> dict[str, float]:
-    """Parts of the start-up of an agent without a fork server [ms], medians of a few runs."""
-    show("start-up of a cold agent")
-    code = "import rcopterx.deploy.roles.agent"
-    bare = _median_ms(lambda: subprocess.run([sys.executable, "-c", "pass"], check=True))
-    imports = _median_ms(lambda: subprocess.run([sys.executable, "-c", code], check=True))
-    file = load_fleet(path)
-    name = next(iter(file.vehicles))
-    return {
-        "interpreter_ms": bare,
-        "imports_ms": round(imports - bare, 1),
-        "pilot_ms": _median_ms(lambda: pilot_of(load_fleet(path), name)),
-    }
-
-
-def _median_ms(work: Callable[[], object]) -> float:
-    times = []
-    for _ in range(START_UP_RUNS):
-        started_s = time.monotonic()
-        work()
-        times.append(1000 * (time.monotonic() - started_s))
-    return round(float(np.median(times)), 1)
-
-
-def _open_ms(fleet: Fleet) -> float:
-    address = bus_address(fleet.file, next(iter(fleet.file.hosts)))
-    return _median_ms(lambda: Session(address).close())
 
 
 def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:

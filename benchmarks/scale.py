@@ -14,8 +14,7 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any, Final
 
-from rcopterx.benchmarks.processes import cpu_s
-from rcopterx.benchmarks.programs import Show
+from rcopterx.benchmarks.processes import Show, cpu_s
 from rcopterx.bus import channels
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.ground_station.report.figures import FlightFigures

@@ -22,6 +22,7 @@ import numpy as np
 from rcopterx.benchmarks.flight import Moment, record_flight
 from rcopterx.benchmarks.hpipm import Hpipm
 from rcopterx.benchmarks.peers import EXACT, Clarabel, PeerSolver, PiqpMultistage, PiqpSparse, Proxqp
+from rcopterx.benchmarks.processes import Show
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.control.controllers.paper.controller import PaperController, PaperSettings
 from rcopterx.control.interfaces import Controller
@@ -33,16 +34,15 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
-HORIZONS: Final = (10, 18, 30, 50, 80, 110)
-STEPS: Final = 2000
 PERIOD_S: Final = 0.02
 WARM_UP_STEPS: Final = 20
 EVERY: Final = 10
 """One problem in so many is judged."""
 ON_LIMIT: Final = 1e-6
 """An input this close to a limit is on it."""
-
-Progress = Callable[[str], None]
+SAMPLING_MS: Final = 20.0
+OURS: Final = {"cascade": "-", "cascade_lags": "--"}
+"""Lines of our own, thick and black; the others take what comes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,12 +135,7 @@ class JudgedSolver:
         return plan
 
 
-def run(
-    horizons: Sequence[int] = HORIZONS,
-    steps: int = STEPS,
-    seed: int = 0,
-    progress: Progress = lambda _: None,
-) -> dict[str, Any]:
+def run(horizons: Sequence[int], steps: int, seed: int, show: Show) -> dict[str, Any]:
     """Measure all contestants.
 
     Parameters
@@ -151,8 +146,6 @@ def run(
         Control steps of the recorded flight.
     seed
         Of the flight.
-    progress
-        Called with a line on what is being done.
 
     Returns
     -------
@@ -168,9 +161,9 @@ def run(
     results = {}
     with _pinned():
         for horizon in horizons:
-            progress(f"N = {horizon}: timing {', '.join(present)}")
+            show(f"N = {horizon}: timing {', '.join(present)}")
             timed = _timed(present, horizon, flights)
-            progress(f"N = {horizon}: distances to the exact solutions")
+            show(f"N = {horizon}: distances to the exact solutions")
             for name, contestant in present.items():
                 timed[name] |= _judged(contestant, horizon, flights[contestant.model.kind])
             results[str(horizon)] = timed
@@ -268,3 +261,25 @@ def _pinned() -> Iterator[None]:
         yield
     finally:
         os.sched_setaffinity(0, before)
+
+
+def draw_solver(document: Mapping[str, Any], figure: Any) -> None:
+    """Draw mean and 99.9th percentile of the whole control step of every solver."""
+    figure.set_size_inches(11, 5)
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    horizons = document["horizons"]
+    lengths = [int(length) for length in horizons]
+    for name in next(iter(horizons.values())):
+        own = {"color": "black", "linestyle": OURS[name], "linewidth": 2.2} if name in OURS else {}
+        for axes, field in ((left, "mean_ms"), (right, "p999_ms")):
+            values = [horizons[str(length)][name][field] for length in lengths]
+            axes.plot(lengths, values, marker="o", markersize=4, label=name, **own)
+    for axes, title in ((left, "mean"), (right, "99.9th percentile")):
+        axes.axhline(SAMPLING_MS, color="grey", linestyle="--")
+        axes.set_title(title)
+        axes.set_xlabel("horizon N")
+        axes.set_yscale("log")
+        axes.grid(alpha=0.3, which="both")
+    left.set_ylabel("whole control step [ms], dashed: sampling time")
+    left.legend(fontsize="small", ncols=2)
+    figure.tight_layout()

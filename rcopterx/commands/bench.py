@@ -65,8 +65,7 @@ def solver(
     plot: PlotOption = None,
 ) -> None:
     """Time control steps of the cascade, the paper's scheme and other solvers on the same problems."""
-    from rcopterx.benchmarks.solver import run
-    from rcopterx.benchmarks.solver_figure import draw_solver
+    from rcopterx.benchmarks.solver import draw_solver, run
 
     check_plot(plot)
     lengths = different_numbers(horizons, "--horizons", lowest=2, highest=200)

@@ -10,7 +10,7 @@ def test_every_installed_contestant_is_timed_and_solves_its_problems(monkeypatch
     monkeypatch.setattr(flight, "HOLD_S", 0.1)
     monkeypatch.setattr(solver, "EVERY", 3)
     shown: list[str] = []
-    result = solver.run(horizons=(6,), steps=40, seed=1, progress=shown.append)
+    result = solver.run((6,), 40, 1, shown.append)
     assert shown
     figures = result["horizons"]["6"]
     assert set(figures) | set(result["missing"]) == set(solver.CONTESTANTS)
@@ -27,7 +27,7 @@ def test_every_installed_contestant_is_timed_and_solves_its_problems(monkeypatch
 
 def test_a_missing_peer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solver, "find_spec", lambda package: None)
-    result = solver.run(horizons=(4,), steps=3)
+    result = solver.run((4,), 3, 0, lambda _: None)
     assert result["missing"] == sorted(
         name for name, contestant in solver.CONTESTANTS.items() if contestant.package is not None
     )
