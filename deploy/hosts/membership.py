@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -22,8 +23,10 @@ from rcopterx.bus.requests import (
 )
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.hosts.capacity import AGENT, may_be_crowded
+from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.child import Child
 from rcopterx.deploy.processes.log_reading import read_page
+from rcopterx.deploy.processes.process_log import rotate
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ROUTER
 
@@ -87,19 +90,27 @@ class MembershipService:
 
     def _run(self) -> None:
         report_at_s = reported_s = 0.0
+        attempt = Attempts(self._session.clock)
         while not self._stopping:
             self._wake.wait(max(0.0, report_at_s - self._session.clock()))
             self._wake.clear()
             for incoming in self._session.pending():
-                incoming.answer(self._answer(incoming.request))
+                incoming.answer(self._answer_or_error(incoming.request))
                 report_at_s = 0.0
             now_s = self._session.clock()
             if now_s >= report_at_s:
                 # A launcher that was stopped as a whole is late as a whole.
-                self._check_supervisor(min(now_s - reported_s, 2 * REPORT_PERIOD_S))
-                self._publish_events()
-                self._session.publish(channels.LAUNCHER, self._host, self._status())
+                elapsed_s = min(now_s - reported_s, 2 * REPORT_PERIOD_S)
+                self._events.extend(attempt("reporting", partial(self._report, elapsed_s)))
                 report_at_s, reported_s = now_s + REPORT_PERIOD_S, now_s
+
+    def _report(self, elapsed_s: float) -> list[str]:
+        """Check the supervisor, publish events and the status, and keep logs small."""
+        self._check_supervisor(elapsed_s)
+        self._publish_events()
+        self._session.publish(channels.LAUNCHER, self._host, self._status())
+        rotate(self._logs)
+        return []
 
     def _check_supervisor(self, elapsed_s: float) -> None:
         """Land the vehicles when the loop that replaces processes makes no turns."""
@@ -114,6 +125,12 @@ class MembershipService:
         while self._events:
             event = LauncherEvent(text=self._events.popleft()[:MAX_TEXT])
             self._session.publish(channels.LAUNCHER_EVENT, self._host, event)
+
+    def _answer_or_error(self, request: object) -> Reply:
+        try:
+            return self._answer(request)
+        except Exception as error:  # noqa: BLE001 - whatever fails, the next request is answered
+            return Reply(accepted=False, reason=f"the launcher of {self._host} failed: {error}"[:MAX_TEXT])
 
     def _answer(self, request: object) -> Reply:
         if isinstance(request, StartHost):

@@ -66,8 +66,14 @@ class ProcessLogs:
         return lines, False
 
     def _files(self) -> list[Path]:
+        """Logs to be read, older ones first."""
         found = sorted(self._directory.glob(f"*{SUFFIX}*"), key=lambda path: path.suffix != OLDER)
-        return [path for path in found if self._wanted(path)]
+        found = [path for path in found if self._wanted(path)]
+        for path in found:
+            if path.suffix != OLDER and _size(path) < self.positions.get(path.name, 0):
+                # Its content has moved to the older log, perhaps with lines that were not read.
+                self.positions[path.name + OLDER] = self.positions.pop(path.name)
+        return found
 
     def _wanted(self, path: Path) -> bool:
         process = path.name.partition(SUFFIX)[0]
@@ -78,8 +84,6 @@ class ProcessLogs:
         try:
             with path.open("rb") as file:
                 start = self.positions.get(path.name, 0)
-                # A log that is shorter than before is the successor of one that was renamed.
-                start = start if path.stat().st_size >= start else 0
                 file.seek(start)
                 data = file.read(most_bytes)
         except OSError:
@@ -95,6 +99,13 @@ class ProcessLogs:
             if stamp is not None:
                 self._times[path] = stamp[0].strip()
             yield LogLine(self._times.get(path, ""), process, text[stamp.end() :] if stamp else text)
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
 
 
 def read_page(directory: Path, request: ReadLogs) -> ReadLogsReply:

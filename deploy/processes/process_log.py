@@ -5,6 +5,7 @@ Supervised processes write the time before each line; processes that are run by 
 
 import logging
 import os
+import shutil
 import sys
 import time
 from contextlib import suppress
@@ -13,7 +14,7 @@ from types import TracebackType
 from typing import Final
 
 LARGEST_BYTES: Final = 1_000_000
-"""A larger log is renamed when its process is started; one older log is kept."""
+"""The content of a larger log is moved to an older one, of which one is kept."""
 SUFFIX: Final = ".log"
 OLDER: Final = ".1"
 TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%S"
@@ -43,7 +44,13 @@ def append(path: Path, lines: list[str]) -> None:
         file.writelines(f"{stamp} INFO {line}\n" for line in lines)
 
 
-def rotate(path: Path) -> None:
-    """Rename a log that has become large."""
-    if path.exists() and path.stat().st_size > LARGEST_BYTES:
-        path.replace(path.with_name(path.name + OLDER))
+def rotate(directory: Path) -> None:
+    """Move the content of each log that has become large to its older one; ignore a failing disk.
+
+    Processes go on writing to the same file, which they have opened for appending.
+    """
+    with suppress(OSError):
+        for path in directory.glob(f"*{SUFFIX}"):
+            if path.stat().st_size > LARGEST_BYTES:
+                shutil.copyfile(path, path.with_name(path.name + OLDER))
+                os.truncate(path, 0)

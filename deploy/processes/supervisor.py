@@ -14,7 +14,6 @@ from rcopterx.bus.heartbeat import Phase
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.child import Child, restart_pause_s, signal_name
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
-from rcopterx.deploy.processes.process_log import rotate
 from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, RECORDER, TRANSMITTERS, ProcessSpec
 from rcopterx.deploy.spares.spares import Spares
 from rcopterx.deploy.watchdog.liveness import Liveness, Watched
@@ -103,7 +102,6 @@ class Supervisor:
         lines = []
         try:
             self._logs.mkdir(parents=True, exist_ok=True)
-            rotate(log_path)
             log_path.open("ab").close()
         except OSError as error:
             lines.append(f"{name}: writes no log: {error}")

@@ -1,5 +1,7 @@
 """Promises of the launcher's membership service: vehicles come and go by request, never out of the air."""
 
+import errno
+import os
 import signal
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -24,6 +26,7 @@ from rcopterx.bus.requests import (
 from rcopterx.bus.session import BusAddress, NotServedError, Session
 from rcopterx.deploy.hosts.membership import MembershipService
 from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.deploy.processes.process_log import LARGEST_BYTES
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec
 
@@ -211,6 +214,36 @@ def test_the_logs_of_a_host_are_read_by_request_and_not_recorded(
 def test_a_host_without_a_daemon_is_not_started_by_request(membership: MembershipService, join: Join) -> None:
     with pytest.raises(NotServedError):
         join().request("main", StartHost(), timeout_s=DEADLINE_S)
+
+
+def test_a_host_on_a_full_disk_refuses_to_start_and_answers_later_requests(
+    bus_address: BusAddress, supervisor: Supervisor, tmp_path: Path, join: Join
+) -> None:
+    full = True
+
+    def begin() -> None:
+        if full:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "flight")
+
+    service = MembershipService(bus_address, "main", supervisor, deque(), ["h1"], tmp_path, begin)
+    try:
+        session = join()
+        reply = asked(session, "main", StartHost())
+        assert not reply.accepted
+        assert "the launcher of main failed: [Errno 28] No space left on device: 'flight'" in reply.reason
+        assert not service.started
+        full = False
+        assert asked(session, "main", StartHost()).reason == "main is started"
+    finally:
+        service.close()
+
+
+def test_large_logs_are_put_aside_while_the_host_runs(
+    membership: MembershipService, tmp_path: Path, join: Join
+) -> None:
+    (tmp_path / "router.log").write_bytes(bytes(LARGEST_BYTES + 1))
+    wait_for(lambda: (tmp_path / "router.log").stat().st_size == 0, "the log grows on")
+    assert (tmp_path / "router.log.1").stat().st_size == LARGEST_BYTES + 1
 
 
 def test_a_vehicle_takes_part_and_leaves_by_request(

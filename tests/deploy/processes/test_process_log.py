@@ -1,5 +1,6 @@
 """Promises of the logs of processes: one line per event, kept within bounds, read merged in time."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -85,17 +86,50 @@ def test_logs_are_chosen_by_process_or_vehicle(directory: Path) -> None:
     assert ProcessLogs(directory / "absent").new_lines() == []
 
 
-def test_a_large_log_is_put_aside_and_a_small_one_left(
-    directory: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def small_logs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(process_log, "LARGEST_BYTES", 100)
-    rotate(directory / "tracker.log")
-    rotate(directory / "absent.log")
-    assert (directory / "tracker.log").exists()
-    (directory / "tracker.log").write_text("x" * 101)
-    rotate(directory / "tracker.log")
-    assert not (directory / "tracker.log").exists()
-    assert (directory / "tracker.log.1").read_text() == "x" * 101
+
+
+@pytest.mark.usefixtures("small_logs")
+def test_a_large_log_is_put_aside_while_its_process_writes_and_a_small_one_left(tmp_path: Path) -> None:
+    (tmp_path / "tracker.log").write_text("little")
+    with (tmp_path / "router.log").open("a") as file:
+        file.write("x" * 101)
+        file.flush()
+        rotate(tmp_path)
+        file.write("later")
+    assert (tmp_path / "router.log").read_text() == "later"
+    assert (tmp_path / "router.log.1").read_text() == "x" * 101
+    assert (tmp_path / "tracker.log").read_text() == "little"
+    assert not (tmp_path / "tracker.log.1").exists()
+
+
+@pytest.mark.usefixtures("small_logs")
+def test_a_log_stays_when_the_disk_is_too_full_to_put_it_aside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("shutil.copyfile", fail)
+    (tmp_path / "router.log").write_text("x" * 101)
+    rotate(tmp_path)
+    assert (tmp_path / "router.log").read_text() == "x" * 101
+
+
+@pytest.mark.usefixtures("small_logs")
+def test_every_line_is_read_once_while_logs_are_put_aside(tmp_path: Path) -> None:
+    logs = ProcessLogs(tmp_path)
+    read: list[str] = []
+    for number in range(40):
+        append(tmp_path / "router.log", [str(number)])
+        if number % 7 == 0:
+            rotate(tmp_path)
+        if number % 3 == 0:
+            read += [line.text for line in logs.new_lines()]
+    read += [line.text for line in logs.new_lines()]
+    assert read == [f"INFO {number}" for number in range(40)]
 
 
 def test_events_of_a_launcher_are_logged_with_their_time_and_a_full_disk_is_ignored(tmp_path: Path) -> None:
