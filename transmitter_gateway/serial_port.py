@@ -10,7 +10,12 @@ import select
 import struct
 import termios
 from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
 from enum import StrEnum
+from functools import partial
+from threading import Thread
 
 import serial
 
@@ -25,6 +30,7 @@ SPEED_BITS = 0o010017
 SPEED_IS_A_NUMBER = 0o010000
 
 RETRY_S = 0.15
+SLOW_OPENING_S = 1.0
 SILENCE_AFTER_SHORT_WRITE_S = 0.002
 LONGEST_BACKLOG_S = 0.1
 READ_SIZE = 4096
@@ -58,20 +64,35 @@ class WriteOutcome(StrEnum):
     FAILED = "failed writes"
 
 
+def in_thread(work: Callable[[], None]) -> None:
+    """Run `work` in a thread of its own, which does not keep the process from ending."""
+    Thread(target=work, name="serial port", daemon=True).start()
+
+
 class SerialPort:
     """A port that is opened and reopened by `service` and written frame by frame.
 
     `problem` is why it is not open, None when it is; outcomes of writes, openings and losses are counted by
     name.
+
+    Parameters
+    ----------
+    start
+        Runs openings and closings, which an adapter can block for seconds.
     """
 
-    def __init__(self, path: str, line: SerialLine) -> None:
+    def __init__(
+        self, path: str, line: SerialLine, start: Callable[[Callable[[], None]], None] = in_thread
+    ) -> None:
         self.path = path
         self.line = line
+        self._start = start
         self.problem: str | None = "not opened yet"
         self.counters: Counter[str] = Counter()
         self._serial: serial.Serial | None = None
         self._descriptor: int | None = None
+        self._opening: Future[serial.Serial] | None = None
+        self._opening_since_s = -math.inf
         self._next_attempt_s = -math.inf
         self._silent_until_s = -math.inf
         self._backlog_since_s: float | None = None
@@ -86,48 +107,40 @@ class SerialPort:
         return self._descriptor
 
     @property
+    def is_opening(self) -> bool:
+        """True while an attempt to open the port is under way."""
+        return self._opening is not None and not self._opening.done()
+
+    @property
     def next_attempt_s(self) -> float:
-        """When `service` tries to open the port again [s]; infinite while open."""
-        return math.inf if self.is_open else self._next_attempt_s
+        """When `service` has something to do again [s]; infinite while open, and while it is being opened."""
+        if self.is_open or self.is_opening:
+            return math.inf
+        return self._next_attempt_s if self._opening is None else -math.inf
 
     def service(self, now_s: float) -> bool:
-        """Open the port if it is closed and an attempt is due; return True when it was just opened."""
-        if self.is_open or now_s < self._next_attempt_s:
+        """Open the port if it is closed and an attempt is due; return True once, when it is open."""
+        if self.is_open or (self._opening is None and now_s < self._next_attempt_s):
             return False
         try:
-            self._serial = self._open()
-        except (OSError, termios.error, ValueError) as error:
+            if self._opening is None:
+                self._opening, self._opening_since_s = Future(), now_s
+                self._start(partial(_complete, self._opening, partial(open_serial, self.path, self.line)))
+            if not self._opening.done():
+                if now_s > self._opening_since_s + SLOW_OPENING_S:
+                    self.problem = f"{self.path} does not open; unplug the adapter"
+                return False
+            self._serial = self._opening.result()
+        except (OSError, termios.error, ValueError, RuntimeError) as error:
             self._lose(f"cannot open {self.path}: {reason_of(error)}", now_s)
             return False
+        self._opening = None
         self._descriptor = int(self._serial.fileno())
         self.problem = None
         self._silent_until_s = -math.inf
         self._backlog_since_s = None
         self.counters["openings"] += 1
         return True
-
-    def _open(self) -> serial.Serial:
-        port = serial.Serial()
-        port.port = self.path
-        standard = hasattr(termios, f"B{self.line.baud}")
-        port.baudrate = self.line.baud if standard else 115_200
-        port.bytesize = serial.EIGHTBITS
-        port.parity = self.line.parity
-        port.stopbits = self.line.stop_bits
-        port.timeout = 0
-        port.exclusive = True
-        # On many boards these lines reset the processor or switch the module's power.
-        port.dtr = False
-        port.rts = False
-        port.open()
-        try:
-            fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
-            if not standard:
-                set_baud(port.fileno(), self.line.baud)
-        except BaseException:
-            port.close()
-            raise
-        return port
 
     def write_frame(self, frame: bytes, now_s: float) -> WriteOutcome:
         """Write one whole frame, or nothing; never wait.
@@ -165,16 +178,8 @@ class SerialPort:
         if self._backlog_since_s is None:
             self._backlog_since_s = now_s
         elif now_s - self._backlog_since_s > LONGEST_BACKLOG_S:
-            self._discard_output()
             self._lose(f"{self.path} takes no bytes for {LONGEST_BACKLOG_S:g} s", now_s)
         return WriteOutcome.BACKLOG
-
-    def _discard_output(self) -> None:
-        try:
-            if self._serial is not None:
-                self._serial.reset_output_buffer()
-        except (OSError, termios.error):
-            self.counters["failed flushes"] += 1
 
     def read_available(self, now_s: float) -> bytes:
         """Return the bytes that have arrived, possibly none."""
@@ -202,19 +207,66 @@ class SerialPort:
         self._next_attempt_s = now_s + RETRY_S
 
     def close(self) -> None:
-        """Close the port; `service` would open it again."""
-        port, self._serial, self._descriptor = self._serial, None, None
+        """Close the port, and discard what is still to be sent; `service` would open it again."""
+        port, opening = self._serial, self._opening
+        self._serial = self._descriptor = self._opening = None
         self.problem = "closed"
+        if opening is not None:
+            opening.add_done_callback(_shut_unused)
         if port is None:
             return
         try:
-            fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
-        except (OSError, termios.error):
-            self.counters["ports closed after the device was gone"] += 1
-        try:
-            port.close()
-        except (OSError, termios.error):
-            self.counters["failed closes"] += 1
+            self._start(partial(_shut, port))
+        except RuntimeError:  # The system allows no further thread.
+            _shut(port)
+
+
+def open_serial(path: str, line: SerialLine) -> serial.Serial:
+    """Open a device exclusively; raises `OSError`, `termios.error` or `ValueError`. It may block."""
+    port = serial.Serial()
+    port.port = path
+    standard = hasattr(termios, f"B{line.baud}")
+    port.baudrate = line.baud if standard else 115_200
+    port.bytesize = serial.EIGHTBITS
+    port.parity = line.parity
+    port.stopbits = line.stop_bits
+    port.timeout = 0
+    port.exclusive = True
+    # On many boards these lines reset the processor or switch the module's power.
+    port.dtr = False
+    port.rts = False
+    port.open()
+    try:
+        fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
+        if not standard:
+            set_baud(port.fileno(), line.baud)
+    except BaseException:
+        port.close()
+        raise
+    return port
+
+
+def _complete(opening: Future[serial.Serial], work: Callable[[], serial.Serial]) -> None:
+    try:
+        opening.set_result(work())
+    except Exception as error:  # noqa: BLE001 - it is raised where the port is awaited
+        opening.set_exception(error)
+
+
+def _shut(port: serial.Serial) -> None:
+    """Close a port, also after its device has gone; bytes that are still to be sent would block that."""
+    failures = suppress(OSError, termios.error)
+    with failures:
+        port.reset_output_buffer()
+    with failures:
+        fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
+    with failures:
+        port.close()
+
+
+def _shut_unused(opening: Future[serial.Serial]) -> None:
+    if opening.exception() is None:
+        _shut(opening.result())
 
 
 def queued_bytes(descriptor: int) -> int:

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from operator import call
 from pathlib import Path
 
 import pytest
@@ -167,7 +168,7 @@ def test_number_that_another_vehicle_has_too_is_not_bound(laboratory: Laboratory
 def test_nothing_is_possible_while_a_gateway_has_the_port(
     laboratory: Laboratory, words: tuple[str, ...]
 ) -> None:
-    gateway = SerialPort(str(laboratory.radio.path), laboratory.protocol.line)
+    gateway = SerialPort(str(laboratory.radio.path), laboratory.protocol.line, call)
     assert gateway.service(0.0)
     done = laboratory.run(*words)
     gateway.close()

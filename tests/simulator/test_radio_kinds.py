@@ -1,4 +1,5 @@
 from collections.abc import Iterator
+from operator import call
 from pathlib import Path
 
 import pytest
@@ -28,7 +29,7 @@ class Bench:
         self.protocol = create_protocol(kind, KINDS[kind], line)
         module = module_of(SimulatedRadio(self.protocol, 5), 0.0)
         self.radio = RadioPty(path, RadioLink(module, Receiver(5, connect_s=0.0)))
-        self.port = SerialPort(str(path), line)
+        self.port = SerialPort(str(path), line, call)
         self.now_s = 0.0
 
     def run(self, seconds: float) -> None:

@@ -1,11 +1,13 @@
 """A transmitter gateway in virtual time: several emulated radios, no bus."""
 
 import select
+import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from support.waiting import wait_for
 
 from rcopterx.bus.codec import encode
 from rcopterx.bus.heartbeat import Heartbeat
@@ -25,6 +27,7 @@ from rcopterx.transmitter_gateway.process import Gateway
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.radios import Radios
+from rcopterx.transmitter_gateway.serial_port import WriteOutcome
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import Write
 from rcopterx.transmitter_gateway.state_page import begin_page
@@ -88,6 +91,8 @@ class Laboratory(Wakeup):
         self.thrust: float | None = 0.0
         self.height_m = 1.0
         self.sinks = False
+        self.blocked: set[str] = set()
+        """Vehicles whose ports do not open."""
         self.throttle_us: dict[str, list[int]] = {name: [] for name in NAMES}
         self.frame = 0
         self.writes: dict[str, list[Write]] = {name: [] for name in NAMES}
@@ -129,7 +134,12 @@ class Laboratory(Wakeup):
 
     def kill(self) -> None:
         """End the gateway as SIGKILL does: its ports and pages close, and nothing more is written."""
+        for name, radio in self.radios.items():
+            self._serve(name, radio)
         self.radios_of_gateway.close()
+        for thread in threading.enumerate():
+            if thread.name == "serial port":
+                thread.join()
 
     def close(self) -> None:
         self.radios_of_gateway.close()
@@ -156,6 +166,8 @@ class Laboratory(Wakeup):
         return {self.transmitter(name).arbiter.state for name in NAMES}
 
     def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
+        opening = [self.transmitter(name).port for name in NAMES if name not in self.blocked]
+        wait_for(lambda: not any(port.is_opening for port in opening), "a port does not open")
         next_frame_s = (self.frame + 1) * PERIOD_S
         self.bus.now_s = min(self.bus.now_s + max(timeout_s, 1e-4), next_frame_s)
         for name, radio in self.radios.items():
@@ -171,8 +183,9 @@ class Laboratory(Wakeup):
         return super().wait(descriptors, 0.0)
 
     def _serve(self, name: str, radio: RadioPty) -> None:
-        if len(self.writes[name]) > self._served[name]:
-            self._served[name] = len(self.writes[name])
+        new = self.writes[name][self._served[name] :]
+        self._served[name] += len(new)
+        if radio.is_open and new and new[-1].outcome is WriteOutcome.WRITTEN:
             assert select.select([radio.fileno()], [], [], 5.0)[0]
         radio.service(self.bus.now_s)
         self.throttle_us[name] += [round(frame.pulses_us[0]) for frame in radio.link.take_frames()]

@@ -1,10 +1,13 @@
 """The loop of a transmitter gateway in virtual time: several emulated radios, no bus."""
 
+import threading
 from collections import Counter
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import serial
 from gateway_bench import NAMES, Laboratory
 
 from rcopterx.bus.keys import EVERY_FLEET, FLEET_UNIT
@@ -40,6 +43,33 @@ def test_broken_transmitter_does_not_keep_the_others_from_landing(
         assert laboratory.throttle_us[name][-25:] == [1100] * 25
     assert ("h2: cannot be brought down" in caplog.text) == (broken != "next_deadline_s")
     assert not any(laboratory.transmitter(name).port.is_open for name in NAMES)
+
+
+@pytest.mark.parametrize("call", ["open", "close"])
+def test_no_period_of_the_other_radios_is_lost_while_an_adapter_blocks(
+    laboratory: Laboratory, call: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    laboratory.fly()
+    released = threading.Event()
+    real = getattr(serial.Serial, call)
+    path = str(laboratory.radios["h2"].path)
+
+    def blocked(port: serial.Serial) -> None:
+        assert port.port != path or released.wait(60.0)
+        real(port)
+
+    monkeypatch.setattr(serial.Serial, call, blocked)
+    laboratory.blocked = {"h2"}
+    began_s = laboratory.bus.now_s
+    laboratory.radios["h2"].unplug()
+    laboratory.run(0.1)
+    laboratory.radios["h2"].replug(laboratory.bus.now_s)
+    laboratory.run(2.0)
+    assert not released.is_set()
+    for name in ("h1", "h3"):
+        times_s = [write.time_s for write in laboratory.writes[name] if write.time_s >= began_s]
+        assert max(b - a for a, b in pairwise(times_s)) < 0.021
+    released.set()
 
 
 def test_error_in_the_poses_still_brings_everybody_down(

@@ -1,15 +1,19 @@
 import errno
 import fcntl
+import itertools
 import os
 import pty
 import select
 import termios
+import threading
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from operator import call
 from pathlib import Path
 
 import pytest
 import serial
+from support.waiting import wait_for
 
 from rcopterx.transmitter_gateway import serial_port
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
@@ -61,7 +65,7 @@ def device(tmp_path: Path) -> Iterator[Device]:
 
 @pytest.fixture
 def port(device: Device) -> Iterator[SerialPort]:
-    port = SerialPort(str(device.path), LINE)
+    port = SerialPort(str(device.path), LINE, call)
     assert port.service(0.0)
     yield port
     port.close()
@@ -76,7 +80,7 @@ def test_frames_arrive_whole(device: Device, port: SerialPort) -> None:
 
 @pytest.mark.parametrize("baud", [100_000, 125_000, 115_200])
 def test_standard_and_custom_baud_rates_are_set(device: Device, baud: int) -> None:
-    port = SerialPort(str(device.path), SerialLine(baud, "N", 2))
+    port = SerialPort(str(device.path), SerialLine(baud, "N", 2), call)
     assert port.service(0.0)
     descriptor = port.fileno()
     assert descriptor is not None
@@ -100,7 +104,7 @@ def test_answers_are_read_without_waiting(device: Device, port: SerialPort) -> N
 
 def test_missing_device_is_said_and_tried_again(tmp_path: Path) -> None:
     path = tmp_path / "h1"
-    port = SerialPort(str(path), LINE)
+    port = SerialPort(str(path), LINE, call)
     assert not port.service(0.0)
     assert port.problem == f"cannot open {path}: there is no such device; is the adapter plugged in?"
     assert port.next_attempt_s == RETRY_S
@@ -114,7 +118,7 @@ def test_missing_device_is_said_and_tried_again(tmp_path: Path) -> None:
 
 
 def test_a_second_gateway_cannot_open_the_port(device: Device, port: SerialPort) -> None:
-    second = SerialPort(str(device.path), LINE)
+    second = SerialPort(str(device.path), LINE, call)
     assert not second.service(0.0)
     assert second.problem == f"cannot open {device.path}: another program has it"
     assert port.write_frame(FRAME, 0.0) is WriteOutcome.WRITTEN
@@ -134,10 +138,10 @@ def test_why_a_port_cannot_be_opened_is_told_in_words(error: Exception, words: s
 
 
 def test_parity_the_device_drops_is_a_clear_problem_and_not_a_crash(device: Device) -> None:
-    first = SerialPort(str(device.path), SerialLine(115_200, "E", 2))
+    first = SerialPort(str(device.path), SerialLine(115_200, "E", 2), call)
     assert first.service(0.0)
     first.close()
-    second = SerialPort(str(device.path), SerialLine(115_200, "E", 2))
+    second = SerialPort(str(device.path), SerialLine(115_200, "E", 2), call)
     assert not second.service(0.0)
     assert second.problem is not None
     assert "Invalid argument" in second.problem
@@ -259,6 +263,88 @@ def test_full_queue_drops_the_frame_without_waiting(
 
 def test_closing_lets_another_user_open_the_port(device: Device, port: SerialPort) -> None:
     port.close()
-    second = SerialPort(str(device.path), LINE)
+    second = SerialPort(str(device.path), LINE, call)
     assert second.service(0.0)
     second.close()
+
+
+def blocking(monkeypatch: pytest.MonkeyPatch, name: str) -> threading.Event:
+    """Let a call of the library block until the event is set."""
+    released = threading.Event()
+    real = getattr(serial.Serial, name)
+
+    def blocked(port: serial.Serial) -> None:
+        assert released.wait(60.0)
+        real(port)
+
+    monkeypatch.setattr(serial.Serial, name, blocked)
+    return released
+
+
+def test_opening_that_blocks_keeps_nothing_waiting_and_is_used_when_it_has_ended(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    released = blocking(monkeypatch, "open")
+    port = SerialPort(str(device.path), LINE)
+    assert not port.service(0.0)
+    assert port.is_opening
+    assert port.write_frame(FRAME, 0.5) is WriteOutcome.CLOSED
+    assert not port.service(1.1)
+    assert port.problem == f"{device.path} does not open; unplug the adapter"
+    assert port.next_attempt_s == float("inf")
+    released.set()
+    wait_for(lambda: not port.is_opening, "it does not open")
+    assert port.next_attempt_s == float("-inf")
+    assert port.service(1.2)
+    assert not port.service(1.2)
+    assert port.write_frame(FRAME, 1.2) is WriteOutcome.WRITTEN
+    assert device.read() == FRAME
+    port.close()
+
+
+def test_device_that_opens_after_its_port_was_closed_is_left_to_others(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    released = blocking(monkeypatch, "open")
+    port = SerialPort(str(device.path), LINE)
+    port.service(0.0)
+    port.close()
+    released.set()
+    second = SerialPort(str(device.path), LINE, call)
+    now_s = itertools.count(step=RETRY_S)
+    wait_for(lambda: second.service(next(now_s)), "another program has it")
+    second.close()
+
+
+def test_closing_that_blocks_keeps_nothing_waiting(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    released = blocking(monkeypatch, "close")
+    port = SerialPort(str(device.path), LINE)
+    wait_for(lambda: port.service(0.0), "it does not open")
+    device.unplug()
+    assert port.write_frame(FRAME, 1.0) is WriteOutcome.FAILED
+    assert not port.is_open
+    device.plug()
+    wait_for(lambda: port.service(1.0 + RETRY_S), "it does not open")
+    assert port.write_frame(FRAME, 1.2) is WriteOutcome.WRITTEN
+    port.close()
+    released.set()
+
+
+def test_system_without_another_thread_is_a_problem_and_keeps_no_port_open(device: Device) -> None:
+    def refuse(work: Callable[[], None]) -> None:
+        if exhausted:
+            raise RuntimeError("can't start new thread")
+        work()
+
+    exhausted = True
+    port = SerialPort(str(device.path), LINE, refuse)
+    assert not port.service(0.0)
+    assert port.problem == f"cannot open {device.path}: can't start new thread"
+    exhausted = False
+    assert port.service(RETRY_S)
+    descriptor = port.fileno()
+    assert descriptor is not None
+    exhausted = True
+    port.close()
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(descriptor)

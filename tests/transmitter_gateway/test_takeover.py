@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from operator import call
 from pathlib import Path
 
 import pytest
@@ -182,7 +183,7 @@ class Restart:
 
     def start(self) -> None:
         protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
-        port = SerialPort(str(self.path), LINE)
+        port = SerialPort(str(self.path), LINE, call)
         self.transmitter = Transmitter("h1", ArbiterLimits(), Calibration(), protocol, port)
         self.transmitter.resume(self.page, self.now_s)
 
@@ -318,7 +319,7 @@ def test_a_gateway_that_is_back_too_late_starts_disarmed(restart: Restart) -> No
 
 def test_a_port_that_cannot_be_opened_at_first_is_taken_over_when_it_can(restart: Restart) -> None:
     restart.fly()
-    other = SerialPort(str(restart.path), LINE)
+    other = SerialPort(str(restart.path), LINE, call)
     restart.transmitter.close()
     assert other.service(restart.now_s)
     restart.throttle_us()

@@ -1,6 +1,7 @@
 import select
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from operator import call
 from pathlib import Path
 
 import pytest
@@ -41,7 +42,7 @@ class Bench:
         self.now_s = 0.0
         self.radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
         protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
-        self.port = SerialPort(str(path), LINE)
+        self.port = SerialPort(str(path), LINE, call)
         self.transmitter = Transmitter("h1", ArbiterLimits(), Calibration(), protocol, self.port)
         self.transmitter.arbiter.bid(1, 0.0, take_over=False)
         self.sequence = 0
@@ -366,7 +367,7 @@ def test_full_port_is_tried_again_and_then_given_up(bench: Bench, monkeypatch: p
 
 
 def make(protocol: MultiProtocol | Dsm2SerialProtocol | PpmGenProtocol, **options: object) -> Transmitter:
-    port = SerialPort("/nonexistent", LINE)
+    port = SerialPort("/nonexistent", LINE, call)
     calibration = options.pop("calibration", Calibration())
     assert isinstance(calibration, Calibration)
     return Transmitter("h1", ArbiterLimits(), calibration, protocol, port, low_power=bool(options))
