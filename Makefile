@@ -7,12 +7,13 @@ ARGS ?=
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo test campaign mutation lint docs wheel clean
+.PHONY: help demo test campaign fuzz mutation lint docs wheel clean
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
 	@echo "make test      unit tests, and fleets of real processes (less than eight minutes on two cores)"
 	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
+	@echo "make fuzz      coverage-guided fuzzing of what reads bytes from outside, 5 minutes each; ARGS=\"codec 60\""
 	@echo "make mutation  how much of what is changed in arbiter, landing and watchdog the unit tests notice (an hour)"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make docs      the documentation site, in build/site"
@@ -50,6 +51,13 @@ $(VENV)/.browser: $(VENV)/.test
 campaign: $(VENV)/.browser
 	$(BIN)/python -m pytest -m campaign $(ARGS)
 	$(BIN)/python -m pytest -n 2 -m "hypothesis and not integration" --hypothesis-profile=search
+
+$(VENV)/.fuzz: $(VENV)/.test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[fuzz]'
+	@touch $@
+
+fuzz: $(VENV)/.fuzz
+	$(BIN)/python -m tests.fuzz.run_fuzz $(ARGS)
 
 $(VENV)/.mutation: $(VENV)/.test
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[mutation]'

@@ -1,10 +1,11 @@
 """Summaries of flights, and repair of files that were cut off."""
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+import msgspec
 
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT, METADATA
 from rcopterx.flights.flights import Flight
@@ -37,8 +38,10 @@ class FlightSummary:
 def summary_of(flight: Flight) -> FlightSummary:
     """Return the summary of a flight, without reading its messages."""
     problem, contents = "", [Contents()]
+    vehicles: tuple[str, ...] = ()
     try:
         contents = [contents_of(path) for path in flight.parts]
+        vehicles = vehicles_in(contents[0].attachments.get(FLEET_ATTACHMENT, b"{}"))
     except FlightLogError as error:
         problem = str(error)
     metadata = contents[0].metadata.get(METADATA, {})
@@ -46,7 +49,7 @@ def summary_of(flight: Flight) -> FlightSummary:
         name=flight.name,
         fleet=metadata.get("fleet", ""),
         started=metadata.get("started", ""),
-        vehicles=vehicles_in(contents[0].attachments.get(FLEET_ATTACHMENT, b"{}")),
+        vehicles=vehicles,
         size_bytes=flight.size_bytes,
         files=len(flight.parts),
         complete=not problem and all(part.complete for part in contents),
@@ -56,9 +59,16 @@ def summary_of(flight: Flight) -> FlightSummary:
     )
 
 
+class _Fleet(msgspec.Struct):
+    vehicles: dict[str, object] = {}
+
+
 def vehicles_in(fleet: bytes) -> tuple[str, ...]:
-    """Return the vehicles of a snapshot of a fleet file."""
-    return tuple(json.loads(fleet).get("vehicles", {}))
+    """Return the vehicles of a snapshot of a fleet file; raises `FlightLogError` if it is none."""
+    try:
+        return tuple(msgspec.json.decode(fleet, type=_Fleet).vehicles)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise FlightLogError(f"snapshot of the fleet file: {error}") from None
 
 
 @dataclass(frozen=True)

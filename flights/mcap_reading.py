@@ -22,6 +22,8 @@ MAX_CHUNK_BYTES: Final = 64 * 1024 * 1024
 """Decompressed. The recorder writes some kilobytes."""
 SIZE_UNKNOWN: Final = -1
 """Size of a frame of zstandard that declares none."""
+MALFORMED: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError)
+"""Raised by the library for records that contradict themselves."""
 _HEAD: Final = struct.Struct("<BQ")
 _MESSAGE: Final = struct.Struct("<HIQQ")
 """Channel, sequence, log time, publish time."""
@@ -95,7 +97,7 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
             yield file
     except OSError as error:
         raise FlightLogError(f"{path}: cannot be read: {error.strerror}") from None
-    except (FlightLogError, McapError, struct.error, UnicodeDecodeError) as error:
+    except (FlightLogError, *MALFORMED) as error:
         raise FlightLogError(f"{path}: not a flight log: {error}") from None
 
 
@@ -132,8 +134,11 @@ def _messages(body: bytes, channels: dict[int, str], contents: Contents) -> Iter
 
 
 def chunk_data(body: bytes) -> bytes | None:
-    """Return the records of a chunk; None where its checksum or the size that it declares is wrong."""
-    chunk = Chunk.read(_stream(body))
+    """Return the records of a chunk; None where its checksum or a size that it declares is wrong."""
+    try:
+        chunk = Chunk.read(_stream(body))
+    except MALFORMED:
+        return None
     if chunk.compression not in ("", COMPRESSION):
         raise FlightLogError(f"compression {chunk.compression!r}, ours is {COMPRESSION!r}")
     try:

@@ -11,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from rcopterx.flights.listing import mend
+from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
+from rcopterx.flights.flights import Flight
+from rcopterx.flights.listing import mend, summary_of
 from rcopterx.flights.mcap_reading import Contents, FlightLogError, contents_of, messages_of
 from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
 
@@ -129,3 +131,31 @@ def test_a_chunk_that_declares_gigabytes_is_left_out_and_costs_no_memory(
     tracemalloc.stop()
     assert contents.damaged_chunks == 1
     assert peak_bytes < 10_000_000
+
+
+def test_a_chunk_with_a_length_beyond_any_file_is_left_out(path: Path) -> None:
+    body = struct.pack("<QQQII4sQ", 0, 0, 8, 0, 4, b"zstd", 2**63) + bytes(8)
+    whole = written([[message(1)]])
+    start = written([], finish=False)
+    path.write_bytes(start + struct.pack("<BQ", 6, len(body)) + body + whole[len(start) :])
+    contents = Contents()
+    assert [found.payload for found in messages_of(path, contents)] == [b"payload 1"]
+    assert contents.damaged_chunks == 1
+
+
+def test_an_attachment_with_a_length_beyond_any_file_is_refused(path: Path) -> None:
+    body = struct.pack("<QQI1sI1sQ", 0, 0, 1, b"a", 1, b"b", 2**63)
+    path.write_bytes(written([], finish=False) + struct.pack("<BQ", 9, len(body)) + body)
+    with pytest.raises(FlightLogError, match="not a flight log"):
+        contents_of(path)
+
+
+@pytest.mark.parametrize("fleet", [b"[]", b"no fleet", b'{"vehicles": 3}'])
+def test_the_list_of_flights_names_a_flight_whose_fleet_is_unreadable(path: Path, fleet: bytes) -> None:
+    with path.open("wb") as file:
+        mcap = McapFile(file, {})
+        mcap.add_attachment(FLEET_ATTACHMENT, "application/json", fleet, 0)
+        mcap.finish()
+    summary = summary_of(Flight("lab", (path,)))
+    assert summary.vehicles == ()
+    assert "fleet" in summary.problem
