@@ -49,26 +49,16 @@ def _inside_volume(figures: FlightFigures, vehicles: Tables) -> Result:
 
 
 _TICKED: Final = Check("every vehicle ticked", _every_vehicle_ticked)
-_NOT_MISSED: Final = Check("no control period was missed", _no_period_missed)
+CONTROLLED: Final = (_TICKED, Check("no control period was missed", _no_period_missed))
+"""Every vehicle was controlled all the time."""
 _FLYING: Final = (
     Check("no vehicle touched the floor", _not_on_floor),
     Check("no vehicle left the flight volume", _inside_volume),
 )
-
-
-def always() -> tuple[Check, ...]:
-    """Checks of every manoeuvre without faults and landings."""
-    return (_TICKED, _NOT_MISSED, *_FLYING)
-
-
-def controlled() -> tuple[Check, ...]:
-    """Every vehicle was controlled all the time."""
-    return (_TICKED, _NOT_MISSED)
-
-
-def in_the_air() -> tuple[Check, ...]:
-    """No vehicle fell or flew away."""
-    return (_TICKED, *_FLYING)
+IN_THE_AIR: Final = (_TICKED, *_FLYING)
+"""No vehicle fell or flew away."""
+ALWAYS: Final = (*CONTROLLED, *_FLYING)
+"""Checks of every manoeuvre without faults and landings."""
 
 
 def in_time(period_ms: float = 20.0) -> Check:
@@ -114,12 +104,8 @@ def distance_kept(least_m: float = 0.3) -> Check:
     """No two vehicles came nearer than this."""
 
     def judge(figures: FlightFigures, vehicles: Tables) -> Result:
-        distances = [
-            float(gaps.min())
-            for first, second in combinations(vehicles, 2)
-            if len(gaps := figures.distances_m(first, second))
-        ]
-        least = min(distances, default=math.inf)
+        gaps_m = [figures.distances_m(first, second) for first, second in combinations(vehicles, 2)]
+        least = min((float(gaps.min()) for gaps in gaps_m if len(gaps)), default=math.inf)
         return least >= least_m, None if least == math.inf else round(least, 3)
 
     return Check(f"distance at least {least_m:g} m", judge)

@@ -3,7 +3,7 @@
 import json
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -143,6 +143,12 @@ def not_flown(manoeuvre: Manoeuvre, verdict: str, problem: str | None) -> dict[s
         "vehicles": {},
         "journal": [],
     }
+
+
+def reason_of(report: Mapping[str, Any]) -> str:
+    """Why a manoeuvre failed or was not flown; remarks on one that passed."""
+    failed = [check["name"] for check in report["checks"] if not check["passed"]]
+    return report["problem"] or "; ".join(failed or report["remarks"])
 
 
 def write_report(report: dict[str, Any], directory: Path) -> Path:

@@ -11,17 +11,17 @@ from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments import steps
 from rcopterx.experiments.checks import (
+    ALWAYS,
+    CONTROLLED,
+    IN_THE_AIR,
     agents_started_again,
-    always,
     avoided,
-    controlled,
     controllers_flown,
     distance_kept,
     ends_at,
     followed,
     formation_held,
     heading_ends_at,
-    in_the_air,
     in_time,
     reached_height,
     touched_down_gently,
@@ -86,21 +86,21 @@ ROWS: Final = (
         "Set points, a yaw step of 540 degrees and changes of distance, as in the paper's Fig. 3",
         (len(PAPER_SET_POINTS) + 2) * PAPER_PERIOD_S,
         fly_paper_formation,
-        (*always(), in_time()),
+        (*ALWAYS, in_time()),
     ),
     Manoeuvre(
         "hover",
         "Hover in formation for ten seconds",
         10.0,
         pause(10.0),
-        (*always(), in_time()),
+        (*ALWAYS, in_time()),
     ),
     Manoeuvre(
         "take-off-and-land",
         "From the floor to one metre and back, rotors off",
         13.0,
         in_order(steps.take_off(), pause(2.0), steps.land(), pause(0.5)),
-        (*controlled(), reached_height(1.0), touched_down_gently(), distance_kept()),
+        (*CONTROLLED, reached_height(1.0), touched_down_gently(), distance_kept()),
         from_floor=True,
     ),
     Manoeuvre(
@@ -111,7 +111,7 @@ ROWS: Final = (
             go_to((0.5, 0.0, 1.0)), go_to((0.5, 0.4, 1.0)), go_to((0.5, 0.4, 1.4)),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
-        (*always(), formation_held(), ends_at("h1", (0.0, 0.0, 1.0)), transmitters_undisturbed()),
+        (*ALWAYS, formation_held(), ends_at("h1", (0.0, 0.0, 1.0)), transmitters_undisturbed()),
     ),
     Manoeuvre(
         "yaw-steps",
@@ -121,7 +121,7 @@ ROWS: Final = (
             go_to((0.0, 0.0, 1.0), 90), go_to((0.0, 0.0, 1.0), -90), go_to((0.0, 0.0, 1.0), 180),
             steps.formed(), pause(1.0),
         ),
-        (*always(), formation_held(), heading_ends_at("h1", 180), transmitters_undisturbed()),
+        (*ALWAYS, formation_held(), heading_ends_at("h1", 180), transmitters_undisturbed()),
     ),
     Manoeuvre(
         "formation-changes",
@@ -134,7 +134,7 @@ ROWS: Final = (
             _place(LEFT, RIGHT),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
-        (*always(), formation_held(), distance_kept(), ends_at("h2", (*LEFT[:2], 1.0))),
+        (*ALWAYS, formation_held(), distance_kept(), ends_at("h2", (*LEFT[:2], 1.0))),
     ),
     Manoeuvre(
         "smooth-transition",
@@ -144,7 +144,7 @@ ROWS: Final = (
             steps.follow("h2", "h1", (-0.8, 0.3, 0.3), transition_s=4.0),
             go_to((0.3, 0.0, 1.0)), go_to((0.3, 0.2, 1.0)), steps.formed(), pause(1.0),
         ),
-        (*always(), formation_held(), ends_at("h2", (-0.5, 0.5, 1.3))),
+        (*ALWAYS, formation_held(), ends_at("h2", (-0.5, 0.5, 1.3))),
     ),
     Manoeuvre(
         "heading-frame",
@@ -155,7 +155,7 @@ ROWS: Final = (
             *(go_to((0.0, 0.0, 1.0), yaw_deg) for yaw_deg in (45, 90, 135, 180)),
             steps.formed(), pause(1.0),
         ),
-        (*always(), formation_held(100.0, 400.0), distance_kept(), ends_at("h2", (0.4, -0.5, 1.0), 0.15)),
+        (*ALWAYS, formation_held(100.0, 400.0), distance_kept(), ends_at("h2", (0.4, -0.5, 1.0), 0.15)),
     ),
     Manoeuvre(
         "leader-change",
@@ -166,7 +166,7 @@ ROWS: Final = (
             go_to((-0.2, 0.6, 1.2), name="h2"), steps.formed(), pause(1.0),
         ),
         (
-            *always(), formation_held(), followed("h2"), followed("h1", "h2"), transmitters_undisturbed(),
+            *ALWAYS, formation_held(), followed("h2"), followed("h1", "h2"), transmitters_undisturbed(),
             ends_at("h1", (0.2, 0.1, 1.2)),
         ),
     ),
@@ -178,7 +178,7 @@ ROWS: Final = (
             steps.promote("h2"), steps.formed(), pause(1.0), steps.promote("h1"), steps.formed(), pause(1.0),
             go_to((0.3, 0.0, 1.0)), steps.formed(),
         ),
-        (*always(), formation_held(), followed("h1"), followed("h2", "h1"), transmitters_undisturbed()),
+        (*ALWAYS, formation_held(), followed("h1"), followed("h2", "h1"), transmitters_undisturbed()),
     ),
     Manoeuvre(
         "chain",
@@ -188,7 +188,7 @@ ROWS: Final = (
             go_to((0.3, 0.0, 1.0)), go_to((0.3, 0.2, 1.3)), go_to((0.0, 0.0, 1.0)),
             steps.formed(), pause(1.0),
         ),
-        (*always(), formation_held(), followed("h5", "h4"), distance_kept()),
+        (*ALWAYS, formation_held(), followed("h5", "h4"), distance_kept()),
         fleet="quintet",
     ),
     Manoeuvre(
@@ -200,7 +200,7 @@ ROWS: Final = (
             steps.promote("q1"), steps.formed(),
             go_to((-0.3, 0.5, 1.2), name="q1"), steps.formed(), pause(1.0),
         ),
-        (*always(), formation_held(), followed("q1"), followed("h1", "q1"), distance_kept()),
+        (*ALWAYS, formation_held(), followed("q1"), followed("h1", "q1"), distance_kept()),
         fleet="mixed",
     ),
     Manoeuvre(
@@ -215,7 +215,7 @@ ROWS: Final = (
             ),
             steps.formed(), go_to((0.3, 0.2, 1.0)), steps.formed(), pause(1.0),
         ),
-        (*always(), formation_held(), followed("h3", "h1", "h2"), ends_at("h3", (-0.1, -0.3, 1.0))),
+        (*ALWAYS, formation_held(), followed("h3", "h1", "h2"), ends_at("h3", (-0.1, -0.3, 1.0))),
     ),
     Manoeuvre(
         "leave-and-return",
@@ -225,7 +225,7 @@ ROWS: Final = (
             steps.lead("h3"), go_to((-0.8, -0.8, 1.3), name="h3"), go_to((0.3, 0.0, 1.0)),
             steps.follow("h3", "h1", RIGHT), steps.formed(), pause(1.0),
         ),
-        (*always(), formation_held(), followed("h3", "h1"), distance_kept()),
+        (*ALWAYS, formation_held(), followed("h3", "h1"), distance_kept()),
     ),
     Manoeuvre(
         "land-and-return",
@@ -235,7 +235,7 @@ ROWS: Final = (
             steps.land("h3"), go_to((0.2, 0.0, 1.0)), steps.take_off("h3"), steps.formed(),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
-        (*controlled(), formation_held(), followed("h3", "h1"), ends_at("h3", (-0.4, -0.5, 1.0))),
+        (*CONTROLLED, formation_held(), followed("h3", "h1"), ends_at("h3", (-0.4, -0.5, 1.0))),
     ),
     Manoeuvre(
         "leave-and-join",
@@ -246,7 +246,7 @@ ROWS: Final = (
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
         (
-            *controlled(), formation_held(), followed("h3", "h1"), agents_started_again("h3"),
+            *CONTROLLED, formation_held(), followed("h3", "h1"), agents_started_again("h3"),
             ends_at("h3", (-0.4, -0.5, 1.0)),
         ),
     ),
@@ -264,7 +264,7 @@ ROWS: Final = (
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
         (
-            *in_the_air(), controllers_flown("h2", "cascade", "lqr", "pid", "cascade"),
+            *IN_THE_AIR, controllers_flown("h2", "cascade", "lqr", "pid", "cascade"),
             formation_held(100.0, 250.0), transmitters_undisturbed(), ends_at("h2", (*LEFT[:2], 1.0)),
         ),
     ),
@@ -281,7 +281,7 @@ ROWS: Final = (
             steps.tune("h1", lambda vehicle: vehicle.tune(horizon=50)),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
-        (*in_the_air(), formation_held(), transmitters_undisturbed(), ends_at("h2", (*LEFT[:2], 1.0))),
+        (*IN_THE_AIR, formation_held(), transmitters_undisturbed(), ends_at("h2", (*LEFT[:2], 1.0))),
     ),
     Manoeuvre(
         "figure-eight",
@@ -292,7 +292,7 @@ ROWS: Final = (
             steps.formed(), pause(1.0),
         ),
         (
-            *in_the_air(), formation_held(), transmitters_undisturbed(), ends_at("h1", (0.0, 0.0, 1.1)),
+            *IN_THE_AIR, formation_held(), transmitters_undisturbed(), ends_at("h1", (0.0, 0.0, 1.1)),
             ends_at("h2", (*LEFT[:2], 1.1)),
         ),
     ),
@@ -301,7 +301,7 @@ ROWS: Final = (
         "The leader's sticks move a little for 40 s, and its model is fitted to the flight",
         50.0,
         in_order(steps.identify("h1", 40.0), steps.formed(), pause(1.0)),
-        (*in_the_air(), transmitters_undisturbed(), ends_at("h1", (0.0, 0.0, 1.0))),
+        (*IN_THE_AIR, transmitters_undisturbed(), ends_at("h1", (0.0, 0.0, 1.0))),
     ),
     Manoeuvre(
         "place-swapping",
@@ -314,7 +314,7 @@ ROWS: Final = (
             steps.go_together(on_circle(72.0)), pause(1.0),
         ),
         (
-            *controlled(), distance_kept(), avoided(), transmitters_undisturbed(),
+            *CONTROLLED, distance_kept(), avoided(), transmitters_undisturbed(),
             *(ends_at(name, place) for name, place in on_circle(72.0).items()),
         ),
         fleet="quintet",
@@ -332,7 +332,7 @@ ROWS: Final = (
             steps.refused("a take-off in flight", lambda fleet: fleet["h1"].take_off()),
             pause(2.0),
         ),
-        (*always(), formation_held(), transmitters_undisturbed(), ends_at("h2", (*LEFT[:2], 1.0))),
+        (*ALWAYS, formation_held(), transmitters_undisturbed(), ends_at("h2", (*LEFT[:2], 1.0))),
     ),
 )  # fmt: skip
 

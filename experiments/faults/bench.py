@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.waiting import NotReachedError
@@ -34,8 +35,8 @@ class Bench:
     fleet_file: Path | None = None
 
     @property
-    def supervisor(self) -> Supervisor:
-        """Supervisor of the fleet's processes.
+    def launcher(self) -> Launcher:
+        """Launcher of the fleet.
 
         Raises
         ------
@@ -44,7 +45,12 @@ class Bench:
         """
         if self.fleet.launcher is None:
             raise NotReachedError("this program did not start the fleet; add --up")
-        return self.fleet.launcher.supervisor
+        return self.fleet.launcher
+
+    @property
+    def supervisor(self) -> Supervisor:
+        """Supervisor of the fleet's processes; errors are those of `launcher`."""
+        return self.launcher.supervisor
 
     def pid(self, process: str) -> int:
         """Process id.

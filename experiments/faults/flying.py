@@ -9,6 +9,7 @@ from typing import Final
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LaboratoryVehicle
 from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S
+from rcopterx.experiments import steps
 from rcopterx.experiments.faults.bench import Bench
 from rcopterx.experiments.faults.fault_flight import FaultFlight
 from rcopterx.experiments.faults.observation import WATCHED, seen_of
@@ -16,7 +17,7 @@ from rcopterx.experiments.faults.promise import Promise, Seen
 from rcopterx.experiments.faults.reports import Report, report_of
 from rcopterx.experiments.paper_sequence import leader_of
 from rcopterx.ground_station.report.recorder import Recorder
-from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, lines_of
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 from rcopterx.vehicles.tuples import Three
 
@@ -88,7 +89,8 @@ class FaultRange:
             for fault in row.faults:
                 stack.enter_context(fault.active(self.bench))
             if row.on_floor:
-                self._refused()
+                take_off = steps.refused("take-off", lambda fleet: fleet.take_off(height_m=HOME_M[2]))
+                take_off(self.fleet, self.bench.say, self.bench.wait)
             elif row.down:
                 self._wait_until_down(row.down)
             else:
@@ -170,11 +172,3 @@ class FaultRange:
         if not self.bench.wait_for(lambda: all(self.truth(name).on_floor for name in names), LANDED_S):
             raise NotReachedError(f"after {LANDED_S:g} s: not down: {', '.join(names)}")
         self.bench.wait(REST_S)
-
-    def _refused(self) -> None:
-        try:
-            self.fleet.take_off(height_m=HOME_M[2])
-        except RefusedError as error:
-            self.bench.say(f"take-off refused: {error}")
-            return
-        raise NotReachedError("the take-off was not refused")

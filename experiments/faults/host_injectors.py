@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from rcopterx.experiments.faults.bench import Bench, Injector
 from rcopterx.experiments.faults.orders import give_order
-from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 INVALID = "name = [\n"
 
@@ -79,8 +78,7 @@ class FleetFileBroken(Injector):
     @contextmanager
     def _inject(self, bench: Bench) -> Iterator[None]:
         path = bench.fleet_file
-        if path is None:
-            raise NotReachedError("this program did not start the fleet; add --up")
+        assert path is not None  # it is launched
         bench.say("the fleet file is invalid")
         text = path.read_text(encoding="utf-8")
         path.write_text(INVALID, encoding="utf-8")
@@ -95,9 +93,7 @@ class LogsGone(Injector):
 
     @contextmanager
     def _inject(self, bench: Bench) -> Iterator[None]:
-        if bench.fleet.launcher is None:
-            raise NotReachedError("this program did not start the fleet; add --up")
-        logs = bench.fleet.launcher.directory / "log"
+        logs = bench.launcher.directory / "log"
         gone = logs.with_name("log-gone")
         bench.say("the directory of the logs is gone")
         logs.rename(gone)

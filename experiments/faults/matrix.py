@@ -7,16 +7,15 @@ writes the matrix of a report directory between the marks of the page.
 
 import json
 import sys
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, Final
 
+from rcopterx.experiments import pages
 from rcopterx.experiments.faults.reports import Report, not_flown
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
-from rcopterx.experiments.flight_page import PAGE_NAME
-from rcopterx.ground_station.report.document import Html, document, table
+from rcopterx.ground_station.report.document import table
 
 REPORT_NAME: Final = "faults.json"
 BEGIN: Final = "<!-- fault flights: begin -->\n"
@@ -51,9 +50,7 @@ def write_reports(reports: Iterable[Report], directory: Path) -> Path:
     rows = {**read_reports(directory), **{report["name"]: report for report in reports}}
     ordered = [rows[name] for name in FAULT_FLIGHTS if name in rows]
     (directory / REPORT_NAME).write_text(json.dumps(ordered, indent=2) + "\n", encoding="utf-8")
-    page = directory / PAGE_NAME
-    page.write_text(page_of(ordered), encoding="utf-8")
-    return page
+    return _write_page(ordered, directory)
 
 
 def cells(report: Report) -> tuple[str, ...]:
@@ -91,43 +88,19 @@ def _line(words: Iterable[str]) -> str:
     return "| " + " | ".join(word.replace("|", "/") for word in words) + " |"
 
 
-def page_of(reports: Sequence[Report]) -> str:
-    """The matrix as a self-contained page."""
-    counts = Counter(report["verdict"] for report in reports)
-    summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-    rows = [(_verdict(report), _link(report), *cells(report)[1:]) for report in reports]
-    body = [
-        f"<h1>Flown faults: {escape(summary)}</h1>",
-        table(("verdict", *HEADINGS), rows),
-        *map(_section, reports),
-    ]
-    return document("Flown faults", body)
-
-
-def _verdict(report: Report) -> tuple[str, str]:
-    return report["verdict"], report["verdict"]
-
-
-def _link(report: Report) -> Html:
-    name = escape(report["name"])
-    return Html(f'<a href="#{name}">{name}</a>')
-
-
-def _section(report: Report) -> str:
-    rows = [
-        (check["name"], ("ok", "passed") if check["passed"] else ("failed", "failed"), check["figure"])
-        for check in report["checks"]
-    ]
-    arbiters = "; ".join(f"{name}: {', '.join(seen['arbiter'])}" for name, seen in report["vehicles"].items())
-    problem = f'<p class="failed">{escape(report["problem"])}</p>' if report["problem"] else ""
-    return "\n".join(
-        [
-            f'<section id="{escape(report["name"])}"><h2>{escape(report["name"])}</h2>',
-            f"<p>{escape(report['title'])}. {_runs(report)}, {report['seconds']} s.</p>{problem}",
-            table(("check", "", "figure"), rows),
-            f"<p>States of the arbiters: {escape(arbiters)}.</p></section>",
-        ]
+def _write_page(reports: Sequence[Report], directory: Path) -> Path:
+    """Write the matrix as a page."""
+    rows = ((pages.verdict(report), pages.link(report["name"]), *cells(report)[1:]) for report in reports)
+    sections = (
+        pages.section(report["name"], report, f"{_runs(report)}, {report['seconds']} s", _arbiters(report))
+        for report in reports
     )
+    return pages.write_page(directory, "Flown faults", reports, table(("verdict", *HEADINGS), rows), sections)
+
+
+def _arbiters(report: Report) -> list[str]:
+    states = "; ".join(f"{name}: {', '.join(seen['arbiter'])}" for name, seen in report["vehicles"].items())
+    return [f"<p>States of the arbiters: {escape(states)}.</p>"]
 
 
 def _runs(report: Report) -> str:

@@ -263,9 +263,9 @@ class Results:
 
 
 def _line(report: dict[str, Any]) -> str:
-    failed = [check["name"] for check in report["checks"] if not check["passed"]]
-    why = report["problem"] or "; ".join(failed or report["remarks"])
-    return f"{report['verdict']:9} {report['manoeuvre']:24} {why}".rstrip()
+    from rcopterx.experiments.flight import reason_of
+
+    return f"{report['verdict']:9} {report['manoeuvre']:24} {reason_of(report)}".rstrip()
 
 
 def _readable(report: dict[str, Any]) -> str:

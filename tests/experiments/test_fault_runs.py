@@ -1,7 +1,9 @@
 """Several flights of a fault are reported as one, with the worst figures."""
 
+from pathlib import Path
+
 from rcopterx.experiments.faults.laboratory_injectors import Draining
-from rcopterx.experiments.faults.matrix import cells, page_of
+from rcopterx.experiments.faults.matrix import cells, write_reports
 from rcopterx.experiments.faults.promise import Seen
 from rcopterx.experiments.faults.reports import Report, report_of, worst_of
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
@@ -15,11 +17,15 @@ def run(deviation_mm: float, silence_ms: float, problem: str | None = None) -> R
     return report_of(FAULT_FLIGHTS["leader-killed"], seen, problem, 5.0)
 
 
-def test_all_runs_that_passed_pass_with_the_worst_figures() -> None:
+def page_of(report: Report, directory: Path) -> str:
+    return write_reports([report], directory).read_text(encoding="utf-8")
+
+
+def test_all_runs_that_passed_pass_with_the_worst_figures(tmp_path: Path) -> None:
     report = worst_of([run(20.0, 300.0), run(40.0, 100.0), run(30.0, 200.0)])
     assert (report["verdict"], report["runs"], report["passed"], report["seconds"]) == ("passed", 3, 3, 15.0)
     assert cells(report)[3:6] == ("flies on", "40", "300")
-    assert "3 flights, 3 passed" in page_of([report])
+    assert "3 flights, 3 passed" in page_of(report, tmp_path)
 
 
 def test_one_run_that_failed_fails_the_row_with_its_problem() -> None:
@@ -31,9 +37,9 @@ def test_one_run_that_failed_fails_the_row_with_its_problem() -> None:
     assert worst_of([run(20.0, 30.0, "no vehicle flew"), run(20.0, 30.0)])["problem"] == "no vehicle flew"
 
 
-def test_single_run_is_reported_as_it_is() -> None:
+def test_single_run_is_reported_as_it_is(tmp_path: Path) -> None:
     report = worst_of([run(20.0, 30.0)])
-    assert "1 flight," in page_of([report])
+    assert "1 flight," in page_of(report, tmp_path)
     assert run(20.0, 30.0).items() <= report.items()
 
 

@@ -17,7 +17,7 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.requests import GoTo
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.experiments.checks import Check, always, in_time, remarks_on_latency
+from rcopterx.experiments.checks import ALWAYS, Check, in_time, remarks_on_latency
 from rcopterx.experiments.flight import Flown, fly, not_flown, reason_not_to_fly, report_of, write_report
 from rcopterx.experiments.manoeuvre import Manoeuvre
 from rcopterx.experiments.manoeuvres import MANOEUVRES
@@ -62,7 +62,7 @@ def recording(*states: tuple[bool, bool]) -> Recording:
 
 def verdicts(flown: Recording, tables: dict[str, dict[str, Any]]) -> dict[str, bool]:
     figures = FlightFigures(flown, ["h1"])
-    return {check.name: check.run(figures, tables)["passed"] for check in always()}
+    return {check.name: check.run(figures, tables)["passed"] for check in ALWAYS}
 
 
 def test_a_clean_flight_passes_every_check() -> None:

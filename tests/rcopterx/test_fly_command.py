@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from rcopterx.command_line import app
 from rcopterx.experiments.checks import Check
-from rcopterx.experiments.flight_page import page
+from rcopterx.experiments.flight_page import write_page
 from rcopterx.experiments.manoeuvre import Manoeuvre
 from rcopterx.experiments.steps import Step, in_order, refused
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -191,12 +191,12 @@ def test_what_has_to_be_refused_and_is_not_ends_the_manoeuvre(
     assert run("fly", "fine", "-f", up).exit_code == 0
 
 
-def test_a_page_of_nothing_but_words_needs_no_figures() -> None:
+def test_a_page_of_nothing_but_words_needs_no_figures(tmp_path: Path) -> None:
     report = {
         "manoeuvre": "a<b", "title": "T", "seconds": 1.0, "verdict": "failed", "problem": "x < y",
         "checks": [],
         "pose_to_command_ms": None, "frame_to_radio_ms": None, "remarks": [], "vehicles": {}, "journal": [],
     }  # fmt: skip
-    text = page([report], {})
+    text = write_page([report], {}, tmp_path).read_text(encoding="utf-8")
     assert "a&lt;b" in text
     assert "x &lt; y" in text
