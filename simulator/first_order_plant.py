@@ -102,14 +102,8 @@ class FirstOrderPlant(Plant):
             b_yaw * actuator[3] + k_yaw * yaw_rate + weather[3],
         )
 
-    def _actuate(self, step_s: float) -> Four:
-        """Advance the actuators by a substep; returns where they were in its middle."""
-        middle = self._lagged(0.5 * step_s)
-        self._actuator = self._lagged(step_s)
-        return middle
-
     def _stand(self, step_s: float) -> float:
-        self._actuate(step_s)
+        self._actuator = self._lagged(step_s)
         if self._tilt_limit_rad:
             self._actuator = (0.0, 0.0, *self._actuator[2:])  # the floor keeps it level
         return self.model.input_gain[2] * self._thrust_factor * self._actuator[2]
@@ -134,8 +128,8 @@ class FirstOrderPlant(Plant):
 
     def _fly(self, step_s: float, weather: Four) -> None:
         """Explicit midpoint rule for the motion under the exact response of the actuators."""
-        start = self._actuator
-        middle = self._actuate(step_s)
+        start, middle = self._actuator, self._lagged(0.5 * step_s)
+        self._actuator = self._lagged(step_s)
         x, y, z, yaw, xd, yd, zd, yaw_rate = self._motion
         half_s = step_s / 2
         heading = yaw + half_s * yaw_rate

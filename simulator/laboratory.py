@@ -14,13 +14,12 @@ from rcopterx.simulator.downwash import set_downwash
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.simulator.oscillating_tilt_plant import OscillatingTiltPlant, TiltOscillator
 from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.types import COAXIAL
 
-Particulars = HelicopterParameters | TiltOscillator
+Particulars = HelicopterParameters
 """Parameters of a vehicle in place of those that the conditions give."""
 
 
@@ -35,11 +34,9 @@ def plant_of(
     """Plant of a vehicle at time 0: a helicopter if it is coaxial and the conditions require it, else
     equation (1).
 
-    `particulars` replace the helicopter's parameters of the conditions; a `TiltOscillator` gives an
-    `OscillatingTiltPlant`. Raises `ValueError` for a start pose that is not finite or below the floor.
+    `particulars` replace the helicopter's parameters of the conditions. Raises `ValueError` for a start pose
+    that is not finite or below the floor.
     """
-    if isinstance(particulars, TiltOscillator):
-        return OscillatingTiltPlant(name, model, conditions, seed, start, particulars)
     if model.kind == COAXIAL.kind and conditions.coaxial_plant != "first_order":
         flown = particulars or helicopter_of(name, conditions, seed)
         return Helicopter(name, model, conditions, seed, start, flown)
