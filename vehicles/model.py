@@ -1,4 +1,4 @@
-"""The model every vehicle type shares, as data, and its continuous dynamics.
+"""The model every vehicle type shares, as data.
 
 Coaxial helicopters and quadrotors in attitude mode have the same structure seen from the sticks: every input
 passes an actuator lag and then acts as an acceleration. They differ in numbers (`rcopterx.vehicles.types`)
@@ -11,29 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from rcopterx.vehicles.state import (
-    GRAVITY_M_S2,
-    INPUT_SIZE,
-    MOTION_SIZE,
-    U_PITCH,
-    U_ROLL,
-    U_THRUST,
-    U_YAW,
-    XD_BODY,
-    YAW,
-    YAW_RATE,
-    YD_BODY,
-    ZD_BODY,
-    Array,
-    X,
-    Y,
-    Z,
-)
+from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, U_YAW, Array
 from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.tuples import Four
-
-STATE_SIZE = MOTION_SIZE + 3
-"""Motion and the three integral states."""
 
 Seven = tuple[float, float, float, float, float, float, float]
 
@@ -79,7 +59,7 @@ IDENTIFIED = Uncertainty(gain_factor=1.3, delay_s=0.015, frequency_fraction=0.1)
 
 @dataclass(frozen=True)
 class Model:
-    """Parameters of equation (1) with actuator lag and delay, the limits and the scaling of one vehicle.
+    """Parameters of equation (1) with actuator lag and delay and the limits of one vehicle.
 
     Four-vectors are ordered pitch (body x), roll (body y), thrust (z), yaw. State limits bound x, y, z, xd_B,
     yd_B, zd_B, psid in this order; yaw itself is free. Raises `ValueError` for a parameter no vehicle can
@@ -107,14 +87,6 @@ class Model:
     """Lowest positions, velocities and yaw rate to plan with; positions are those of the volume."""
     state_max: Seven
     """Highest ones."""
-    state_scale: tuple[float, ...]
-    """Diagonal of D_x, equation (5): eleven entries, integral states included."""
-    input_scale: Four
-    """Diagonal of D_u, equation (5)."""
-    state_shift: tuple[float, ...]
-    """s_x, equation (5), eleven entries."""
-    input_shift: Four
-    """s_u, equation (5)."""
     gravity_m_s2: float = GRAVITY_M_S2
     """Gravity."""
     integrator_gain: float = 2.0
@@ -148,7 +120,7 @@ class Model:
             numbers = value if isinstance(value, tuple) else (value,) if isinstance(value, float) else ()
             if not all(map(math.isfinite, numbers)):
                 raise ValueError(f"{field.name}: every number must be finite, got {value}")
-        for name in ("input_gain", "gravity_m_s2", "state_scale", "input_scale"):
+        for name in ("input_gain", "gravity_m_s2"):
             if np.min(getattr(self, name)) <= 0:
                 raise ValueError(f"{name}: must be above 0, got {getattr(self, name)}")
         for name in ("lag_s", "delay_s"):
@@ -156,9 +128,6 @@ class Model:
                 raise ValueError(f"{name}: must not be below 0, got {getattr(self, name)}")
         if self.yaw_behind_rotors and not self.lag_s[U_YAW] > 0:
             raise ValueError(f"lag_s: a yaw of rotors needs a lag above 0, got {self.lag_s[U_YAW]}")
-        for name in ("state_scale", "state_shift"):
-            if len(getattr(self, name)) != STATE_SIZE:
-                raise ValueError(f"{name}: {len(getattr(self, name))} numbers, {STATE_SIZE} are needed")
         for kind in ("input", "state"):
             low, high = getattr(self, f"{kind}_min"), getattr(self, f"{kind}_max")
             if not all(a < b for a, b in zip(low, high, strict=True)):
@@ -215,44 +184,3 @@ class Model:
         hover = np.zeros(INPUT_SIZE)
         hover[U_THRUST] = self.gravity_m_s2 / self.input_gain[U_THRUST]
         return hover
-
-
-def motion_derivative(model: Model, motion: Array, actuator: Array, disturbance: Array) -> Array:
-    """Time derivative of the motion state, shape (8,), by equation (1).
-
-    Parameters
-    ----------
-    actuator
-        Inputs after their lag, shape (4,).
-    disturbance
-        Accelerations: body x, body y, z [m/s^2], yaw [rad/s^2], shape (4,).
-    """
-    c, s = np.cos(motion[YAW]), np.sin(motion[YAW])
-    xd, yd, zd, yaw_rate = motion[XD_BODY : YAW_RATE + 1]
-    b, k = model.input_gain, model.direct_damping
-    derivative = np.empty(MOTION_SIZE)
-    derivative[X] = c * xd - s * yd
-    derivative[Y] = s * xd + c * yd
-    derivative[Z] = zd
-    derivative[YAW] = yaw_rate
-    derivative[XD_BODY] = b[U_PITCH] * actuator[U_PITCH] + k[U_PITCH] * xd + yaw_rate * yd + disturbance[0]
-    derivative[YD_BODY] = b[U_ROLL] * actuator[U_ROLL] + k[U_ROLL] * yd - yaw_rate * xd + disturbance[1]
-    derivative[ZD_BODY] = (
-        b[U_THRUST] * actuator[U_THRUST] + k[U_THRUST] * zd - model.gravity_m_s2 + disturbance[2]
-    )
-    derivative[YAW_RATE] = b[U_YAW] * actuator[U_YAW] + k[U_YAW] * yaw_rate + disturbance[3]
-    return derivative
-
-
-def input_behind_gyro(model: Model, motion: Array, actuator: Array, applied_input: Array) -> Array:
-    """Input that the actuators follow, shape (4,): the applied one, with gyro and thrust coupling on the yaw
-    stick.
-
-    `actuator` are the inputs after their lag, shape (4,).
-    """
-    if not model.yaw_behind_rotors:
-        return applied_input
-    followed = applied_input.copy()
-    ahead = float(applied_input[U_THRUST] - actuator[U_THRUST])
-    followed[U_YAW] += model.thrust_coupling * ahead - model.rate_feedback[U_YAW] * float(motion[YAW_RATE])
-    return followed

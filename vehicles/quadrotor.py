@@ -33,10 +33,6 @@ QUADROTOR: Final = Model(
     input_max=(1.0, 1.0, 1.0, 0.7),
     state_min=(-1.2, -1.2, 0.0, -1.5, -1.5, -1.0, -2.5),
     state_max=(1.2, 1.2, 2.0, 1.5, 1.5, 1.0, 2.5),
-    state_scale=(1.2, 1.2, 1.0, 10.0, 1.5, 1.5, 1.0, 5.0, 1.0, 1.0, 1.0),
-    input_scale=(1.0, 1.0, 0.5, 0.7),
-    state_shift=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    input_shift=(0.0, 0.0, 0.5, 0.0),
     gravity_m_s2=GRAVITY_M_S2,
 )
 """Toy-class indoor quadrotor of some 20 to 60 g with a closed attitude loop.

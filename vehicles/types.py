@@ -19,13 +19,9 @@ COAXIAL_LAG: Final = Model(
     input_max=(1.0, 1.0, 1.0, 0.4),
     state_min=(-1.2, -1.2, 0.0, -1.0, -1.3, -1.0, -2.5),
     state_max=(1.2, 1.2, 2.0, 1.0, 1.3, 1.0, 2.5),
-    state_scale=(1.2, 1.2, 1.0, 10.0, 1.1, 1.3, 1.0, 25.0, 1.0, 1.0, 1.0),
-    input_scale=(1.0, 1.0, 0.5, 0.4),
-    state_shift=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    input_shift=(0.0, 0.0, 0.5, 0.0),
     uncertainty=IDENTIFIED,
 )
-"""Blade mCX2 as the paper models it: parameters of [11], limits and scaling of the paper's section VI-A;
+"""Blade mCX2 as the paper models it: parameters of [11], limits of the paper's section VI-A;
 sticks that act as accelerations after a lag."""
 
 COAXIAL: Final = replace(

@@ -12,9 +12,10 @@ import numpy as np
 from rcopterx.control.controllers.base import BaseController, Solution
 from rcopterx.control.controllers.settings import Limits
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.roll_out import lag_poles, predict
+from rcopterx.control.models.prediction import integrate_motion, motion_model
+from rcopterx.control.models.roll_out import predict
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.vehicles.model import Model, input_behind_gyro, motion_derivative
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array, heading_matrix
 
 TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
@@ -26,7 +27,6 @@ class FeedbackController(BaseController):
 
     def __init__(self, model: Model, period_s: float, horizon: int, limits: Limits) -> None:
         super().__init__(model, period_s, horizon, limits)
-        self._pole = lag_poles(model, period_s)
         self._trim = np.zeros(3)
 
     @abstractmethod
@@ -59,15 +59,15 @@ class FeedbackController(BaseController):
 
     def _closed_loop(self, estimate: Estimate, reference: Trajectory) -> Array:
         """Inputs of law and model over the horizon, shape (N - 1, 4)."""
-        motion, actuator, trim = estimate.motion, estimate.actuator, self._trim
+        model, motion, actuator = motion_model(self._model), estimate.motion, estimate.actuator
+        trim = self._trim
         inputs = np.empty((self._horizon - 1, 4))
         for command, sample in zip(inputs, reference.samples, strict=False):
             command[:] = self._law(motion, sample, trim)
             trim = self._integrated(trim, motion, sample, command)
-            rate = motion_derivative(self._model, motion, actuator, estimate.disturbance)
-            followed = input_behind_gyro(self._model, motion, actuator, command)
-            actuator = self._pole * actuator + (1.0 - self._pole) * followed
-            motion = motion + self._period_s * rate
+            motion, actuator = integrate_motion(
+                model, motion, actuator, command, estimate.disturbance, self._period_s, 1
+            )
         return inputs
 
     def _law(self, motion: Array, sample: Array, trim: Array) -> Array:

@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
+from support.equation_one import motion_derivative
 
 from rcopterx.simulator.conditions import IDEAL, LABORATORY, Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.model import Model, motion_derivative
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.quadrotor import QUADROTOR
 from rcopterx.vehicles.state import ZD_BODY, Array
 from rcopterx.vehicles.types import COAXIAL_LAG

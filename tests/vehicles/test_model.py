@@ -20,9 +20,6 @@ from rcopterx.vehicles.types import COAXIAL_LAG
         ({"input_min": (0.0, 0.0, 1.0, 0.0)}, "input_max: .* must be above input_min"),
         ({"state_min": (9.0,) * 7}, "state_max: .* must be above state_min"),
         ({"input_max": (1.0, 1.0, 1.2, 0.4)}, "input_max: inputs are normalised"),
-        ({"state_scale": (1.0,) * 8}, "state_scale: 8 numbers, 11 are needed"),
-        ({"state_shift": (1.0,) * 12}, "state_shift: 12 numbers, 11 are needed"),
-        ({"input_scale": (1.0, 1.0, 0.0, 1.0)}, "input_scale: must be above 0"),
     ],
 )
 def test_a_parameter_no_vehicle_can_have_is_refused_by_name(change: dict[str, object], words: str) -> None:

@@ -31,8 +31,8 @@ from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, Array
 
 SOFT_WEIGHT: Final = 1e5
 """Weight of the squared excess over a state bound, SI units."""
-TRIM_RANGE: Final = 0.2
-"""An input further than this from hovering, in scaled variables, is a manoeuvre and not a trim."""
+TRIM_CAP: Final = np.array([0.2, 0.2, 0.1])
+"""Pitch, roll or thrust further than this from hovering is a manoeuvre and not a trim."""
 
 
 class PaperSettings(MpcSettings, frozen=True, kw_only=True):
@@ -177,11 +177,10 @@ class PaperController(BaseController):
         """Set the integral states so that the feedback's steady input is the one that flew before."""
         if self._bumpless_from is None:
             return
-        scale = TRIM_RANGE * np.array(self._model.input_scale)
-        trim = np.clip(self._bumpless_from - self._model.hover_input, -scale, scale)
+        trim = np.clip((self._bumpless_from - self._model.hover_input)[:3], -TRIM_CAP, TRIM_CAP)
         gain = self._terminal.gain(yaw)[:3, X_INT:]
         active = self._paper_model.integrator_gains > 0
-        self._integral[active] = -np.linalg.lstsq(gain[:, active], trim[:3], rcond=None)[0]
+        self._integral[active] = -np.linalg.lstsq(gain[:, active], trim, rcond=None)[0]
         limit = self._settings.integral_limit_m_s
         np.clip(self._integral, -limit, limit, out=self._integral)
         self._bumpless_from = None

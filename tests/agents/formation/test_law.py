@@ -1,7 +1,5 @@
 """The formation law: rotation sign, frames, time shifts, several leaders."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,7 +13,6 @@ from rcopterx.agents.formation.law import (
 )
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
 from rcopterx.vehicles.state import Array, heading_matrix
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HEADINGS = [0.0, np.pi / 2, np.pi, -1.1]
@@ -152,12 +149,8 @@ def test_unscaled_plans_satisfy_equation_7_for_different_scalings(
     leader_yaw: float, delta_yaw: float, scaled: list[float], d: list[float]
 ) -> None:
     """(7) with two vehicles' own D and s gives the reference that plans in SI units give."""
-    leader, follower = (
-        COAXIAL_LAG,
-        replace(COAXIAL_LAG, state_scale=tuple(np.arange(1.0, 12.0)), state_shift=(0.3,) * 11),
-    )
-    d_l, s_l = np.diag(leader.state_scale), np.array(leader.state_shift)
-    d_f, s_f = np.diag(follower.state_scale), np.array(follower.state_shift)
+    d_l, s_l = np.diag((1.2, 1.2, 1.0, 10.0, 1.1, 1.3, 1.0, 25.0, 1.0, 1.0, 1.0)), np.eye(11)[2]
+    d_f, s_f = np.diag(np.arange(1.0, 12.0)), np.full(11, 0.3)
     state = d_l @ np.array(scaled) + s_l
     state[3] = leader_yaw
     offset = np.concatenate((d[:3], [delta_yaw], np.zeros(7)))

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
+from support.equation_one import input_behind_gyro, motion_derivative
 
 from rcopterx.control.interfaces import NO_TILT, Estimate
 from rcopterx.control.models.prediction import predict
-from rcopterx.vehicles.model import Model, input_behind_gyro, motion_derivative
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import MOTION_SIZE, U_YAW, YAW_RATE, Array
 from rcopterx.vehicles.types import COAXIAL_LAG, TYPES
 
