@@ -26,7 +26,7 @@ from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.separation.avoidance import Neighbour, PlanAvoidance, SeparationEllipsoid
-from rcopterx.control.identification.exciter import Exciter
+from rcopterx.control.identification.excitation import Exciter
 from rcopterx.control.interfaces import Controller, Estimate, Estimator, Measurement
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.references.trajectory import Trajectory

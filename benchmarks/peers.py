@@ -22,7 +22,7 @@ EXACT: Final = 1e-9
 
 
 class PeerSolver(ABC):
-    """A `rcopterx.control.solver.solvers.Solver` of another library."""
+    """A `rcopterx.control.solver.problem.Solver` of another library."""
 
     package: ClassVar[str]
     """What must be installed."""

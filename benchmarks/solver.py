@@ -27,9 +27,8 @@ from rcopterx.control.controllers.cascade.controller import CascadeController, C
 from rcopterx.control.controllers.paper.controller import PaperController, PaperSettings
 from rcopterx.control.interfaces import Controller
 from rcopterx.control.solver.osqp import OsqpSolver
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan, Solver
 from rcopterx.control.solver.riccati import RiccatiSolver
-from rcopterx.control.solver.solvers import Solver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG

@@ -6,8 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.identification.excitation import excitation_for
-from rcopterx.control.identification.exciter import DONE, UNDER_WAY
+from rcopterx.control.identification.excitation import DONE, UNDER_WAY, excitation_for
 from rcopterx.control.identification.fit import Identification, identify
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.experiments.rig import Rig, RigVehicle

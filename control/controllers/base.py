@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from typing import Final
 
 import numpy as np
-from msgspec import Struct
+from msgspec.structs import replace
 
 from rcopterx.control.controllers.settings import Limits
 from rcopterx.control.interfaces import ControlStep, Estimate
@@ -21,19 +21,6 @@ EARLY_STOP: Final = "early_stop"
 
 REFERENCE_YAW_CAP_RAD: Final = 60.0
 """Largest turn of a reference from the present heading."""
-
-
-class Solution(Struct, frozen=True):
-    """Result of a control law."""
-
-    inputs: Array
-    """Shape (N - 1, 4)."""
-    plan: Trajectory
-    """N stages."""
-    iterations: int
-    """Solver iterations."""
-    early: bool = False
-    """Whether the solver stopped before its tolerances were met."""
 
 
 class BaseController(ABC):
@@ -65,24 +52,28 @@ class BaseController(ABC):
         self._last_plan = None
         self._start(estimate, self._usable_input(last_input))
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
+    ) -> ControlStep:
         """Compute one control step (`rcopterx.control.interfaces.Controller.step`)."""
         if len(reference.samples) != self._horizon or abs(reference.period_s - self._period_s) > 1e-9:
             reference = reference.resampled(0.0, self._period_s, self._horizon)
         low, high = self._reference_min.copy(), self._reference_max.copy()
         low[YAW], high[YAW] = estimate.motion[YAW] + REFERENCE_YAW_CAP_RAD * np.array((-1.0, 1.0))
         reference = Trajectory(np.clip(reference.samples, low, high), self._period_s)
-        solution = self._compute(estimate, reference, self._usable_input(last_input))
-        inputs = np.clip(solution.inputs, self._limits.input_min, self._limits.input_max)
-        self._last_plan = solution.plan
-        return ControlStep(inputs, solution.plan, EARLY_STOP if solution.early else None, solution.iterations)
+        step = self._compute(estimate, reference)
+        self._last_plan = step.plan
+        return replace(step, inputs=np.clip(step.inputs, self._limits.input_min, self._limits.input_max))
 
     @abstractmethod
     def _start(self, estimate: Estimate, last_input: Array) -> None:
         """Set integral states and warm starts for a bumpless first step."""
 
     @abstractmethod
-    def _compute(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> Solution:
+    def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
         """Compute inputs and plan from a reference of N stages."""
 
     def _usable_input(self, last_input: Array) -> Array:

@@ -9,14 +9,14 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.controllers.base import BaseController, Solution
+from rcopterx.control.controllers.base import BaseController
 from rcopterx.control.controllers.settings import Limits
-from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.prediction import integrate_motion, motion_model
-from rcopterx.control.models.roll_out import predict
+from rcopterx.control.interfaces import ControlStep, Estimate
+from rcopterx.control.models.prediction import behind_gyro, derivative, motion_model
+from rcopterx.control.models.roll_out import lag_poles, predict
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, Array, heading_matrix
+from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, YAW_RATE, Array, heading_matrix
 
 TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
 """An input further than this from hovering is a manoeuvre and not a trim."""
@@ -27,6 +27,7 @@ class FeedbackController(BaseController):
 
     def __init__(self, model: Model, period_s: float, horizon: int, limits: Limits) -> None:
         super().__init__(model, period_s, horizon, limits)
+        self._pole = lag_poles(model, period_s)
         self._trim = np.zeros(3)
 
     @abstractmethod
@@ -47,15 +48,10 @@ class FeedbackController(BaseController):
         trim = np.clip((last_input - self._model.hover_input)[:3], -TRIM_CAP, TRIM_CAP)
         self._trim = self._to_room(trim, float(estimate.motion[YAW]))
 
-    def _compute(
-        self,
-        estimate: Estimate,
-        reference: Trajectory,
-        last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
-    ) -> Solution:
+    def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
         inputs = self._closed_loop(estimate, reference)
         self._trim = self._integrated(self._trim, estimate.motion, reference.samples[0], inputs[0])
-        return Solution(inputs, predict(self._model, estimate, inputs, self._period_s), iterations=0)
+        return ControlStep(inputs, predict(self._model, estimate, inputs, self._period_s), None, 0)
 
     def _closed_loop(self, estimate: Estimate, reference: Trajectory) -> Array:
         """Inputs of law and model over the horizon, shape (N - 1, 4)."""
@@ -65,9 +61,10 @@ class FeedbackController(BaseController):
         for command, sample in zip(inputs, reference.samples, strict=False):
             command[:] = self._law(motion, sample, trim)
             trim = self._integrated(trim, motion, sample, command)
-            motion, actuator = integrate_motion(
-                model, motion, actuator, command, estimate.disturbance, self._period_s, 1
-            )
+            rates = derivative(model, motion, actuator, estimate.disturbance)
+            followed = behind_gyro(model, command, actuator, motion[YAW_RATE])
+            actuator = self._pole * actuator + (1.0 - self._pole) * followed
+            motion = motion + self._period_s * rates
         return inputs
 
     def _law(self, motion: Array, sample: Array, trim: Array) -> Array:

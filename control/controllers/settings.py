@@ -7,18 +7,18 @@ wrong.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
 
 from rcopterx.control.plugins.plain_settings import SettingsError
-from rcopterx.control.solver.solvers import DEFAULT_SOLVER, Solver, SolverName, make_solver
+from rcopterx.control.solver.problem import Solver
+from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 PositiveFloat = Annotated[float, msgspec.Meta(gt=0.0)]
-NonNegativeFloat = Annotated[float, msgspec.Meta(ge=0.0)]
 Fraction = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 Horizon = Annotated[int, msgspec.Meta(ge=2, le=200)]
 TimeLimit = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
@@ -27,14 +27,8 @@ FourFloats = tuple[float, float, float, float]
 SevenFloats = tuple[float, float, float, float, float, float, float]
 FourWeights = tuple[PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat]
 
-EightWeights = tuple[
-    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
-    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
-]  # fmt: skip
-ElevenWeights = tuple[
-    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
-    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat,
-]  # fmt: skip
+EightWeights = Annotated[tuple[PositiveFloat, ...], msgspec.Meta(min_length=8, max_length=8)]
+ElevenWeights = Annotated[tuple[PositiveFloat, ...], msgspec.Meta(min_length=11, max_length=11)]
 
 INPUT_NAMES = ("pitch", "roll", "thrust", "yaw")
 BOUNDED_STATE_NAMES = ("x", "y", "z", "xd_B", "yd_B", "zd_B", "psid")
@@ -114,7 +108,7 @@ class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 class MpcSettings(ControllerSettings, frozen=True, kw_only=True):
     """Settings of controllers that solve optimal control problems."""
 
-    solver: SolverName = DEFAULT_SOLVER
+    solver: Literal["riccati", "osqp"] = "riccati"
     """Solver of the optimal control problems."""
     max_iterations: Annotated[int, msgspec.Meta(ge=1, le=200)] = 40
     """Interior-point iterations of `riccati` in each problem before its best plan is used."""
@@ -123,7 +117,11 @@ class MpcSettings(ControllerSettings, frozen=True, kw_only=True):
 
     def new_solver(self) -> Solver:
         """Return a new solver."""
-        return make_solver(self.solver, self.max_iterations, self.time_limit_s)
+        if self.solver == "riccati":
+            return RiccatiSolver(self.max_iterations)
+        from rcopterx.control.solver.osqp import OsqpSolver  # needs a library that the default does not load
+
+        return OsqpSolver(time_limit_s=self.time_limit_s)
 
 
 def _check_intervals(kind: str, names: Iterable[str], lower: Array, upper: Array) -> None:

@@ -1,11 +1,20 @@
-"""Settings of the estimators, validated when a fleet file is read."""
+"""Settings of the estimators, validated when a fleet file is read.
 
+Process noise depends on the uncertainty of the model. A filter that believes a wrong model makes a loop
+oscillate: it takes the late response of the rotors for wind, and the controller answers that. So a vehicle
+with a tilt model of which only the type is known has much process noise in rates and actuators, and its
+filter follows the measurements.
+"""
+
+from dataclasses import dataclass
 from typing import Annotated
 
 import msgspec
 
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.tuples import Four
+
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
-NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 FourPositive = tuple[Positive, Positive, Positive, Positive]
 
 
@@ -47,3 +56,32 @@ class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
     uncertainty."""
     wind_rms_m_s2: Positive = 0.15
     """Standard deviation of the wind's acceleration, for vehicles with a tilt model."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelNoise:
+    """Defaults of the settings of the extended Kalman filter; body x, body y, z, yaw."""
+
+    velocity: Four
+    """Random-walk density of velocities and yaw rate [m/s, rad/s per root second]."""
+    actuator: Four
+    """Random-walk density of the actuator states [1 per root second]."""
+    disturbance_limit: Four
+    """Limits of the disturbances [m/s^2, rad/s^2]; that of the height covers errors of the thrust gain."""
+    tilt: float
+    """Random-walk density of the tilt rate [rad/s per root second]."""
+
+
+def model_noise(model: Model) -> ModelNoise:
+    """Return the noise for the uncertainty of a model; without a tilt model that of an identified one."""
+    graded = model.uncertainty.graded
+    if model.tilt is None:
+        return ModelNoise(
+            (0.01, 0.01, 0.01, 0.05), (0.02, 0.02, 0.01, 0.01), (2.0, 2.0, 2.5, 15.0), graded(2.1, 4.9)
+        )
+    return ModelNoise(
+        velocity=(graded(0.01, 0.05), graded(0.01, 0.05), graded(0.01, 0.06), graded(0.05, 1.5)),
+        actuator=(0.02, 0.02, graded(0.01, 0.06), graded(0.01, 0.2)),
+        disturbance_limit=(2.0, 2.0, graded(2.5, 5.0), 15.0),
+        tilt=graded(2.1, 4.9),
+    )

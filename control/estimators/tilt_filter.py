@@ -13,8 +13,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from rcopterx.control.estimators.kalman_equations import predict_covariance, update
-from rcopterx.control.estimators.model_noise import model_noise
-from rcopterx.control.estimators.settings import ExtendedKalmanSettings
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings, model_noise
 from rcopterx.control.interfaces import TiltEstimate
 from rcopterx.control.models.lateral import (
     POSITION,

@@ -10,10 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.estimators.model_noise import model_noise
-from rcopterx.control.estimators.settings import ExtendedKalmanSettings
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings, model_noise
 from rcopterx.control.estimators.tilt_filter import process_noise
 from rcopterx.control.margins.loop import Dynamics, FeedbackLoop, regulator, steady_filter_gain
+from rcopterx.control.models.lags import LagDynamics
 from rcopterx.control.models.lateral import LateralSystem, lateral_system
 from rcopterx.control.models.linear import as_complex, zero_order_hold
 from rcopterx.vehicles.model import Model
@@ -114,23 +114,13 @@ def lag_loop(
     """
     gain, levels = model.input_gain[axis], 3 if actuator_lag else 2
     position, velocity, effort = weights
-    row = regulator(_chain(model, period_s, axis, levels), [position, velocity, 0.0][:levels], effort)
+    a, b = LagDynamics.of(model, period_s, actuator_lag, slice(axis, axis + 1)).matrices()
+    row = regulator((a, b[:, 0]), [position, velocity, 0.0][:levels], effort)
     feedback = np.zeros(4)
     feedback[:levels] = row
     if compensate:
         feedback[3] = (1.0 + feedback[2]) / gain
     return replace(_filtered_lag(model, period_s, axis, estimator), feedback=feedback)
-
-
-def _chain(model: Model, period_s: float, axis: int, levels: int) -> Dynamics:
-    """Position, velocity and actuator as the cascade discretises them."""
-    gain, lag_s = model.input_gain[axis], model.lag_s[axis]
-    damping = (model.damping if levels == 2 else model.direct_damping)[axis]
-    pole = float(np.exp(-period_s / lag_s)) if lag_s > 0.0 else 0.0
-    a = np.array([[1.0, period_s, 0.0], [0.0, 1.0 + period_s * damping, period_s * gain], [0.0, 0.0, pole]])
-    a[2, 1] = -(1.0 - pole) * model.rate_feedback[axis]
-    b = np.array([0.0, 0.0, 1.0 - pole]) if levels == 3 else np.array([0.0, period_s * gain])
-    return a[:levels, :levels], b
 
 
 @lru_cache(maxsize=64)

@@ -1,11 +1,14 @@
-"""Checks of estimates before anything is computed with them."""
+"""Estimates as arguments of kernels, and checks before anything is computed with them."""
 
 import math
+from typing import Any, Final
 
-from rcopterx.compiling.compiled import compiled
-from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.kernel_types import ESTIMATE
+from rcopterx.compiling.compiled import ANY_VECTOR, compiled, record
+from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE
+
+TILT_ESTIMATE: Final[Any] = record(TiltEstimate, *4 * [ANY_VECTOR])
+ESTIMATE: Final[Any] = record(Estimate, *3 * [ANY_VECTOR], TILT_ESTIMATE)
 
 
 @compiled(ESTIMATE)

@@ -56,6 +56,15 @@ def _follow(model: MotionModel, actuator: Array, target: Array, time_s: float) -
     return after
 
 
+@compiled(MOTION_MODEL, ANY_VECTOR, ANY_VECTOR, NUMBER)
+def behind_gyro(model: MotionModel, sticks: Array, actuator: Array, yaw_rate_rad_s: float) -> Array:
+    """Return the inputs that actuators follow, shape (4,): gyro and thrust change that of the yaw."""
+    followed = sticks.copy()
+    ahead = sticks[U_THRUST] - actuator[U_THRUST]
+    followed[U_YAW] += model.thrust_coupling * ahead - model.gyro * yaw_rate_rad_s
+    return followed
+
+
 @part
 def _stabilized(
     model: MotionModel, yaw_rate: float, actuator: Array, sticks: Array, yaw_push: float, time_s: float
@@ -63,13 +72,10 @@ def _stabilized(
     """Sticks, that of yaw as gyro and thrust change it in the middle of a time."""
     half_s = 0.5 * time_s
     middle_rate = yaw_rate + half_s * (model.input_gain[U_YAW] * actuator[U_YAW] + yaw_push)
-    ahead = sticks[U_THRUST] - _follow(model, actuator, sticks, half_s)[U_THRUST]
-    result = sticks.copy()
-    result[U_YAW] += model.thrust_coupling * ahead - model.gyro * middle_rate
-    return result
+    return behind_gyro(model, sticks, _follow(model, actuator, sticks, half_s), middle_rate)
 
 
-@part
+@compiled(MOTION_MODEL, *3 * [ANY_VECTOR])
 def derivative(model: MotionModel, motion: Array, actuator: Array, disturbance: Array) -> Array:
     """Return the rates of the motion state by equation (1), shape (8,)."""
     c, s = math.cos(motion[YAW]), math.sin(motion[YAW])

@@ -12,11 +12,17 @@ import numpy as np
 
 from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, NUMBER, compiled
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.kernel_types import ESTIMATE
-from rcopterx.control.models.prediction import MOTION_MODEL, MotionModel, derivative, motion_model
+from rcopterx.control.models.finite import ESTIMATE
+from rcopterx.control.models.prediction import (
+    MOTION_MODEL,
+    MotionModel,
+    behind_gyro,
+    derivative,
+    motion_model,
+)
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_THRUST, U_YAW, YAW, YAW_RATE, Array
+from rcopterx.vehicles.state import YAW, YAW_RATE, Array
 
 
 def lag_poles(model: Model, period_s: float) -> Array:
@@ -56,10 +62,9 @@ def _roll_out(model: MotionModel, estimate: Estimate, inputs: Array, poles: Arra
         samples[stage, 4:8] = velocity
         acceleration = derivative(model, motion, actuator, estimate.disturbance)[4:]
         # The last input lasts.
-        sticks = inputs[min(stage, stages - 2)].copy()
-        ahead = sticks[U_THRUST] - actuator[U_THRUST]
-        sticks[U_YAW] += model.thrust_coupling * ahead - model.gyro * motion[YAW_RATE]
-        actuator = poles * actuator + (1.0 - poles) * sticks
+        sticks = inputs[min(stage, stages - 2)]
+        followed = behind_gyro(model, sticks, actuator, motion[YAW_RATE])
+        actuator = poles * actuator + (1.0 - poles) * followed
         motion[:4] += period_s * velocity
         motion[4:] += period_s * acceleration
     return samples

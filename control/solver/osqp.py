@@ -43,7 +43,7 @@ class OsqpSolver:
         same_cost: bool = False,  # noqa: ARG002 - numbers are updated in any case
         expired: Callable[[], bool] = never,  # noqa: ARG002 - the time limit is OSQP's own
     ) -> Plan:
-        """Solve a problem (`rcopterx.control.solver.solvers.Solver`)."""
+        """Solve a problem (`rcopterx.control.solver.problem.Solver`)."""
         if self._qp is None or not self._qp.fits(p):
             qp = self._qp = SparseQP(p)
             self._inputs = None

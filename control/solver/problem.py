@@ -9,7 +9,8 @@ Rows y are positions, velocities, inputs, and distances to other vehicles. Input
 is `HARD`, which leaves an excess of about 1e-6 of a stick; the weights of all other bounds are soft.
 """
 
-from typing import Any, Final, NamedTuple
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -110,3 +111,25 @@ def repeated(
 def never() -> bool:
     """Return False: a deadline that does not expire."""
     return False
+
+
+class Solver(Protocol):
+    """Solves one problem after another, warm-started by the last one."""
+
+    def reset(self) -> None:
+        """Start the next solve cold."""
+        ...
+
+    def solve(self, p: OptimalControlProblem, same_cost: bool, expired: Callable[[], bool]) -> Plan:
+        """Solve a problem, one stage after the last one.
+
+        Parameters
+        ----------
+        p
+            The problem.
+        same_cost
+            Whether A, B, P and the rows with weights are those of the last solve.
+        expired
+            Deadline, after which the best plan known is returned.
+        """
+        ...

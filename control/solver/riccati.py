@@ -45,7 +45,7 @@ class RiccatiSolver:
     def solve(
         self, p: OptimalControlProblem, same_cost: bool = False, expired: Callable[[], bool] = never
     ) -> Plan:
-        """Solve a problem, one stage after the last one (`rcopterx.control.solver.solvers.Solver`)."""
+        """Solve a problem, one stage after the last one (`rcopterx.control.solver.problem.Solver`)."""
         if self._shape != p.C.shape + p.D.shape:
             self._allocate(p)
         self._factored = self._factored and same_cost

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from rcopterx.control.controllers.base import BaseController, Solution
+from rcopterx.control.controllers.base import BaseController
 from rcopterx.control.controllers.settings import ControllerSettings, PositiveFloat
+from rcopterx.control.interfaces import ControlStep
 from rcopterx.control.models.roll_out import predict
 from rcopterx.vehicles.state import U_THRUST, heading_matrix
 
@@ -27,7 +28,7 @@ class Backstepping(BaseController):
     def _start(self, estimate, last_input):
         """Nothing to remember: this law has no integrators."""
 
-    def _compute(self, estimate, reference, last_input):
+    def _compute(self, estimate, reference):
         wanted = reference.samples[0]
         to_body = np.eye(4)
         to_body[:2, :2] = heading_matrix(estimate.motion[3]).T
@@ -39,4 +40,4 @@ class Backstepping(BaseController):
         first = (acceleration - self._model.k * estimate.motion[4:]) / self._model.b
         inputs = np.tile(self._model.hover_input, (self._horizon - 1, 1))
         inputs[0] = np.clip(first, self._limits.input_min, self._limits.input_max)
-        return Solution(inputs, predict(self._model, estimate, inputs, self._period_s), iterations=0)
+        return ControlStep(inputs, predict(self._model, estimate, inputs, self._period_s), None, 0)

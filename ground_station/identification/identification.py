@@ -8,8 +8,7 @@ import numpy as np
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.requests import Excite
-from rcopterx.control.identification.excitation import excitation_for
-from rcopterx.control.identification.exciter import DONE, UNDER_WAY
+from rcopterx.control.identification.excitation import DONE, UNDER_WAY, excitation_for
 from rcopterx.control.identification.recording import FlightLog, FlightRecording
 from rcopterx.control.interfaces import Measurement
 from rcopterx.fleet.vehicle_models import model_of

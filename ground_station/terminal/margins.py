@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.tuning.loops import loops_of, unknown_loops
-from rcopterx.control.margins.search import (
+from rcopterx.control.margins.loop import (
     DELAY_LIMIT_S,
     FREQUENCY_LIMIT,
     GAIN_LIMIT,

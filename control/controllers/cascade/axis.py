@@ -6,9 +6,9 @@ States are position, velocity and, with a lag, actuator of every axis; rows are 
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from rcopterx.control.controllers.cascade.lags import LagDynamics
-from rcopterx.control.controllers.cascade.task import Task
+from rcopterx.control.controllers.cascade.limits import Task
 from rcopterx.control.controllers.cascade.weights import CascadeWeights
+from rcopterx.control.models.lags import LagDynamics
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, repeated
 from rcopterx.vehicles.state import YAW, Array
 

@@ -12,16 +12,16 @@ from typing import Annotated, Final
 import msgspec
 import numpy as np
 
-from rcopterx.control.controllers.base import BaseController, Solution
+from rcopterx.control.controllers.base import EARLY_STOP, BaseController
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.control.controllers.cascade.disturbance_observer import DisturbanceObserver
-from rcopterx.control.controllers.cascade.lags import LagDynamics
-from rcopterx.control.controllers.cascade.lateral import HorizontalProblem
-from rcopterx.control.controllers.cascade.lateral_lags import LateralLags
-from rcopterx.control.controllers.cascade.lateral_tilt import LateralTilt, with_tilt
-from rcopterx.control.controllers.cascade.limits import PlanLimits, recovery
-from rcopterx.control.controllers.cascade.task import Task
+from rcopterx.control.controllers.cascade.lateral import (
+    LateralLags,
+    LateralTilt,
+    with_tilt,
+)
+from rcopterx.control.controllers.cascade.limits import PlanLimits, Task, recovery
 from rcopterx.control.controllers.cascade.weights import (
     HORIZONTAL,
     CascadeWeights,
@@ -29,10 +29,10 @@ from rcopterx.control.controllers.cascade.weights import (
     default_state_weights,
 )
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, Fraction, MpcSettings
-from rcopterx.control.interfaces import Estimate, LimitScale, Obstacle
+from rcopterx.control.interfaces import ControlStep, Estimate, LimitScale, Obstacle
+from rcopterx.control.models.lags import LagDynamics
 from rcopterx.control.references.trajectory import COLUMNS, POSITION, Trajectory
-from rcopterx.control.solver.problem import never
-from rcopterx.control.solver.solvers import Solver
+from rcopterx.control.solver.problem import Solver, never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, YAW, Array, Z
 
@@ -115,7 +115,7 @@ class CascadeController(BaseController):
         dynamics = LagDynamics.of(self._model, self._period_s, settings.actuator_lag, axes)
         return AxisProblem(axes, dynamics, weights, stages, settings.feed_forward)
 
-    def _horizontal_problem(self, weights: CascadeWeights, stages: int) -> HorizontalProblem:
+    def _horizontal_problem(self, weights: CascadeWeights, stages: int) -> LateralLags | LateralTilt:
         model, period_s, settings = self._model, self._period_s, self._settings
         if model.tilt is not None:
             return LateralTilt(model, period_s, weights, stages, settings.feed_forward)
@@ -144,12 +144,7 @@ class CascadeController(BaseController):
         for solver in (self._heading_solver, self._height_solver, self._horizontal_solver):
             solver.reset()
 
-    def _compute(
-        self,
-        estimate: Estimate,
-        reference: Trajectory,
-        last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
-    ) -> Solution:
+    def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
         task, expired = self._task(estimate, reference.samples), self._expired
         self._expired = never
         clear = self._clearances(task) if self._obstacles else None
@@ -167,11 +162,11 @@ class CascadeController(BaseController):
         velocity = self._horizontal.velocity_at_end(horizontal, headings)
         at_end = np.array((*velocity, height.x[-1, 1], heading.x[-1, 1]))
         plans = (heading, height, horizontal)
-        return Solution(
+        return ControlStep(
             inputs,
             trajectory(one_more(flown, at_end, self._period_s), self._period_s),
+            None if all(plan.optimal for plan in plans) else EARLY_STOP,
             sum(plan.iterations for plan in plans),
-            not all(plan.optimal for plan in plans),
         )
 
     def _task(self, estimate: Estimate, reference: Array) -> Task:

@@ -1,11 +1,11 @@
-"""Bounds that the cascade plans with."""
+"""Bounds that the cascade plans with, and what the problems of one control step depend on."""
 
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from rcopterx.control.controllers.settings import Limits
-from rcopterx.control.interfaces import LimitScale
+from rcopterx.control.interfaces import Estimate, LimitScale
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import XD_BODY, YAW_RATE, Array
 
@@ -82,3 +82,14 @@ class PlanLimits(NamedTuple):
 def recovery(period_s: float, stages: int) -> Array:
     """Return the share of an excess over velocity limits that is left at every stage, shape (N, 1)."""
     return np.exp(-period_s / RECOVERY_S * np.arange(float(stages)))[:, None]
+
+
+class Task(NamedTuple):
+    """One control step of N planned inputs."""
+
+    estimate: Estimate
+    load: Array
+    """Accelerations that sticks balance: `Estimate.disturbance`, and gravity; shape (4,)."""
+    reference: Array
+    """Samples, shape (N + 1, 12)."""
+    bounds: Bounds

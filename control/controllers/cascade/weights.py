@@ -11,8 +11,7 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
-from rcopterx.control.margins.loop import FeedbackLoop
-from rcopterx.control.margins.search import bears
+from rcopterx.control.margins.loop import FeedbackLoop, bears
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST, U_YAW, Array
 from rcopterx.vehicles.tuples import Four

@@ -11,7 +11,7 @@ from typing import Annotated, Final
 import msgspec
 import numpy as np
 
-from rcopterx.control.controllers.base import BaseController, Solution
+from rcopterx.control.controllers.base import EARLY_STOP, BaseController
 from rcopterx.control.controllers.paper.model import (
     BOUNDED_STATES,
     INPUT_WEIGHTS,
@@ -22,10 +22,9 @@ from rcopterx.control.controllers.paper.model import (
     TerminalCost,
 )
 from rcopterx.control.controllers.settings import ElevenWeights, FourWeights, MpcSettings
-from rcopterx.control.interfaces import Estimate
+from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, never
-from rcopterx.control.solver.solvers import Solver
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solver, never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, Array
 
@@ -109,12 +108,7 @@ class PaperController(BaseController):
         self._bumpless_from = last_input
         self._solver.reset()
 
-    def _compute(
-        self,
-        estimate: Estimate,
-        reference: Trajectory,
-        last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
-    ) -> Solution:
+    def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
         yaw = float(reference.yaw_rad[-1])
         self._take_over_trim(yaw)
         same_cost = yaw == self._linearized_at
@@ -122,7 +116,8 @@ class PaperController(BaseController):
         expired, self._expired = self._expired, never
         plan = self._solver.solve(self._problem(estimate, reference, yaw), same_cost, expired)
         self._integrate(estimate, reference)
-        return Solution(plan.u, self._plan(plan.x), plan.iterations, early=not plan.optimal)
+        fallback = None if plan.optimal else EARLY_STOP
+        return ControlStep(plan.u, self._plan(plan.x), fallback, plan.iterations)
 
     def _problem(self, estimate: Estimate, reference: Trajectory, yaw: float) -> OptimalControlProblem:
         """Equations (3)-(4), linearised at a heading."""

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from rcopterx.control.estimators.linearization import SIZE, jacobian, jacobian_at_rest
+from rcopterx.control.estimators.lag_filter import SIZE, jacobian, jacobian_at_rest
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import predict
 from rcopterx.simulator.conditions import IDEAL, LABORATORY

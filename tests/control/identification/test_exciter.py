@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rcopterx.control.identification.excitation import Excitation
-from rcopterx.control.identification.exciter import DONE, UNDER_WAY, Exciter
+from rcopterx.control.identification.excitation import DONE, UNDER_WAY, Excitation, Exciter
 
 PLACE_M = np.array([0.1, 0.2, 1.0])
 EXCITATION = Excitation((0.1, 0.1, 0.02, 0.05), 30.0)

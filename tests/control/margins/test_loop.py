@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from rcopterx.benchmarks.flight import at_rest
-from rcopterx.control.controllers.cascade.axis import AxisProblem
+from rcopterx.control.controllers.cascade.axis import AxisProblem, LagDynamics
 from rcopterx.control.controllers.cascade.controller import CascadeSettings
-from rcopterx.control.controllers.cascade.lags import LagDynamics
-from rcopterx.control.controllers.cascade.lateral_tilt import LateralTilt, with_tilt
-from rcopterx.control.controllers.cascade.limits import PlanLimits, recovery
-from rcopterx.control.controllers.cascade.task import Task
+from rcopterx.control.controllers.cascade.lateral import LateralTilt, with_tilt
+from rcopterx.control.controllers.cascade.limits import PlanLimits, Task, recovery
 from rcopterx.control.controllers.cascade.weights import (
     CascadeWeights,
     default_input_weights,

@@ -5,8 +5,15 @@ import math
 import pytest
 
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
-from rcopterx.control.margins.loop import FeedbackLoop, Perturbation
-from rcopterx.control.margins.search import DELAY_LIMIT_S, GAIN_LIMIT, bears, margins, shortfalls
+from rcopterx.control.margins.loop import (
+    DELAY_LIMIT_S,
+    GAIN_LIMIT,
+    FeedbackLoop,
+    Perturbation,
+    bears,
+    margins,
+    shortfalls,
+)
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
 from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 

@@ -12,8 +12,7 @@ from rcopterx.control.controllers.cascade.weights import (
     default_state_weights,
 )
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
-from rcopterx.control.margins.loop import Perturbation
-from rcopterx.control.margins.search import bears, shortfalls
+from rcopterx.control.margins.loop import Perturbation, bears, shortfalls
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
 from rcopterx.vehicles.state import U_THRUST, U_YAW
 from rcopterx.vehicles.tilt import TiltModel
