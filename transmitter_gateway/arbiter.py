@@ -112,9 +112,11 @@ class Arbiter:
             airborne = self.state in FLYING and not self._grounded(now_s)
             self.surveillance.own_pose(pose, now_s, airborne=airborne)
 
-    def link(self, link: LinkState) -> None:
-        """Take the state of port and module; it takes effect with the next step."""
+    def link(self, link: LinkState, problem: str | None = None) -> None:
+        """Take the state of port and module, and why it is lost; it takes effect with the next step."""
         self._link = link
+        if problem is not None:
+            self._details[Condition.LINK_LOST] = problem
 
     def request(self, request: ActionRequest, now_s: float) -> Answer:
         """Carry out or refuse a request; `permissions` says whose requests count."""
@@ -171,7 +173,9 @@ class Arbiter:
         The vehicle is landed, until fresh commands arrive if commands counted before.
         """
         self.step(now_s)
-        problem = take_over_problem(last, self.state, self.surveillance.own_track, self.limits, now_s)
+        problem = take_over_problem(last, self.surveillance.own_track, self.limits, now_s)
+        if problem is None and self.state is not State.DISARMED:
+            problem = f"{self.state} now"
         if problem is None:
             self.commanded = last.commanded
             self._shaping.u = last.u

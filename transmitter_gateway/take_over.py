@@ -1,21 +1,22 @@
-"""Whether a vehicle that an earlier process of this gateway flew may still be in the air."""
+"""Whether a vehicle may still be in the air after a silence of its radio."""
 
 from __future__ import annotations
 
-from rcopterx.transmitter_gateway.inputs import FLYING, THRUST, LastApplied, State
+from rcopterx.transmitter_gateway.inputs import FLYING, THRUST, LastApplied
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.surveillance import Track
 
 
 def take_over_problem(
-    last: LastApplied, state: State, track: Track | None, limits: ArbiterLimits, now_s: float
+    last: LastApplied, track: Track | None, limits: ArbiterLimits, now_s: float
 ) -> str | None:
     """Why a vehicle with this last output and this track is not taken over, None if it is.
 
-    A vehicle that is not seen yet is taken over: its rotor turns by the last frame, and a pose may be late.
+    The silence is that of an earlier process of this gateway, or of a port that was away. A vehicle that is
+    not seen yet is taken over: its rotor turns by the last frame, and a pose may be late.
     """
-    if state is not State.DISARMED or last.state not in FLYING:
-        return f"{last.state} before, {state} now"
+    if last.state not in FLYING:
+        return f"{last.state} before"
     if now_s >= last.written_s + limits.take_over_s:
         return f"no frames for {now_s - last.written_s:.2f} s, longer than {limits.take_over_s:g} s"
     if not last.u[THRUST] > limits.low_thrust:

@@ -11,9 +11,11 @@ import math
 from collections.abc import Sequence
 
 from rcopterx.transmitter_gateway.arbiter import Arbiter
+from rcopterx.transmitter_gateway.binding import Binding
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
+    NEUTRAL,
     Action,
     ActionRequest,
     Answer,
@@ -25,19 +27,17 @@ from rcopterx.transmitter_gateway.inputs import (
     State,
 )
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, ProtocolError, RadioProtocol
+from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ProtocolError, RadioProtocol
 from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import TransmitterSnapshot, Write
 from rcopterx.transmitter_gateway.state_page import StatePage
-from rcopterx.transmitter_gateway.take_over import seen_on_floor
+from rcopterx.transmitter_gateway.take_over import seen_on_floor, take_over_problem
 
 THROTTLE_LOW_FRAMES = 30
 """At least 25 are to arrive."""
-LONGEST_BIND_S = 7.0
-POWER_UP_LIMIT_S = 30.0
-"""How long a board that binds only when it is switched on is waited for."""
-AFTER_BIND_S = 5.0
+REPOWERED_S = 7.0
+"""A receiver finds a module that lost its power after 2 to 6 s; its vehicle has fallen before."""
 LEASES_PER_S = 1000
 """More than are issued in a second: a restarted gateway that does not know the leases continues from here."""
 
@@ -75,17 +75,16 @@ class Transmitter:
         self._pending = False
         self._due_now = False
         self._attempt_s = -math.inf
-        self._bind_since_s: float | None = None
-        self._bind_by_s = -math.inf
-        self._bind_seen = False
-        self._settled_s = -math.inf
+        self._binding = Binding(at_power_up=protocol.binds_at_power_up)
         self._range_check = False
         self._shutdown = False
         self._low_frames = 0
         self._shown: tuple[float, ...] = ()
         self._shown_until_s = -math.inf
         self._page: StatePage | None = None
+        self._written_u = NEUTRAL
         self._written_s = -math.inf
+        self._returned_s = -math.inf
         self._ready = False
         self._last: LastApplied | None = None
         self._unknown_until_s = -math.inf
@@ -130,8 +129,6 @@ class Transmitter:
         self._save()
         return number
 
-    # Restart ------------------------------------------------------------------------------------------
-
     def resume(self, page: StatePage, now_s: float) -> None:
         """Continue from what an earlier process wrote last, and keep the page up to date from now on.
 
@@ -146,33 +143,33 @@ class Transmitter:
             self._unknown_until_s = now_s + self.arbiter.limits.take_over_s
             return
         self.arbiter.resume_leases(last.lease, last.issued, now_s)
-        self._written_s = last.written_s
+        self._written_u, self._written_s = last.u, last.written_s
         self._decide_at_once()
         if last.state is State.KILLED:
             self.arbiter.request(ActionRequest(Action.KILL, by="an earlier process"), now_s)
         elif last.state in FLYING:
-            self._last = last
+            self._last, self._ready = last, last.ready
 
     def _save(self) -> None:
         """Write into the page what a successor needs, before it shows outside of this process.
 
         Until it is decided whether a vehicle is taken over, the page of the earlier process stays.
         """
-        if self._page is None or self.undecided:
-            return
+        if self._page is not None and not self.undecided:
+            self._page.save(self._applied())
+
+    def _applied(self) -> LastApplied:
         arbiter = self.arbiter
-        self._page.save(
-            LastApplied(
-                arbiter.state,
-                self._output.u,
-                self._written_s,
-                arbiter.lease,
-                arbiter.issued,
-                # A successor continues a shutdown.
-                commanded=arbiter.commanded and not self._shutdown,
-                mistaken=arbiter.surveillance.mistaken,
-                ready=self._ready,
-            )
+        return LastApplied(
+            arbiter.state,
+            self._written_u,
+            self._written_s,
+            arbiter.lease,
+            arbiter.issued,
+            # A successor continues a shutdown.
+            commanded=arbiter.commanded and not self._shutdown,
+            mistaken=arbiter.surveillance.mistaken,
+            ready=self._ready,
         )
 
     @property
@@ -182,11 +179,11 @@ class Transmitter:
 
     def _decide(self, now_s: float) -> None:
         """Take the vehicle over if it flies, once its pose is known and the port is open."""
-        limits = self.arbiter.limits
         track = self.arbiter.surveillance.own_track
         seen = track is not None and track.position_m is not None
-        if seen and now_s < self._unknown_until_s and not seen_on_floor(track, limits):
+        if seen and now_s < self._unknown_until_s and not seen_on_floor(track, self.arbiter.limits):
             hover = (0.0, 0.0, self._calibration.throttle.u_hover, 0.0)
+            self._written_u, self._written_s = hover, now_s
             self._last = LastApplied(State.LAND, hover, now_s, self.arbiter.lease, self.arbiter.issued)
         if seen or now_s >= self._unknown_until_s:
             self._unknown_until_s = -math.inf
@@ -194,11 +191,10 @@ class Transmitter:
         if last is None:
             return
         if self.port.service(now_s):
-            open_link = self.protocol.link_resumed if last.ready else self.protocol.link_opened
-            open_link(now_s)
-        if self.port.is_open or now_s >= last.written_s + limits.take_over_s:
+            self._open_link(now_s)
+        if self.port.is_open or now_s >= self._too_late_s:
             self._last = None
-            self.arbiter.link(self._link(self.protocol.status(now_s), now_s))
+            self._judge_link(now_s)
             self.arbiter.take_over(last, now_s)
 
     def bind(self, now_s: float) -> Answer:
@@ -212,9 +208,7 @@ class Transmitter:
             return Answer(False, f"{self.protocol.name}: bind with the radio itself")
         if not self.port.is_open:
             return Answer(False, f"binding is not possible: {self.port.problem}")
-        self._bind_since_s, self._bind_seen = now_s, False
-        waits = self.protocol.binds_at_power_up
-        self._bind_by_s = now_s + (POWER_UP_LIMIT_S if waits else LONGEST_BIND_S)
+        self._binding.begin(now_s)
         self._decide_at_once(urgent=True)
         return Answer(True, "binding")
 
@@ -257,8 +251,7 @@ class Transmitter:
 
     def busy(self, now_s: float) -> bool:
         """Whether binding, a range check or a calibration blocks arming."""
-        binding = self._bind_since_s is not None or now_s < self._settled_s
-        return binding or self._range_check or now_s < self._shown_until_s
+        return self._binding.busy(now_s) or self._range_check or now_s < self._shown_until_s
 
     # Time ---------------------------------------------------------------------------------------------
 
@@ -279,17 +272,12 @@ class Transmitter:
     def _advance(self, now_s: float) -> Write | None:
         """Serve the port, step the arbiter, and write a frame if one is due."""
         if self.port.service(now_s):
-            self.protocol.link_opened(now_s)
-            if self.protocol.binds_at_power_up:
-                self._bind_by_s = min(self._bind_by_s, now_s + LONGEST_BIND_S)
-            else:
-                self._bind_since_s = None
+            self._binding.link_opened(now_s)
+            if self.arbiter.state in FLYING:
+                self._judge_flight(now_s)
+            self._open_link(now_s)
             self._pending = True
-        module = self.protocol.status(now_s)
-        self._follow_bind(module, now_s)
-        link = self._link(module, now_s)
-        self._ready = link is LinkState.READY
-        self.arbiter.link(link)
+        self._judge_link(now_s)
         before, self._output = self._output, self.arbiter.step(now_s)
         changed = before.state is not self._output.state
         next_planned = self._output.bridging_step > before.bridging_step
@@ -302,12 +290,11 @@ class Transmitter:
         """When `tick` must be called at the latest [s]."""
         if self._due_now:
             return -math.inf
-        if self._last is not None:
-            too_late_s = self._last.written_s + self.arbiter.limits.take_over_s
-            return min(self.port.next_attempt_s, too_late_s)
         if self._unknown_until_s > -math.inf:
             return self._unknown_until_s
-        return min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s())
+        away = not self.port.is_open and (self._last is not None or self.arbiter.state in FLYING)
+        too_late_s = self._too_late_s if away else math.inf
+        return min(self.port.next_attempt_s, self._due_s(), self.arbiter.next_event_s(), too_late_s)
 
     @property
     def finished(self) -> bool:
@@ -333,8 +320,8 @@ class Transmitter:
         if disarmed and now_s < self._shown_until_s:
             pulses = self._shown
         flags = FrameFlags(
-            bind=disarmed and self._bind_since_s is not None,
-            range_check=disarmed and self._range_check and self._bind_since_s is None,
+            bind=disarmed and self._binding.active,
+            range_check=disarmed and self._range_check and not self._binding.active,
             kill=output.kill,
             low_power=self._low_power,
         )
@@ -343,37 +330,58 @@ class Transmitter:
         self._attempt_s = now_s
         self._pending = outcome is not WriteOutcome.WRITTEN
         if outcome is WriteOutcome.WRITTEN:
-            self._written_s = now_s
+            self._written_u, self._written_s = output.u, now_s
         if self._shutdown and not flying and outcome is WriteOutcome.WRITTEN:
             self._low_frames += 1
         return Write(now_s, outcome, output, pulses)
 
-    # Link ---------------------------------------------------------------------------------------------
+    @property
+    def _too_late_s(self) -> float:
+        """From when on a flight is over because nothing was written [s]."""
+        return self._written_s + self.arbiter.limits.take_over_s
 
-    def _link(self, module: ModuleStatus, now_s: float) -> LinkState:
-        if not self.port.is_open:
-            return LinkState.LOST
-        return LinkState.READY if module.ready and not self.busy(now_s) else LinkState.UP
+    def _open_link(self, now_s: float) -> None:
+        """Go on with a module that was ready in flight, else begin anew."""
+        open_link = self.protocol.link_resumed if self._ready else self.protocol.link_opened
+        open_link(now_s)
 
-    def _follow_bind(self, module: ModuleStatus, now_s: float) -> None:
-        if self._bind_since_s is None:
-            return
-        over = self._bind_seen and not module.binding
-        self._bind_seen = self._bind_seen or module.binding
-        if over or now_s >= self._bind_by_s:
-            self._bind_since_s = None
-            self._settled_s = now_s + AFTER_BIND_S
+    def _judge_flight(self, now_s: float) -> None:
+        """End a flight whose port has returned as that of an earlier process is refused, or go on."""
+        track = self.arbiter.surveillance.own_track
+        problem = take_over_problem(self._applied(), track, self.arbiter.limits, now_s)
+        if problem is None:
+            self.arbiter.counters["flights continued after the port was away"] += 1
+            self._returned_s = now_s
+        else:
+            self._ready = False
+            self.arbiter.link(LinkState.LOST, problem)
+            self.arbiter.step(now_s)
+
+    def _judge_link(self, now_s: float) -> None:
+        """Judge the way to the vehicle; a flight goes on while its port is away for a moment."""
+        module = self.protocol.status(now_s)
+        self._binding.follow(module, now_s)
+        state, problem = self.arbiter.state, None
+        if not self.port.is_open and not (state in FLYING and now_s < self._too_late_s):
+            problem = self.port.problem
+        doubtful = state is State.ARMED and now_s < self._returned_s + REPOWERED_S
+        if doubtful and seen_on_floor(self.arbiter.surveillance.own_track, self.arbiter.limits):
+            problem = "it may stand on the floor"
+        self._ready = problem is None and module.ready and not self.busy(now_s)
+        link = LinkState.READY if self._ready else LinkState.UP
+        self.arbiter.link(link if problem is None else LinkState.LOST, problem)
 
     def snapshot(self, now_s: float) -> TransmitterSnapshot:
         """Everything a status message needs, at `now_s`."""
         module = self.protocol.status(now_s)
+        link = LinkState.READY if module.ready and not self.busy(now_s) else LinkState.UP
         return TransmitterSnapshot(
             state=self.arbiter.state,
             reason=self.arbiter.reason,
-            link=self._link(module, now_s),
+            link=link if self.port.is_open else LinkState.LOST,
             module="waiting for the own pose" if self.undecided else self.port.problem or module.text,
             lease=self.arbiter.lease,
-            binding=self._bind_since_s is not None,
+            binding=self._binding.active,
             bridging_step=self._output.bridging_step,
             counters={str(k): n for k, n in (self.arbiter.counters + self.port.counters).items()},
         )

@@ -8,15 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 
+from rcopterx.transmitter_gateway.binding import AFTER_BIND_S, LONGEST_BIND_S, POWER_UP_LIMIT_S
 from rcopterx.transmitter_gateway.inputs import Answer, LinkState
 from rcopterx.transmitter_gateway.serial_port import IN_USE
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
-from rcopterx.transmitter_gateway.transmitter import (
-    AFTER_BIND_S,
-    LONGEST_BIND_S,
-    POWER_UP_LIMIT_S,
-    build_transmitter,
-)
+from rcopterx.transmitter_gateway.transmitter import build_transmitter
 
 FAREWELL_S = 0.8
 """At least 25 frames of any radio."""

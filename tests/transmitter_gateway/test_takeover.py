@@ -1,19 +1,14 @@
 """A restarted gateway and vehicles that are still in the air."""
 
-from collections import Counter
-from collections.abc import Iterator
 from operator import call
-from pathlib import Path
 
 import pytest
 from arbiter_bench import SLEW, U_HOVER
 from msgspec import structs
+from restart_bench import LINE, Restart
 
-from rcopterx.simulator.radio import RadioLink, RadioPty
-from rcopterx.simulator.radio_multi import MultiModule
-from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
+from rcopterx.simulator.radio_receiver import ReceiverState
 from rcopterx.transmitter_gateway.arbiter import Arbiter
-from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import (
     Action,
     ActionRequest,
@@ -25,18 +20,12 @@ from rcopterx.transmitter_gateway.inputs import (
     State,
 )
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import SerialLine
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.serial_port import SerialPort
-from rcopterx.transmitter_gateway.state_page import NOT_FLYING, PAGE_BYTES, StatePage
-from rcopterx.transmitter_gateway.transmitter import Transmitter
 
-LINE = SerialLine(100_000, "N", 2)
 LAST_FLYING = LastApplied(
     State.ARMED, (0.1, 0.0, 0.56, 0.0), written_s=9.6, lease=5, issued=6, commanded=True, ready=True
 )
 NOW_S = 10.0
-BOOT = b"since this morning"
 
 
 def restarted(height_m: float | None = 0.8, link: LinkState = LinkState.READY) -> Arbiter:
@@ -160,100 +149,6 @@ def test_an_armed_vehicle_cannot_be_taken_over_a_second_time() -> None:
     command(arbiter, LAST_FLYING.lease, NOW_S + 0.02)
     assert not take_over(arbiter).accepted
     assert arbiter.state is State.ARMED
-
-
-class Restart:
-    """A gateway that is killed in flight and its successor, on one emulated radio, in virtual time."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.now_s = 0.0
-        self.sequence = 0
-        self.height_m: float | None = 0.8
-        self.memory = bytearray(PAGE_BYTES)
-        self.page.save(NOT_FLYING)
-        self.radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
-        self.start()
-        self.transmitter.bid(1, self.now_s, take_over=False)
-
-    @property
-    def page(self) -> StatePage:
-        """What a process that starts now knows."""
-        return StatePage(self.memory, BOOT)
-
-    def start(self) -> None:
-        protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
-        port = SerialPort(str(self.path), LINE, call)
-        self.transmitter = Transmitter("h1", ArbiterLimits(), Calibration(), protocol, port)
-        self.transmitter.resume(self.page, self.now_s)
-
-    def run(self, seconds: float, thrust: float | None = 0.55) -> list[ReceiverState]:
-        states = []
-        end_s = self.now_s + seconds
-        while self.now_s < end_s - 1e-9:
-            self.now_s += 0.02
-            self.sequence += 1
-            if self.height_m is not None:
-                place = (0.0, 0.0, self.height_m)
-                self.transmitter.on_pose(PoseInput("h1", 1, self.sequence, place, 0.02, 0.0), self.now_s)
-                self.tick()
-            if thrust is not None:
-                u = (0.0, 0.0, thrust, 0.0)
-                self.transmitter.on_command(CommandInput(1, 1, self.sequence, self.sequence, u), self.now_s)
-                self.tick()
-            self.radio.service(self.now_s + 0.005)
-            self.transmitter.on_readable(self.now_s + 0.005)
-            self.tick(0.005)
-            states.append(self.radio.output(self.now_s).state)
-        return states
-
-    def tick(self, later_s: float = 0.0) -> None:
-        """Let the time pass as the loop does, which sleeps until the next deadline."""
-        if self.now_s + later_s >= self.transmitter.next_deadline_s():
-            self.transmitter.tick(self.now_s + later_s)
-
-    def fly(self) -> None:
-        self.run(1.5, thrust=0.0)
-        assert self.request(Action.ARM).accepted
-        self.run(1.0)
-        assert self.state is State.ARMED
-
-    def request(self, action: Action) -> Answer:
-        return self.transmitter.request(ActionRequest(action, "operator"), self.now_s)
-
-    @property
-    def state(self) -> State:
-        return self.transmitter.arbiter.state
-
-    @property
-    def counters(self) -> Counter[str]:
-        return self.transmitter.arbiter.counters
-
-    def die(self, silence_s: float) -> None:
-        """Kill the process; its successor starts after a silence."""
-        self.transmitter.close()
-        end_s = self.now_s + silence_s
-        while self.now_s < end_s - 1e-9:
-            self.now_s += 0.02
-            self.radio.service(self.now_s)
-        self.throttle_us()
-        self.start()
-
-    def lose_page(self) -> None:
-        """Let the page vanish, as when a system removes shared memory."""
-        self.memory = bytearray(PAGE_BYTES)
-
-    def throttle_us(self) -> list[float]:
-        """Throttles that have arrived since the last call."""
-        return [frame.pulses_us[0] for frame in self.radio.link.take_frames()]
-
-
-@pytest.fixture
-def restart(tmp_path: Path) -> Iterator[Restart]:
-    bench = Restart(tmp_path / "h1")
-    yield bench
-    bench.transmitter.close()
-    bench.radio.close()
 
 
 def test_a_killed_and_restarted_gateway_never_switches_a_flying_vehicle_off(restart: Restart) -> None:

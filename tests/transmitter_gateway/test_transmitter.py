@@ -278,15 +278,16 @@ def test_shutdown_without_a_port_finishes_at_once(bench: Bench) -> None:
     assert bench.transmitter.finished
 
 
-def test_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_and_arming(bench: Bench) -> None:
+def test_long_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_and_arming(
+    bench: Bench,
+) -> None:
     bench.fly()
     bench.radio.unplug()
-    bench.run(0.1)
+    bench.run(0.75)
     assert bench.state is State.DISARMED
     status = bench.transmitter.snapshot(bench.now_s)
     assert status.link is LinkState.LOST
     assert "h1" in status.module
-    bench.run(0.5)
     bench.radio.replug(bench.now_s)
     bench.received()
     bench.run(0.17, IDLE)
@@ -341,7 +342,7 @@ def test_binding_and_range_check_are_refused_in_flight_and_without_a_port(bench:
     refused = bench.transmitter.range_check(True)
     assert refused.reason == "range check is only possible while DISARMED, not ARMED"
     bench.radio.unplug()
-    bench.run(0.1)
+    bench.run(0.75)
     assert "binding is not possible" in bench.transmitter.bind(bench.now_s).reason
 
 

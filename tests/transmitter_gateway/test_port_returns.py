@@ -1,0 +1,159 @@
+"""A serial port that is away for a moment while its vehicle flies."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from restart_bench import Restart
+
+from rcopterx.simulator.radio_receiver import ReceiverState
+from rcopterx.transmitter_gateway.inputs import Action, LinkState, State
+from rcopterx.transmitter_gateway.transmitter import REPOWERED_S
+
+LOW_US = 1100
+
+
+def away(bench: Restart, seconds: float, thrust: float | None = 0.55) -> None:
+    """Let the adapter fail in flight, and return with a module that has kept its power."""
+    bench.lose_adapter()
+    bench.run(seconds, thrust)
+    bench.mend()
+
+
+@pytest.mark.parametrize("seconds", [0.04, 0.1, 0.4])
+def test_vehicle_is_flown_on_when_its_port_returns_in_time(restart: Restart, seconds: float) -> None:
+    restart.fly()
+    armed = restart.counters["entered ARMED"]
+    away(restart, seconds)
+    states = restart.run(1.0)
+    assert restart.state is State.ARMED
+    assert restart.transmitter.arbiter.lease == 1
+    assert (restart.counters["entered ARMED"], restart.counters["entered DISARMED"]) == (armed, 0)
+    assert restart.counters["flights continued after the port was away"] == 1
+    assert min(restart.throttle_us()) > 1480
+    assert ReceiverState.FAILSAFE not in states
+
+
+def test_vehicle_without_commands_is_landed_on_when_its_port_returns(restart: Restart) -> None:
+    restart.fly()
+    away(restart, 0.4, thrust=None)
+    restart.run(0.2, thrust=None)
+    assert restart.state is State.LAND
+    assert min(restart.throttle_us()) > 1450
+
+
+def test_port_that_is_away_is_shown_and_no_frame_counts_as_written(restart: Restart) -> None:
+    restart.fly()
+    restart.lose_adapter()
+    restart.run(0.1)
+    written_s = restart.page.last.written_s if restart.page.last is not None else None
+    restart.run(0.3)
+    snapshot = restart.transmitter.snapshot(restart.now_s)
+    assert (snapshot.state, snapshot.link) == (State.ARMED, LinkState.LOST)
+    assert snapshot.module.startswith("cannot open")
+    assert restart.page.last is not None
+    assert (restart.page.last.state, restart.page.last.written_s) == (State.ARMED, written_s)
+
+
+def test_vehicle_whose_port_returns_too_late_stays_disarmed(restart: Restart) -> None:
+    restart.fly()
+    away(restart, 3.0)
+    restart.run(1.0)
+    assert restart.state is State.DISARMED
+    assert restart.transmitter.arbiter.reason.startswith("serial link lost: cannot open")
+    assert set(map(round, restart.throttle_us())) == {LOW_US}
+
+
+def test_flight_ends_by_time_alone_while_the_port_stays_away(restart: Restart) -> None:
+    restart.fly()
+    restart.lose_adapter()
+    restart.run(0.66)
+    assert restart.state is State.ARMED
+    restart.run(0.06)
+    assert restart.state is State.DISARMED
+
+
+def test_vehicle_that_is_on_the_floor_when_its_port_returns_is_disarmed(restart: Restart) -> None:
+    restart.fly()
+    restart.lose_adapter()
+    restart.sinks_m_s = 2.0
+    restart.run(0.5)
+    restart.mend()
+    restart.run(1.0)
+    assert restart.state is State.DISARMED
+    assert restart.transmitter.arbiter.reason == "serial link lost: it may stand on the floor"
+    assert set(map(round, restart.throttle_us())) == {LOW_US}
+
+
+def test_vehicle_that_was_armed_on_the_floor_is_disarmed(restart: Restart) -> None:
+    restart.height_m = 0.02
+    restart.run(1.5, thrust=0.0)
+    assert restart.request(Action.ARM).accepted
+    restart.run(0.1, thrust=0.0)
+    away(restart, 0.1, thrust=0.0)
+    restart.run(1.0, thrust=0.0)
+    assert restart.state is State.DISARMED
+    assert restart.request(Action.ARM).accepted
+
+
+def test_kill_while_the_port_is_away_is_written_when_it_returns(restart: Restart) -> None:
+    restart.fly()
+    restart.lose_adapter()
+    restart.run(0.1)
+    restart.request(Action.KILL)
+    restart.run(0.1)
+    restart.mend()
+    restart.run(0.5)
+    assert restart.state is State.KILLED
+    assert set(map(round, restart.throttle_us())) == {LOW_US}
+
+
+@pytest.mark.parametrize(("silence_s", "state"), [(0.1, State.ARMED), (0.5, State.DISARMED)])
+def test_successor_of_a_gateway_whose_port_was_away_judges_by_the_last_written_frame(
+    restart: Restart, silence_s: float, state: State
+) -> None:
+    restart.fly()
+    restart.lose_adapter()
+    restart.run(0.3)
+    restart.mend()
+    restart.die(silence_s)
+    restart.run(0.5)
+    assert restart.state is state
+
+
+@pytest.fixture
+def slow(tmp_path: Path) -> Iterator[Restart]:
+    """A radio whose receiver needs as long as real ones to find a module that lost its power."""
+    bench = Restart(tmp_path / "h1", connect_s=2.0)
+    yield bench
+    bench.transmitter.close()
+    bench.radio.close()
+
+
+def test_fallen_vehicle_gets_no_thrust_when_its_module_has_lost_power_and_is_received_again(
+    slow: Restart,
+) -> None:
+    slow.run(3.0, thrust=0.0)
+    slow.fly()
+    slow.radio.unplug()
+    slow.run(0.4)
+    slow.radio.replug(slow.now_s)
+    slow.run(0.7, thrust=0.8)
+    assert slow.state is State.ARMED
+    slow.sinks_m_s = 2.4
+    states = slow.run(0.4, thrust=0.8)
+    assert states[-1] is ReceiverState.FAILSAFE
+    assert slow.state is State.DISARMED
+    slow.throttle_us()
+    states = slow.run(REPOWERED_S, thrust=0.8)
+    assert states[-1] is ReceiverState.LINKED
+    assert set(map(round, slow.throttle_us())) == {LOW_US}
+
+
+def test_vehicle_that_flies_low_long_after_its_port_returned_stays_armed(restart: Restart) -> None:
+    restart.fly()
+    away(restart, 0.1)
+    restart.run(REPOWERED_S)
+    restart.sinks_m_s = 1.0
+    restart.run(1.0)
+    assert restart.state is State.ARMED
