@@ -23,18 +23,18 @@ COMPLETE: Final = "complete"
 """Empty file in a directory of kernels that holds all of them."""
 MODULES: Final = (
     "control.solver.sweep",
+    "simulator.helicopter",
+    "control.models.prediction",
+    "control.estimators.kalman_equations",
     "control.solver.interior_point",
     "control.solver.active_set",
-    "simulator.helicopter",
     "simulator.helicopter_dynamics",
     "simulator.disturbance",
     "control.references.sampling",
-    "control.estimators.kalman_equations",
-    "control.models.prediction",
     "control.models.roll_out",
     "control.models.finite",
 )
-"""Modules of kernels, the slowest to compile first."""
+"""Modules of kernels, in an order in which two compiling processes rarely wait for each other."""
 VARIABLE: Final = "RCOPTERX_KERNELS"
 """Environment variable with the directory of the cache, instead of the user's."""
 KEPT: Final = 10

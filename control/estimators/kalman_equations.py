@@ -9,13 +9,27 @@ from rcopterx.vehicles.state import Array
 @compiled(MATRIX, MATRIX, MATRIX)
 def predict_covariance(P: Array, F: Array, Q: Array) -> Array:
     """Return F P F' + Q."""
-    predicted = F @ P @ F.T + Q
-    return 0.5 * (predicted + predicted.T)
+    size = len(P)
+    FP, predicted = np.zeros((size, size)), Q.copy()
+    for i in range(size):
+        for m in range(size):
+            # Most entries of a transition are zero.
+            if F[i, m] != 0.0:
+                for j in range(size):
+                    FP[i, j] += F[i, m] * P[m, j]
+    for i in range(size):
+        for j in range(i + 1):
+            for m in range(size):
+                predicted[i, j] += FP[i, m] * F[j, m]
+            predicted[j, i] = predicted[i, j]
+    return predicted
 
 
 @compiled(VECTOR, MATRIX, MATRIX, VECTOR, VECTOR)
 def update(x: Array, P: Array, H: Array, R: Array, innovation: Array) -> tuple[Array, Array]:
-    """Return state and covariance after a measurement z = H x + noise.
+    """Return state and covariance after measurements z = H x + noise.
+
+    The noises are independent, so one measurement after another is used, each with a scalar S = H P H' + R.
 
     Parameters
     ----------
@@ -29,10 +43,21 @@ def update(x: Array, P: Array, H: Array, R: Array, innovation: Array) -> tuple[A
     numpy.linalg.LinAlgError
         The covariance of the innovation is not positive definite.
     """
-    S = H @ P @ H.T + np.diag(R)
-    np.linalg.cholesky(S)  # checks that it is positive definite
-    K = np.ascontiguousarray(np.linalg.solve(S, H @ P).T)
-    # Joseph's form: the covariance stays positive whatever the rounding.
-    rest = np.eye(len(x)) - K @ H
-    P = rest @ P @ rest.T + (K * R) @ K.T
-    return x + K @ innovation, 0.5 * (P + P.T)
+    size = len(x)
+    step, P, PH = np.zeros(size), P.copy(), np.empty(size)
+    for row in range(len(H)):
+        S, remaining = R[row], innovation[row]
+        for i in range(size):
+            PH[i] = 0.0
+            for j in range(size):
+                PH[i] += P[i, j] * H[row, j]
+            S += H[row, i] * PH[i]
+            remaining -= H[row, i] * step[i]
+        if not S > 0.0:
+            raise np.linalg.LinAlgError("the covariance of the innovation is not positive definite")
+        for i in range(size):
+            step[i] += PH[i] / S * remaining
+            for j in range(i + 1):
+                P[i, j] -= PH[i] * PH[j] / S
+                P[j, i] = P[i, j]
+    return x + step, P

@@ -82,7 +82,9 @@ def derivative(model: MotionModel, motion: Array, actuator: Array, disturbance: 
     xd, yd, zd, yaw_rate = motion[4], motion[5], motion[6], motion[7]
     rates = np.empty(8)
     rates[0], rates[1], rates[2], rates[3] = c * xd - s * yd, s * xd + c * yd, zd, yaw_rate
-    rates[4:] = model.input_gain * actuator + disturbance + model.damping * motion[4:]
+    for axis in range(4):
+        drag = model.damping[axis] * motion[4 + axis]
+        rates[4 + axis] = model.input_gain[axis] * actuator[axis] + disturbance[axis] + drag
     rates[4] += yaw_rate * yd
     rates[5] -= yaw_rate * xd
     rates[6] -= model.gravity_m_s2

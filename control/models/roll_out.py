@@ -45,6 +45,7 @@ def _roll_out(model: MotionModel, estimate: Estimate, inputs: Array, poles: Arra
     """Samples of the trajectory, shape (N, 12)."""
     stages = len(inputs) + 1
     motion, actuator = estimate.motion.copy(), estimate.actuator.copy()
+    disturbance = estimate.disturbance.copy()
     samples = np.empty((stages, COLUMNS))
     velocity = np.zeros(4)
     for stage in range(stages + 1):
@@ -53,18 +54,18 @@ def _roll_out(model: MotionModel, estimate: Estimate, inputs: Array, poles: Arra
         before = velocity.copy()
         velocity[0] = c * motion[4] - s * motion[5]
         velocity[1] = s * motion[4] + c * motion[5]
-        velocity[2:] = motion[6:]
+        velocity[2], velocity[3] = motion[6], motion[7]
         if stage > 0:
-            samples[stage - 1, 8:] = (velocity - before) / period_s
+            for axis in range(4):
+                samples[stage - 1, 8 + axis] = (velocity[axis] - before[axis]) / period_s
         if stage == stages:
             break
-        samples[stage, :4] = motion[:4]
-        samples[stage, 4:8] = velocity
-        acceleration = derivative(model, motion, actuator, estimate.disturbance)[4:]
+        rates = derivative(model, motion, actuator, disturbance)
         # The last input lasts.
-        sticks = inputs[min(stage, stages - 2)]
-        followed = behind_gyro(model, sticks, actuator, motion[YAW_RATE])
-        actuator = poles * actuator + (1.0 - poles) * followed
-        motion[:4] += period_s * velocity
-        motion[4:] += period_s * acceleration
+        followed = behind_gyro(model, inputs[min(stage, stages - 2)], actuator, motion[YAW_RATE])
+        for axis in range(4):
+            samples[stage, axis], samples[stage, 4 + axis] = motion[axis], velocity[axis]
+            actuator[axis] = poles[axis] * actuator[axis] + (1.0 - poles[axis]) * followed[axis]
+            motion[axis] += period_s * velocity[axis]
+            motion[4 + axis] += period_s * rates[4 + axis]
     return samples

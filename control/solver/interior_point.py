@@ -103,12 +103,12 @@ def set_barrier_pulls(
 
 @part
 def set_changes(
-    p: OptimalControlProblem, change: Array, b: Barrier, centring: float, corrected: bool
+    p: OptimalControlProblem, y: Array, trial_y: Array, b: Barrier, centring: float, corrected: bool
 ) -> float:
     """Set the changes of slacks and multipliers by those of the rows; return the step to the boundary."""
     step = 1.0
-    for k in range(change.shape[0]):
-        for row in range(change.shape[1]):
+    for k in range(y.shape[0]):
+        for row in range(y.shape[1]):
             s = p.s[k, row]
             if s == 0.0:
                 continue
@@ -117,7 +117,8 @@ def set_changes(
                 product = t * z
                 if corrected:
                     product += b.dt[side, k, row] * b.dz[side, k, row] - centring
-                toward = change[k, row] if side == 0 else -change[k, row]
+                change = trial_y[k, row] - y[k, row]
+                toward = change if side == 0 else -change
                 dz = (z * (toward + gap) - product) / (t + z / s)
                 dt = -gap - toward + dz / s
                 b.dz[side, k, row], b.dt[side, k, row] = dz, dt
@@ -126,6 +127,26 @@ def set_changes(
                 if dt < 0.0:
                     step = min(step, -t / dt)
     return step
+
+
+@part
+def complementarity_after(b: Barrier, step: float) -> float:
+    """Sum of the products of slacks and multipliers after a part of their changes."""
+    products = 0.0
+    for side in range(b.t.shape[0]):
+        for k in range(b.t.shape[1]):
+            for row in range(b.t.shape[2]):
+                t = b.t[side, k, row] + step * b.dt[side, k, row]
+                products += t * (b.z[side, k, row] + step * b.dz[side, k, row])
+    return products
+
+
+@part
+def advance(values: Array, targets: Array, step: float) -> None:
+    """Move values of shape (m, n) by a share of their distance to targets."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            values[i, j] += step * (targets[i, j] - values[i, j])
 
 
 @compiled(PROBLEM, TRAJECTORIES, TRAJECTORIES, FACTOR, BARRIER, NUMBER)
@@ -141,18 +162,19 @@ def iterate(
     set_barrier_pulls(p, plan.y, b, 0.0, False)
     factorize(p, b.e, f)
     solve(p, b.e, b.target, f, trial)
-    step = set_changes(p, trial.y - plan.y, b, 0.0, False)
-    reached = ((b.t + step * b.dt) * (b.z + step * b.dz)).sum()
-    before = (b.t * b.z).sum()
-    centring = (reached / before) ** 3 * complementarity
+    step = set_changes(p, plan.y, trial.y, b, 0.0, False)
+    centring = (complementarity_after(b, step) / complementarity_after(b, 0.0)) ** 3 * complementarity
     set_barrier_pulls(p, plan.y, b, centring, True)
     solve(p, b.e, b.target, f, trial)
-    step = min(1.0, TO_BOUNDARY * set_changes(p, trial.y - plan.y, b, centring, True))
-    b.t[:] += step * b.dt
-    b.z[:] += step * b.dz
-    plan.x[:] += step * (trial.x - plan.x)
-    plan.u[:] += step * (trial.u - plan.u)
-    plan.y[:] += step * (trial.y - plan.y)
+    step = min(1.0, TO_BOUNDARY * set_changes(p, plan.y, trial.y, b, centring, True))
+    for side in range(2):
+        for k in range(plan.y.shape[0]):
+            for row in range(plan.y.shape[1]):
+                b.t[side, k, row] += step * b.dt[side, k, row]
+                b.z[side, k, row] += step * b.dz[side, k, row]
+    advance(plan.x, trial.x, step)
+    advance(plan.u, trial.u, step)
+    advance(plan.y, trial.y, step)
 
 
 def active_rows(b: Barrier) -> Array:

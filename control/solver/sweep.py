@@ -64,7 +64,9 @@ def factorize(p: OptimalControlProblem, e: Array, f: Factor) -> None:
     stages, nx, nu = p.B.shape
     PA, PB = np.empty((nx, nx)), np.empty((nx, nu))
     Hux, Huu = np.empty((nu, nx)), np.empty((nu, nu))
-    f.P[stages] = p.P
+    for i in range(nx):
+        for j in range(nx):
+            f.P[stages, i, j] = p.P[i, j]
     for k in range(stages - 1, -1, -1):
         PA[:] = 0.0
         PB[:] = 0.0
@@ -113,6 +115,13 @@ def factorize(p: OptimalControlProblem, e: Array, f: Factor) -> None:
 
 
 @part
+def set_vector(values: Array, to: Array) -> None:
+    """Copy without the checks of shapes in `values[:] = to`, which take seconds to compile."""
+    for i in range(len(to)):
+        values[i] = to[i]
+
+
+@part
 def follow(p: OptimalControlProblem, k: int, plan: Trajectories) -> None:
     """Set the rows of stage k and the state after it from its state and input."""
     nx, nu = p.B.shape[1:]
@@ -158,8 +167,7 @@ def solve(p: OptimalControlProblem, e: Array, target: Array, f: Factor, plan: Tr
                     gradient[i] += p.C[k, row, i] * pull
                 for i in range(nu):
                     h[i] += p.D[k, row, i] * pull
-        for i in range(nx):
-            ahead[i] = gradient[i]
+        set_vector(ahead, gradient)
         for m in range(nu):
             for i in range(nx):
                 ahead[i] += f.K[k, m, i] * h[m]
@@ -167,7 +175,7 @@ def solve(p: OptimalControlProblem, e: Array, target: Array, f: Factor, plan: Tr
             plan.u[k, i] = 0.0
             for m in range(nu):
                 plan.u[k, i] -= f.S[k, i, m] * h[m]
-    plan.x[0] = p.x_0
+    set_vector(plan.x[0], p.x_0)
     for k in range(stages):
         for i in range(nu):
             for j in range(nx):
@@ -178,7 +186,7 @@ def solve(p: OptimalControlProblem, e: Array, target: Array, f: Factor, plan: Tr
 @compiled(PROBLEM, TRAJECTORIES)
 def roll_out(p: OptimalControlProblem, plan: Trajectories) -> None:
     """Set states and rows to those that the inputs of a plan lead to."""
-    plan.x[0] = p.x_0
+    set_vector(plan.x[0], p.x_0)
     for k in range(len(p.B)):
         follow(p, k, plan)
 
@@ -223,5 +231,5 @@ def quality(p: OptimalControlProblem, plan: Trajectories) -> tuple[float, float,
                 primal = max(primal, abs(beyond))
         for i in range(nu):
             dual = max(dual, abs(derivative[i]))
-        ahead[:] = before
+        set_vector(ahead, before)
     return cost, primal, dual
