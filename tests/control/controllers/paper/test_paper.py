@@ -21,7 +21,8 @@ def at_rest(x: float = 0.0, y: float = 0.0, z: float = 1.0, yaw: float = 0.0) ->
 
 
 def make(**settings: object) -> PaperController:
-    return PaperController(COAXIAL_LAG, PERIOD_S, PaperSettings(**settings))  # type: ignore[arg-type]  # free-form test settings
+    unhurried = {"time_limit_s": 1.0, **settings}
+    return PaperController(COAXIAL_LAG, PERIOD_S, PaperSettings(**unhurried))  # type: ignore[arg-type]  # free-form test settings
 
 
 def fly(controller: PaperController, estimate: Estimate, target: Array, steps: int, trim: Array) -> Array:
