@@ -30,7 +30,6 @@ def test_experiments_are_listed() -> None:
         "preview",
         "chain",
         "turning",
-        "swapping",
         "family",
         "fleets",
     ]
