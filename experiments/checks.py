@@ -11,6 +11,13 @@ import numpy as np
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.statistics import percentiles
 
+PERIOD_MS: Final = 20.0
+LEAST_M: Final = 0.3
+TOUCHDOWN_M_S: Final = 1.0
+HEADING_DEG: Final = 8.0
+HEIGHT_M: Final = 0.15
+"""Largest errors of headings and heights."""
+
 Tables = dict[str, dict[str, Any]]
 Result = tuple[bool, Any]
 
@@ -48,6 +55,35 @@ def _inside_volume(figures: FlightFigures, vehicles: Tables) -> Result:
     return not outside, outside
 
 
+def _in_time(figures: FlightFigures, _: Tables) -> Result:
+    times = percentiles(figures.frame_to_radio_ms())
+    return (times is not None and times["p99"] <= PERIOD_MS), times and times["p99"]
+
+
+def _distance_kept(figures: FlightFigures, vehicles: Tables) -> Result:
+    gaps_m = [figures.distances_m(first, second) for first, second in combinations(vehicles, 2)]
+    least = min((float(gaps.min()) for gaps in gaps_m if len(gaps)), default=math.inf)
+    return least >= LEAST_M, None if least == math.inf else round(least, 3)
+
+
+def _avoided(_: FlightFigures, vehicles: Tables) -> Result:
+    ticks = {name: table["avoiding_ticks"] for name, table in vehicles.items()}
+    return sum(ticks.values()) > 0, ticks
+
+
+def _touched_down_gently(figures: FlightFigures, vehicles: Tables) -> Result:
+    """Judge the speed of the last touchdown of every vehicle with known true states."""
+    last = [states[-1] for name in vehicles if (states := figures.truth(name))]
+    speeds = [state.touchdown_speed_m_s for state in last]
+    stands = all(state.on_floor for state in last)
+    return stands and max(speeds, default=0.0) <= TOUCHDOWN_M_S, [round(speed, 3) for speed in speeds]
+
+
+def _transmitters_undisturbed(_: FlightFigures, vehicles: Tables) -> Result:
+    events = {name: table["safety"] for name, table in vehicles.items() if table["safety"]}
+    return not events, events
+
+
 _TICKED: Final = Check("every vehicle ticked", _every_vehicle_ticked)
 CONTROLLED: Final = (_TICKED, Check("no control period was missed", _no_period_missed))
 """Every vehicle was controlled all the time."""
@@ -59,16 +95,17 @@ IN_THE_AIR: Final = (_TICKED, *_FLYING)
 """No vehicle fell or flew away."""
 ALWAYS: Final = (*CONTROLLED, *_FLYING)
 """Checks of every manoeuvre without faults and landings."""
-
-
-def in_time(period_ms: float = 20.0) -> Check:
-    """Commands reach the radio before the next frame (99th percentile)."""
-
-    def judge(figures: FlightFigures, _: Tables) -> Result:
-        times = percentiles(figures.frame_to_radio_ms())
-        return (times is not None and times["p99"] <= period_ms), times and times["p99"]
-
-    return Check(f"frame to radio, p99 within a control period of {period_ms:g} ms", judge)
+IN_TIME: Final = Check(f"frame to radio, p99 within a control period of {PERIOD_MS:g} ms", _in_time)
+"""Commands reach the radio before the next frame."""
+DISTANCE_KEPT: Final = Check(f"distance at least {LEAST_M:g} m", _distance_kept)
+"""No two vehicles came nearer than this."""
+AVOIDED: Final = Check("plans were held off each other", _avoided)
+"""Some vehicle avoided another one."""
+TOUCHED_DOWN_GENTLY: Final = Check(
+    f"all stand on the floor, touched down at {TOUCHDOWN_M_S:g} m/s at most", _touched_down_gently
+)
+TRANSMITTERS_UNDISTURBED: Final = Check("no transmitter gateway had to take over", _transmitters_undisturbed)
+"""No transmitter gateway flew a vehicle by itself."""
 
 
 USUAL_P99_MS: Final = {"pose_to_command_ms": 5.0, "frame_to_radio_ms": 12.0}
@@ -100,27 +137,6 @@ def formation_held(rms_mm: float = 40.0, max_mm: float = 150.0) -> Check:
     return Check(f"formation error at most {rms_mm:g} mm rms, {max_mm:g} mm", judge)
 
 
-def distance_kept(least_m: float = 0.3) -> Check:
-    """No two vehicles came nearer than this."""
-
-    def judge(figures: FlightFigures, vehicles: Tables) -> Result:
-        gaps_m = [figures.distances_m(first, second) for first, second in combinations(vehicles, 2)]
-        least = min((float(gaps.min()) for gaps in gaps_m if len(gaps)), default=math.inf)
-        return least >= least_m, None if least == math.inf else round(least, 3)
-
-    return Check(f"distance at least {least_m:g} m", judge)
-
-
-def avoided() -> Check:
-    """Some vehicle avoided another one."""
-
-    def judge(_: FlightFigures, vehicles: Tables) -> Result:
-        ticks = {name: table["avoiding_ticks"] for name, table in vehicles.items()}
-        return sum(ticks.values()) > 0, ticks
-
-    return Check("plans were held off each other", judge)
-
-
 def ends_at(name: str, position_m: tuple[float, float, float], tolerance_m: float = 0.1) -> Check:
     """Place of a vehicle at the end."""
 
@@ -134,7 +150,7 @@ def ends_at(name: str, position_m: tuple[float, float, float], tolerance_m: floa
     return Check(f"{name} ends within {1000 * tolerance_m:g} mm of {position_m}", judge)
 
 
-def heading_ends_at(name: str, yaw_deg: float, tolerance_deg: float = 8.0) -> Check:
+def heading_ends_at(name: str, yaw_deg: float) -> Check:
     """Heading of a vehicle at the end, up to whole turns."""
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
@@ -142,9 +158,9 @@ def heading_ends_at(name: str, yaw_deg: float, tolerance_deg: float = 8.0) -> Ch
         if not len(flown):
             return False, None
         away = (math.degrees(float(flown[-1, 3])) - yaw_deg + 180) % 360 - 180
-        return abs(away) <= tolerance_deg, round(away, 2)
+        return abs(away) <= HEADING_DEG, round(away, 2)
 
-    return Check(f"{name} ends within {tolerance_deg:g} deg of heading {yaw_deg:g} deg", judge)
+    return Check(f"{name} ends within {HEADING_DEG:g} deg of heading {yaw_deg:g} deg", judge)
 
 
 def followed(name: str, *leaders: str) -> Check:
@@ -158,37 +174,15 @@ def followed(name: str, *leaders: str) -> Check:
     return Check(f"{name} follows {', '.join(leaders) or 'no vehicle'} in the end", judge)
 
 
-def reached_height(height_m: float, tolerance_m: float = 0.15) -> Check:
+def reached_height(height_m: float) -> Check:
     """Greatest height of every vehicle."""
 
     def judge(figures: FlightFigures, vehicles: Tables) -> Result:
         heights = {name: float(figures.flown(name)[1][:, 2].max(initial=0.0)) for name in vehicles}
-        good = all(abs(height - height_m) <= tolerance_m for height in heights.values())
+        good = all(abs(height - height_m) <= HEIGHT_M for height in heights.values())
         return good, {name: round(height, 3) for name, height in heights.items()}
 
     return Check(f"every vehicle reached {height_m:g} m", judge)
-
-
-def touched_down_gently(limit_m_s: float = 1.0) -> Check:
-    """Speed of the last touchdown of every vehicle with known true states."""
-
-    def judge(figures: FlightFigures, vehicles: Tables) -> Result:
-        last = [states[-1] for name in vehicles if (states := figures.truth(name))]
-        speeds = [state.touchdown_speed_m_s for state in last]
-        stands = all(state.on_floor for state in last)
-        return stands and max(speeds, default=0.0) <= limit_m_s, [round(speed, 3) for speed in speeds]
-
-    return Check(f"all stand on the floor, touched down at {limit_m_s:g} m/s at most", judge)
-
-
-def transmitters_undisturbed() -> Check:
-    """No transmitter gateway flew a vehicle by itself."""
-
-    def judge(_: FlightFigures, vehicles: Tables) -> Result:
-        events = {name: table["safety"] for name, table in vehicles.items() if table["safety"]}
-        return not events, events
-
-    return Check("no transmitter gateway had to take over", judge)
 
 
 def controllers_flown(name: str, *controllers: str) -> Check:

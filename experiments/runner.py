@@ -192,6 +192,6 @@ def _show_within(show: ShowProgress, label: str, finished: int, total: int, frac
     show(label, (finished + fraction) / total)
 
 
-def median_and_worst(values: Sequence[float], digits: int = 1) -> dict[str, float]:
+def median_and_worst(values: Sequence[float]) -> dict[str, float]:
     """Median and largest of figures of several vehicles."""
-    return {"median": round(float(np.median(values)), digits), "worst": round(float(max(values)), digits)}
+    return {"median": round(float(np.median(values)), 1), "worst": round(float(max(values)), 1)}

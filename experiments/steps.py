@@ -81,10 +81,10 @@ def go_together(fleet: Fleet, say: Say, wait: Wait, places_m: Mapping[str, Three
 
 
 @step
-def fly_path(fleet: Fleet, say: Say, wait: Wait, path: FlightPath, name: str | None = None) -> None:
-    """Have a vehicle, by default the leader, fly a trajectory to its end."""
-    who = name or leader_of(fleet)
-    say(f"{who}: trajectory of {fleet[who].fly(path, wait=True)}")
+def fly_path(fleet: Fleet, say: Say, wait: Wait, path: FlightPath) -> None:
+    """Have the leader fly a trajectory to its end."""
+    leader = leader_of(fleet)
+    say(f"{leader}: trajectory of {fleet[leader].fly(path, wait=True)}")
     wait(REST_S)
 
 
@@ -158,9 +158,9 @@ def join(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
 
 
 @step
-def formed(fleet: Fleet, say: Say, _wait: Wait, tolerance_m: float = SETTLED_M) -> None:
+def formed(fleet: Fleet, say: Say, _wait: Wait) -> None:
     """Wait until every follower is at its place."""
-    fleet.wait_for_formation(tolerance_m=tolerance_m)
+    fleet.wait_for_formation(tolerance_m=SETTLED_M)
     say("in formation")
 
 

@@ -180,13 +180,8 @@ class Helicopter(Plant):
         state = self.state
         w, x, y, z = state.qw, state.qx, state.qy, state.qz
         i, j, k, s = self._markers
-        up_m = self.parameters.marker_height_m
         return self._pose(
-            (
-                state.x + up_m * 2 * (x * z + w * y),
-                state.y + up_m * 2 * (y * z - w * x),
-                state.z + up_m * (1 - 2 * (x * x + y * y)),
-            ),
+            (state.x, state.y, state.z),
             w * s - x * i - y * j - z * k,
             w * i + x * s + y * k - z * j,
             w * j + y * s + z * i - x * k,

@@ -82,12 +82,9 @@ class HelicopterParameters:
     """Fraction by which the thrust is larger on the floor."""
     ground_effect_height_m: float
     """Height over which the ground effect decays by e."""
-    marker_height_m: float = 0.0
-    """How far above the centre of gravity the origin of the markers is."""
 
     def __post_init__(self) -> None:
-        markers = ("marker_roll_rad", "marker_pitch_rad", "marker_height_m")
-        offsets = ("trim", "phase_upper", "phase_lower", *markers)
+        offsets = ("trim", "phase_upper", "phase_lower", "marker_roll_rad", "marker_pitch_rad")
         not_negative = ("servo_step", "ground_effect", "added_damping", "drag_per_s")
         for field in fields(self):
             value = getattr(self, field.name)

@@ -81,16 +81,13 @@ class MultiModule(RadioModule):
     ----------
     inverted_wiring
         Whether the line is inverted; a frame whose polarity bit differs makes the module deaf.
-    knows_dsm2
-        False for EU builds, which refuse DSM2 and have DSMX.
     """
 
-    def __init__(
-        self, powered_s: float = 0.0, *, inverted_wiring: bool = True, knows_dsm2: bool = True
-    ) -> None:
+    def __init__(self, powered_s: float = 0.0, *, inverted_wiring: bool = True) -> None:
         super().__init__(BYTE_S, END_OF_FRAME_S, FRAME_LENGTH)
         self._inverted_wiring = inverted_wiring
-        self.knows_dsm2 = knows_dsm2
+        self.knows_dsm2 = True
+        """False for EU builds, which refuse DSM2 and have DSMX."""
         self.rf_channels = 0
         self.power_cycle(powered_s)
 

@@ -13,6 +13,8 @@ CENTER_US = 1500.0
 CHANNELS = 12
 HOLD_S = 45 * 0.022
 BIND_PACKETS_NEEDED = 10
+FAILSAFE_THROTTLE_US = 1100.0
+"""Until a bind stores another one."""
 STORE_AFTER_BIND_S = 5.0
 
 
@@ -51,7 +53,6 @@ class Receiver:
         model_match: int | None,
         *,
         connect_s: float = 2.5,
-        failsafe_throttle_us: float = 1100.0,
         answers_bind: bool = False,
         in_range_check_reach: bool = True,
     ) -> None:
@@ -59,7 +60,7 @@ class Receiver:
         self.in_range_check_reach = in_range_check_reach
         self._connect_s = connect_s
         self._answers_bind = answers_bind
-        self._failsafe_throttle_us = failsafe_throttle_us
+        self._failsafe_throttle_us = FAILSAFE_THROTTLE_US
         self._power_up()
 
     def _power_up(self) -> None:

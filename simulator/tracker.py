@@ -74,7 +74,6 @@ class TrackerServer:
         profile: str = "tracker3",
         rate_hz: float = 50.0,
         clock: Callable[[], float] = time.monotonic,
-        max_backlog_bytes: int = MAX_BACKLOG_BYTES,
         replay: Sequence[RecordedConnection] | None = None,
     ) -> None:
         if profile not in PROFILES:
@@ -86,7 +85,6 @@ class TrackerServer:
         self._offer = PROFILES[profile]
         self._rate_hz = rate_hz
         self._clock = clock
-        self._max_backlog_bytes = max_backlog_bytes
         self._replay = replay
         self.faults = TrackerFaults(self._offer)
         """Faults now and later."""
@@ -235,7 +233,7 @@ class TrackerServer:
         empty = self.faults.active(faults.EmptyPackets) is not None
         packets = []
         for client in self._clients.values():
-            if client.backlog_bytes > self._max_backlog_bytes:
+            if client.backlog_bytes > MAX_BACKLOG_BYTES:
                 client.connection.miss(content)
                 self._dropped += 1
                 continue

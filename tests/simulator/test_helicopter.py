@@ -275,13 +275,3 @@ def test_one_vehicle_costs_at_most_four_percent_of_a_core_in_real_time() -> None
     started_s = time.process_time()
     plant.advance(10.0)
     assert (time.process_time() - started_s) / 10.0 < 0.04
-
-
-def test_markers_above_the_centre_of_gravity_move_with_the_tilt() -> None:
-    plant = flying(replace(STRAIGHT, marker_height_m=0.05))
-    plant.set_input((0.5, 0.2, HOVER[2], 0.0))
-    plant.advance(0.3)
-    turned = Rotation.from_quat(plant.pose.quaternion_xyzw).apply([0.0, 0.0, 0.05])
-    shift_m = np.subtract(plant.marker_pose.position_m, plant.pose.position_m)
-    assert np.hypot(*shift_m[:2]) > 0.001
-    assert shift_m == pytest.approx(turned, abs=1e-9)

@@ -298,7 +298,8 @@ def test_status_follows_an_initialisation_and_reports_lost_input() -> None:
 
 
 def test_eu_build_refuses_dsm2_half_a_second_after_a_status_like_that_of_a_ready_module() -> None:
-    bench = Bench(knows_dsm2=False)
+    bench = Bench()
+    bench.module.knows_dsm2 = False
     bench.run(2.0, frame())
     first, *later = bench.statuses()
     assert (first.flags, first.protocol, first.sub_protocol) == (0x47, "DSM", "--->")
@@ -308,7 +309,8 @@ def test_eu_build_refuses_dsm2_half_a_second_after_a_status_like_that_of_a_ready
 
 
 def test_eu_build_transmits_dsmx() -> None:
-    bench = Bench(knows_dsm2=False)
+    bench = Bench()
+    bench.module.knows_dsm2 = False
     bench.run(2.0, MultiFrame((1024,) * 16, rx_num=3, sub_protocol=2).to_bytes())
     assert bench.statuses()[-1].ready
     assert bench.packets
