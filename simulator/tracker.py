@@ -7,7 +7,7 @@ One thread, no blocking: the owner's loop calls `poll` when `fileno` is readable
 import selectors
 import socket
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, Self
 
 from rcopterx.simulator import faults
@@ -15,7 +15,6 @@ from rcopterx.simulator.tracker_faults import TrackerFaults
 from rcopterx.simulator.tracker_frame import PROFILES, FrameContent, TrackerFrame
 from rcopterx.simulator.tracker_link import NEVER, RECEIVE_BYTES, TrackerLink
 from rcopterx.simulator.tracker_session import EMPTY_PACKET, TrackerConnection
-from rcopterx.vicon_gateway.recording import RecordedConnection
 from rcopterx.vicon_gateway.wire import HEADER, WireError, encode_object, encode_packet
 
 MAX_BACKLOG_BYTES = 1024 * 1024
@@ -55,13 +54,11 @@ class TrackerServer:
     ----------
     profile
         Age of the Tracker, which determines its offer: tracker1, tracker2 or tracker3.
-    replay
-        Play these recordings, one connection each and so on in a circle, instead of published frames.
 
     Raises
     ------
     ValueError
-        Unknown profile, rate not positive, empty recording.
+        Unknown profile, rate not positive.
     OSError
         The address cannot be listened on; port 0 selects a free one, see `address`.
     """
@@ -74,18 +71,14 @@ class TrackerServer:
         profile: str = "tracker3",
         rate_hz: float = 50.0,
         clock: Callable[[], float] = time.monotonic,
-        replay: Sequence[RecordedConnection] | None = None,
     ) -> None:
         if profile not in PROFILES:
             raise ValueError(f"profile {profile!r}: allowed are {', '.join(PROFILES)}")
         if not 0.0 < rate_hz <= 10_000.0:
             raise ValueError(f"rate_hz {rate_hz}: allowed is more than 0, at most 10000")
-        if replay is not None and not replay:
-            raise ValueError("the recording holds no connection")
         self._offer = PROFILES[profile]
         self._rate_hz = rate_hz
         self._clock = clock
-        self._replay = replay
         self.faults = TrackerFaults(self._offer)
         """Faults now and later."""
         self._clients: dict[int, TrackerLink] = {}
@@ -150,7 +143,7 @@ class TrackerServer:
             self._subject_ids.setdefault(body.name, len(self._subject_ids) + 1)
         y_up = self.faults.active(faults.YUp) is not None
         content = FrameContent(frame, self._rate_hz, self._subject_ids, y_up)
-        packets = [] if self._replay is not None else self._packets(content)
+        packets = self._packets(content)
         sent_s = self._clock()
         self._dispatch(packets, sent_s)
         return Published(frame.frame, sent_s, len(packets))
@@ -194,15 +187,7 @@ class TrackerServer:
             self._accepted += 1
 
     def _greet(self, client: TrackerLink) -> None:
-        now_s = self._clock()
-        if self._replay is None:
-            client.queue(client.connection.greeting(), now_s)
-            return
-        recorded = self._replay[self._accepted % len(self._replay)]
-        for after_s, data in recorded.chunks:
-            client.queue(data, now_s + after_s)
-        if recorded.ended_after_s is not None:
-            client.queue(None, now_s + recorded.ended_after_s)
+        client.queue(client.connection.greeting(), self._clock())
 
     def _receive(self, client: TrackerLink) -> None:
         client.connection.answers_pings = (
@@ -212,9 +197,8 @@ class TrackerServer:
             data = client.socket.recv(RECEIVE_BYTES)
             if not data:
                 self._drop(client)
-            elif self._replay is None:
-                for packet in client.connection.receive(data):
-                    self._queue(client, packet, self._clock())
+            else:
+                self._answer(client, data)
         except BlockingIOError:
             return
         except WireError:
@@ -222,6 +206,10 @@ class TrackerServer:
             self._drop(client)
         except OSError:
             self._drop(client)
+
+    def _answer(self, client: TrackerLink, data: bytes) -> None:
+        for packet in client.connection.receive(data):
+            self._queue(client, packet, self._clock())
 
     def _packets(self, content: FrameContent) -> list[tuple[TrackerLink, bytes]]:
         """Build this frame's packet for every client it is due for and that keeps up."""

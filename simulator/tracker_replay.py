@@ -3,10 +3,10 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from rcopterx.simulator.tracker import TrackerServer
+from rcopterx.simulator.tracker_link import TrackerLink
 from rcopterx.vicon_gateway.recording import RecordedConnection
 
 
@@ -22,12 +22,12 @@ class ReplayProgress(NamedTuple):
     clients: int
 
 
-class TrackerReplay:
+class TrackerReplay(TrackerServer):
     """A Tracker that repeats a recording: the k-th client that connects gets the k-th recorded connection.
 
-    `port` 0 selects a free one, see `address`; `speed` 2 is twice as fast as real time. Raises `ValueError`
-    for an empty recording or a speed that is not positive, and `OSError` if the address cannot be listened
-    on.
+    What clients send has no effect. `port` 0 selects a free one, see `address`; `speed` 2 is twice as fast as
+    real time. Raises `ValueError` for an empty recording or a speed that is not positive, and `OSError` if
+    the address cannot be listened on.
     """
 
     def __init__(
@@ -41,59 +41,41 @@ class TrackerReplay:
     ) -> None:
         if not 0.0 < speed < math.inf:
             raise ValueError(f"speed {speed}: allowed is more than 0")
-        self._connections = [_ending(connection) for connection in recording]
+        if not recording:
+            raise ValueError("the recording holds no connection")
+        self._recording = recording
         self._speed = speed
-        self._clock = clock
-        self._begun = 0
         self._begun_at_s = clock()
-        self._server = TrackerServer(
-            host, port, clock=clock, replay=[_faster(connection, speed) for connection in self._connections]
-        )
-
-    @property
-    def address(self) -> tuple[str, int]:
-        """Host and port of the listening socket."""
-        return self._server.address
+        super().__init__(host, port, clock=clock)
 
     @property
     def progress(self) -> ReplayProgress:
         """How far it is."""
-        clients, number = self._server.state.clients, len(self._connections)
-        if not self._begun:
+        clients, number = self.state.clients, len(self._recording)
+        if not self._accepted:
             return ReplayProgress(0, number, 0.0, 0.0, clients)
-        current = (self._begun - 1) % number
-        total_s = self._connections[current].ended_after_s or 0.0
+        current = (self._accepted - 1) % number
+        total_s = _end_s(self._recording[current])
         played_s = min((self._clock() - self._begun_at_s) * self._speed, total_s)
         return ReplayProgress(current + 1, number, played_s, total_s, clients)
 
     @property
     def finished(self) -> bool:
         """Whether the last recorded connection has been begun and no client is connected any more."""
-        return self._begun >= len(self._connections) and self._server.state.clients == 0
+        return self._accepted >= len(self._recording) and self.state.clients == 0
 
-    def poll(self, timeout_s: float) -> None:
-        """Serve the clients; waits for the next bytes at most `timeout_s`."""
-        self._server.poll(timeout_s)
-        if self._server.state.accepted != self._begun:
-            self._begun, self._begun_at_s = self._server.state.accepted, self._clock()
+    def _greet(self, client: TrackerLink) -> None:
+        self._begun_at_s = now_s = self._clock()
+        connection = self._recording[self._accepted % len(self._recording)]
+        for after_s, data in connection.chunks:
+            client.queue(data, now_s + after_s / self._speed)
+        client.queue(None, now_s + _end_s(connection) / self._speed)
 
-    def close(self) -> None:
-        """End all connections and stop listening."""
-        self._server.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def _answer(self, client: TrackerLink, data: bytes) -> None:
+        """Ignore what a client sends."""
 
 
-def _ending(connection: RecordedConnection) -> RecordedConnection:
-    """Return the connection with an end; where the recording stopped first it ends with its last bytes."""
+def _end_s(connection: RecordedConnection) -> float:
+    """End of a connection; where the recording stopped first it ends with its last bytes."""
     last_s = connection.chunks[-1][0] if connection.chunks else 0.0
-    return replace(connection, ended_after_s=connection.ended_after_s or last_s)
-
-
-def _faster(connection: RecordedConnection, speed: float) -> RecordedConnection:
-    chunks = [(after_s / speed, data) for after_s, data in connection.chunks]
-    return RecordedConnection(chunks, (connection.ended_after_s or 0.0) / speed)
+    return connection.ended_after_s or last_s

@@ -58,13 +58,11 @@ def replay_tracker(
 def _replay(file: Path, address: str, port: int, speed: float) -> "TrackerReplay":
     from rcopterx.fleet.schema import FleetError
     from rcopterx.simulator.tracker_replay import TrackerReplay
-    from rcopterx.vicon_gateway.recording import RecordingError, connections, read_records
+    from rcopterx.vicon_gateway.recording import connections, read_records
 
     try:
         with file.open("rb") as source:
             recorded = connections(read_records(source))
-        if not recorded:
-            raise RecordingError("the recording holds no connection")
         return TrackerReplay(recorded, address, port, speed=speed)
     except ValueError as error:
         raise FleetError(f"{file}: {error}") from None

@@ -28,7 +28,6 @@ from rcopterx.vicon_gateway.objects import (
     decode_body,
     packet,
 )
-from rcopterx.vicon_gateway.recording import RecordedConnection
 from rcopterx.vicon_gateway.wire import PacketReader
 
 STREAM = packet(ObjectEnums(frozenset({1, 2, 5, 9, 26, 100004})), RequestFrame(True))
@@ -249,35 +248,9 @@ def test_frame_with_two_bodies_of_one_name_is_refused(server: TrackerServer) -> 
         server.publish(TrackerFrame(0, (HELI, HELI)))
 
 
-def test_recorded_connections_are_played_in_turn_with_their_times_and_ends() -> None:
-    now_s = 100.0
-    offer, first, second = packet(ObjectEnums()), packet(FrameInfo(1)), packet(FrameInfo(2))
-    recordings = [
-        RecordedConnection([(0.0, offer), (0.5, first)], ended_after_s=1.0),
-        RecordedConnection([(0.0, offer + second)]),
-    ]
-    with TrackerServer(port=0, clock=lambda: now_s, replay=recordings) as server:
-        one = Peer(server)
-        one.run_until(lambda: len(one.packets) == 1)
-        two = Peer(server)
-        two.run_until(lambda: two.has(2))
-        assert not one.has(1)
-        assert server.next_due_s() == 100.5
-        now_s = 100.5
-        one.run_until(lambda: one.has(1))
-        assert not one.at_end
-        now_s = 101.0
-        one.run_until(lambda: one.at_end)
-        assert not two.at_end
-        one.close()
-        two.close()
-
-
-@pytest.mark.parametrize(
-    "arguments", [{"profile": "tracker4"}, {"rate_hz": 0.0}, {"rate_hz": float("nan")}, {"replay": []}]
-)
+@pytest.mark.parametrize("arguments", [{"profile": "tracker4"}, {"rate_hz": 0.0}, {"rate_hz": float("nan")}])
 def test_settings_that_make_no_sense_are_refused(arguments: dict[str, object]) -> None:
-    with pytest.raises(ValueError, match=r"allowed|no connection"):
+    with pytest.raises(ValueError, match="allowed"):
         TrackerServer(port=0, **arguments)
 
 

@@ -9,8 +9,7 @@ from support.waiting import DEADLINE_S, PatientClock
 from tracker_bench import PATIENT, READING_S, Bench
 
 from rcopterx.simulator.faults import Close
-from rcopterx.simulator.tracker import TrackerServer
-from rcopterx.simulator.tracker_frame import TrackerFrame
+from rcopterx.simulator.tracker_replay import TrackerReplay
 from rcopterx.vicon_gateway.client import DataStreamClient
 from rcopterx.vicon_gateway.recording import (
     FILE_MAGIC,
@@ -102,15 +101,16 @@ def test_session_recorded_from_one_tracker_is_replayed_by_another(tmp_path: Path
     assert len(sessions) == 2
     replayed = []
     clock = PatientClock(READING_S)
-    with TrackerServer(port=0, replay=sessions, clock=clock) as server:
-        with DataStreamClient(*server.address, limits=PATIENT, clock=clock) as client:
-            deadline_s = time.monotonic() + DEADLINE_S
-            while client.state.connects < 3 and time.monotonic() < deadline_s:
-                server.poll()
-                frame = client.next_frame(0.0005)
-                if frame is not None:
-                    replayed.append(frame)
-        assert server.publish(TrackerFrame(0, ())).clients == 0
+    with (
+        TrackerReplay(sessions, port=0, clock=clock) as server,
+        DataStreamClient(*server.address, limits=PATIENT, clock=clock) as client,
+    ):
+        deadline_s = time.monotonic() + DEADLINE_S
+        while client.state.connects < 3 and time.monotonic() < deadline_s:
+            server.poll()
+            frame = client.next_frame(0.0005)
+            if frame is not None:
+                replayed.append(frame)
     found = {(frame.connection, frame.frame): frame.subjects for frame in replayed if frame.connection < 3}
     # Latest wins on both sides, so a busy machine may skip different frames; what both saw is the same.
     both = [frame for frame in original if (frame.connection, frame.frame) in found]
