@@ -4,27 +4,19 @@
 `Recover`.
 """
 
-import heapq
-import itertools
-import math
 import random
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 from rcopterx.simulator import faults
+from rcopterx.simulator.fault_table import FaultTable, Lasting
 from rcopterx.simulator.faults import MAX_FRAME_ID, FaultError, LastingFault, TimedFault, TrackerFault
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 from rcopterx.vicon_gateway.wire import ObjectType
 
 NOISE_SEED = 1
 """The same fault shows the same noise."""
-
-
-class _Active(NamedTuple):
-    fault: LastingFault
-    started_s: float
-    ends_s: float
 
 
 _F = TypeVar("_F", bound=LastingFault)
@@ -49,10 +41,8 @@ class TrackerFaults:
         self.refused: deque[str] = deque(maxlen=20)
         self._offer = offer
         self._subjects: frozenset[str] | None = None
-        self._active: dict[tuple[object, ...], _Active] = {}
+        self._table: FaultTable[TrackerFault, LastingFault] = FaultTable()
         self._pending: list[TrackerFault] = []
-        self._table: list[tuple[float, int, TrackerFault]] = []
-        self._order = itertools.count()
         self._frame_offset = 0
         self._next_frame_id: int | None = None
         self._last: TrackerFrame | None = None
@@ -70,10 +60,9 @@ class TrackerFaults:
         self.applied += 1
         match fault:
             case LastingFault():
-                ends_s = math.inf if fault.duration_s is None else now_s + fault.duration_s
-                self._active[fault.slot] = _Active(fault, now_s, ends_s)
+                self._table.begin(fault, now_s)
             case faults.Recover():
-                self._active.clear()
+                self._table.end()
             case faults.ResetFrameId(frame):
                 self._next_frame_id = frame
             case _:
@@ -93,36 +82,30 @@ class TrackerFaults:
         for _, fault in lines:
             self._check(fault, planned)
         for at_s, fault in lines:
-            heapq.heappush(self._table, (start_s + at_s, next(self._order), fault))
+            self._table.add(start_s + at_s, fault)
 
     def advance(self, now_s: float) -> None:
         """Start and end faults that are due."""
         self._now_s = now_s
-        while self._table and self._table[0][0] <= now_s:
-            at_s, _, fault = heapq.heappop(self._table)
+        for at_s, fault in self._table.due(now_s):
             try:
                 self.apply(fault, at_s)
             except FaultError as error:
                 self.refused.append(str(error))
-        if any(entry.ends_s <= now_s for entry in self._active.values()):
-            self._active = {slot: entry for slot, entry in self._active.items() if entry.ends_s > now_s}
+        self._table.end(now_s)
 
     def next_change_s(self) -> float | None:
         """Return when `advance` has something to do, None for never."""
-        times = [entry.ends_s for entry in self._active.values() if entry.ends_s < math.inf]
-        times += [line[0] for line in self._table[:1]]
-        return min(times, default=None)
+        return self._table.next_change_s()
 
     @property
     def lasting(self) -> tuple[LastingFault, ...]:
         """Faults that last now."""
-        return tuple(entry.fault for entry in self._active.values())
+        return tuple(entry.fault for entry in self._table.lasting.values())
 
     def active(self, kind: type[_F]) -> _F | None:
         """Return the active fault of a sort that concerns no particular subject, None when there is none."""
-        if not self._active:
-            return None
-        entry = self._active.get((kind, None))
+        entry = self._table.lasting.get((kind, None))
         return entry.fault if entry is not None and isinstance(entry.fault, kind) else None
 
     def take_pending(self) -> list[TrackerFault]:
@@ -138,8 +121,8 @@ class TrackerFaults:
         self._subjects = frozenset([body.name for body in frame.bodies])
         if self.active(faults.Freeze) is not None and self._last is not None:
             return self._last
-        bodies = self._with_frozen(frame.bodies) if self._active or self._frozen else frame.bodies
-        for entry in self._active.values():
+        bodies = self._with_frozen(frame.bodies) if self._table.lasting or self._frozen else frame.bodies
+        for entry in self._table.lasting.values():
             bodies = self._changed(bodies, entry)
         number = (frame.frame + self._frame_offset) % (MAX_FRAME_ID + 1)
         self._last = TrackerFrame(number, bodies, frame.latency_samples)
@@ -154,7 +137,9 @@ class TrackerFaults:
         self._skipped = (self._skipped + 1) % fault.one_of
         return self._skipped != 0
 
-    def _changed(self, bodies: tuple[TrackedBody, ...], entry: _Active) -> tuple[TrackedBody, ...]:
+    def _changed(
+        self, bodies: tuple[TrackedBody, ...], entry: Lasting[LastingFault]
+    ) -> tuple[TrackedBody, ...]:
         """Return the bodies as they appear under one fault."""
         match entry.fault:
             case faults.DisplacePose(subject=name, offset_m=offset_m, velocity_m_s=velocity_m_s):
@@ -164,14 +149,27 @@ class TrackerFaults:
             case faults.AddNoise(deviation_m=deviation_m):
                 gauss = self._random.gauss
                 return tuple(_moved(body, [gauss(0.0, deviation_m) for _ in range(3)]) for body in bodies)
-            case fault:
-                return _changed(bodies, fault)
+            case faults.Occlude(subject=name):
+                return _replaced(bodies, name, lambda body: body._replace(occluded=True))
+            case faults.SetQuality(subject=name, quality=quality):
+                return _replaced(bodies, name, lambda body: body._replace(quality=quality))
+            case faults.RenameRootSegment(subject=name, segment=segment):
+                return _replaced(bodies, name, lambda body: body._replace(root_segment=segment))
+            case faults.RemoveSubject(subject=name):
+                return tuple(body for body in bodies if body.name != name)
+            case faults.AddSubject(subject=name, position_m=position_m):
+                listed = any(body.name == name for body in bodies)
+                return bodies if listed else (*bodies, TrackedBody(name, position_m))
+            case faults.SwapSubjects(subject=first, other=second):
+                return _swapped(bodies, first, second)
+            case _:
+                return bodies
 
     def _with_frozen(self, bodies: tuple[TrackedBody, ...]) -> tuple[TrackedBody, ...]:
         """Return the bodies with those that are to stand still where they were first."""
         names = {
             entry.fault.subject
-            for entry in self._active.values()
+            for entry in self._table.lasting.values()
             if isinstance(entry.fault, faults.FreezePose)
         }
         seen = {body.name: body for body in bodies}
@@ -189,7 +187,7 @@ class TrackerFaults:
             return
         added = {
             entry.fault.subject
-            for entry in self._active.values()
+            for entry in self._table.lasting.values()
             if isinstance(entry.fault, faults.AddSubject)
         }
         tracked = self._subjects | added | planned
@@ -208,29 +206,6 @@ def _subjects_of(fault: TrackerFault) -> tuple[str, ...]:
         return fault.subject, fault.other
     subject = getattr(fault, "subject", None)
     return () if subject is None else (subject,)
-
-
-def _changed(bodies: tuple[TrackedBody, ...], fault: LastingFault) -> tuple[TrackedBody, ...]:
-    """Return the bodies as they appear under one fault."""
-    match fault:
-        case faults.Occlude(subject=name):
-            return _replaced(bodies, name, lambda body: body._replace(occluded=True))
-        case faults.SetQuality(subject=name, quality=quality):
-            return _replaced(bodies, name, lambda body: body._replace(quality=quality))
-        case faults.RenameRootSegment(subject=name, segment=segment):
-            return _replaced(bodies, name, lambda body: body._replace(root_segment=segment))
-        case faults.RemoveSubject(subject=name):
-            return tuple(body for body in bodies if body.name != name)
-        case faults.AddSubject(subject=name, position_m=position_m):
-            return (
-                bodies
-                if any(body.name == name for body in bodies)
-                else (*bodies, TrackedBody(name, position_m))
-            )
-        case faults.SwapSubjects(subject=first, other=second):
-            return _swapped(bodies, first, second)
-        case _:
-            return bodies
 
 
 def _replaced(

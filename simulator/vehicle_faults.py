@@ -1,12 +1,10 @@
 """Faults of vehicles and their radio modules by a time table; they end by themselves or by `Recover`."""
 
-import heapq
-import itertools
-import math
 from collections.abc import Iterable, Mapping
 from typing import Final
 
-from rcopterx.simulator.faults import BreakRadio, BreakVehicle, Fault, FaultError, Recover, TimedFault
+from rcopterx.simulator.fault_table import FaultTable
+from rcopterx.simulator.faults import BreakRadio, BreakVehicle, FaultError, Recover, TimedFault
 from rcopterx.simulator.plant import Plant, PlantFaults, four
 from rcopterx.simulator.radio import RadioPty
 from rcopterx.simulator.radio_kinds import condition_refused, set_condition
@@ -19,14 +17,12 @@ class VehicleFaults:
 
     def __init__(self, plants: Mapping[str, Plant], radios: Mapping[str, RadioPty]) -> None:
         self._plants, self._radios = plants, radios
-        self._table: list[tuple[float, int, Fault]] = []
-        self._order = itertools.count()
-        self._active: dict[tuple[object, ...], tuple[BreakRadio | BreakVehicle, float]] = {}
+        self._table: FaultTable[BreakRadio | BreakVehicle | Recover, BreakRadio | BreakVehicle] = FaultTable()
 
     @property
     def active(self) -> tuple[BreakRadio | BreakVehicle, ...]:
         """Faults that last now."""
-        return tuple(fault for fault, _ in self._active.values())
+        return tuple(entry.fault for entry in self._table.lasting.values())
 
     def check(self, table: Iterable[TimedFault]) -> None:
         """Raise `FaultError` for a line that cannot be carried out."""
@@ -47,22 +43,17 @@ class VehicleFaults:
         """Add the lines for vehicles, which have been checked."""
         for line in table:
             if isinstance(line.fault, BreakRadio | BreakVehicle | Recover):
-                heapq.heappush(self._table, (start_s + line.at_s, next(self._order), line.fault))
+                self._table.add(start_s + line.at_s, line.fault)
 
     def advance(self, now_s: float) -> None:
         """Start and end faults that are due."""
-        while self._table and self._table[0][0] <= now_s:
-            at_s, _, fault = heapq.heappop(self._table)
+        for at_s, fault in self._table.due(now_s):
             if isinstance(fault, BreakRadio | BreakVehicle):
-                ends_s = math.inf if fault.duration_s is None else at_s + fault.duration_s
-                self._active[fault.slot] = fault, ends_s
+                self._table.begin(fault, at_s)
                 self._break(fault, now_s)
             else:
-                self._active = {slot: (active, now_s) for slot, (active, _) in self._active.items()}
-        for slot, (fault, ends_s) in list(self._active.items()):
-            if ends_s <= now_s:
-                del self._active[slot]
-                self._repair(fault, now_s)
+                self._repair(self._table.end(), now_s)
+        self._repair(self._table.end(now_s), now_s)
 
     def _break(self, fault: BreakRadio | BreakVehicle, now_s: float) -> None:
         if isinstance(fault, BreakRadio):
@@ -74,8 +65,9 @@ class VehicleFaults:
             stick_gain=four(gains), stuck=stuck, thrust_factor=fault.thrust_factor, trim=fault.trim
         )
 
-    def _repair(self, fault: BreakRadio | BreakVehicle, now_s: float) -> None:
-        if isinstance(fault, BreakRadio):
-            set_condition(self._radios[fault.vehicle], "ready", now_s)
-        else:
-            self._plants[fault.vehicle].faults = PlantFaults()
+    def _repair(self, faults: Iterable[BreakRadio | BreakVehicle], now_s: float) -> None:
+        for fault in faults:
+            if isinstance(fault, BreakRadio):
+                set_condition(self._radios[fault.vehicle], "ready", now_s)
+            else:
+                self._plants[fault.vehicle].faults = PlantFaults()
