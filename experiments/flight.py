@@ -1,4 +1,4 @@
-"""Flying a manoeuvre on a running fleet, and its report."""
+"""A manoeuvre, flying it on a running fleet, and its report."""
 
 import json
 import threading
@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rcopterx.experiments.checks import remarks_on_latency
-from rcopterx.experiments.manoeuvre import Manoeuvre
+from rcopterx.experiments.checks import Check, remarks_on_latency
 from rcopterx.experiments.paper_sequence import Say, Wait
+from rcopterx.experiments.steps import Step
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.shipped import fleet_path
 from rcopterx.ground_station.report.figures import FlightFigures
@@ -20,9 +20,40 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
 
+DEFAULT_FLEET = "trio"
 REPORT_NAME = "report.json"
 SETTLE_S = 2.0
 """From the end of the take-off to the beginning of the recording."""
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """One row of the table.
+
+    Attributes
+    ----------
+    seconds
+        Approximate duration of the recorded part.
+    fly
+        Flies it on a fleet that is in the air.
+    checks
+        Conditions on the recorded flight.
+    height_m
+        Take-off height.
+    fleet
+        Shipped fleet with which it can be flown.
+    from_floor
+        Take-off and landing are part of the manoeuvre and recorded.
+    """
+
+    name: str
+    title: str
+    seconds: float
+    fly: Step
+    checks: tuple[Check, ...]
+    height_m: float = 1.0
+    fleet: str = DEFAULT_FLEET
+    from_floor: bool = False
 
 
 @dataclass(frozen=True)

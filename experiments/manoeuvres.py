@@ -27,7 +27,7 @@ from rcopterx.experiments.checks import (
     heading_ends_at,
     reached_height,
 )
-from rcopterx.experiments.manoeuvre import Manoeuvre
+from rcopterx.experiments.flight import Manoeuvre
 from rcopterx.experiments.paper_sequence import (
     PAPER_PERIOD_S,
     PAPER_SET_POINTS,

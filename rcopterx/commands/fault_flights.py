@@ -103,7 +103,7 @@ def fleet_holder(options: FlightOptions) -> Iterator[FleetHolder]:
     """Yield a holder of a fleet; stop its last fleet at the end."""
     from rcopterx.experiments.faults.orders import obedient_processes
     from rcopterx.experiments.faults.own_fleet import copied_fleet
-    from rcopterx.experiments.manoeuvre import DEFAULT_FLEET
+    from rcopterx.experiments.flight import DEFAULT_FLEET
 
     with ExitStack() as stack:
         path = None

@@ -18,7 +18,7 @@ from rcopterx.commands.launch import RecordOption, interruptible
 from rcopterx.commands.output import JsonOption
 
 if TYPE_CHECKING:
-    from rcopterx.experiments.manoeuvre import Manoeuvre
+    from rcopterx.experiments.flight import Manoeuvre
     from rcopterx.ground_station.scripting.fleet import Fleet
 
 CHAOS = "chaos"

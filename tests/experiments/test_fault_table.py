@@ -9,7 +9,7 @@ from rcopterx.experiments.faults.fault_flight import FaultFlight
 from rcopterx.experiments.faults.laboratory_injectors import Inject
 from rcopterx.experiments.faults.promise import LIMITS, Promise
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
-from rcopterx.experiments.manoeuvre import DEFAULT_FLEET
+from rcopterx.experiments.flight import DEFAULT_FLEET
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.shipped import fleet_path
 from rcopterx.ground_station.terminal.scenario import ScenarioError

@@ -18,8 +18,15 @@ from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.requests import GoTo
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.experiments.checks import ALWAYS, IN_TIME, Check, remarks_on_latency
-from rcopterx.experiments.flight import Flown, fly, not_flown, reason_not_to_fly, report_of, write_report
-from rcopterx.experiments.manoeuvre import Manoeuvre
+from rcopterx.experiments.flight import (
+    Flown,
+    Manoeuvre,
+    fly,
+    not_flown,
+    reason_not_to_fly,
+    report_of,
+    write_report,
+)
 from rcopterx.experiments.manoeuvres import MANOEUVRES
 from rcopterx.experiments.paper_sequence import PAPER_SET_POINTS, Say, Wait
 from rcopterx.experiments.steps import in_order, land, take_off

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from rcopterx.command_line import app
 from rcopterx.experiments.checks import Check
+from rcopterx.experiments.flight import Manoeuvre
 from rcopterx.experiments.flight_page import write_page
-from rcopterx.experiments.manoeuvre import Manoeuvre
 from rcopterx.experiments.steps import Step, in_order, refused
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.waiting import NotReachedError
