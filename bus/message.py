@@ -22,7 +22,10 @@ MAX_CLOCK_S = 1e10
 MAX_FLOAT = 1e300
 MAX_SETTINGS = 40
 SHORTEST_PERIOD_S = 0.002
-"""Of control; the time that planned inputs bridge has at most `MAX_NEXT_INPUTS` of them."""
+LONGEST_PERIOD_S = 0.05
+"""Of control: the time that planned inputs bridge has at most `MAX_NEXT_INPUTS` short ones, and commands with
+longer ones would be late each time.
+"""
 
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,30}$")]
 Text = Annotated[str, Meta(max_length=400)]
@@ -31,7 +34,7 @@ Seconds = Annotated[float, Meta(ge=0, le=MAX_DURATION_S)]
 """A duration or an age."""
 Clock = Annotated[float, Meta(ge=-MAX_CLOCK_S, le=MAX_CLOCK_S)]
 """A time on some clock, or a difference of clocks [s]."""
-Period = Annotated[float, Meta(ge=SHORTEST_PERIOD_S, le=1)]
+Period = Annotated[float, Meta(ge=SHORTEST_PERIOD_S, le=LONGEST_PERIOD_S)]
 Number = Annotated[float, Meta(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
 """A quantity in SI units; headings count turns."""
 Amount = Annotated[float, Meta(ge=0, le=MAX_MAGNITUDE)]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta, Struct, field
 
 from rcopterx.bus import channels
-from rcopterx.bus.message import SHORTEST_PERIOD_S, Four, Name, Three, Weight
+from rcopterx.bus.message import Four, Name, Period, Three, Weight
 
 Text = Annotated[str, Meta(min_length=1)]
 
@@ -143,7 +143,7 @@ class ControlConfig(Table, frozen=True, kw_only=True):
     """Name of an estimator of this package or of an installed one."""
     horizon: Annotated[int, Meta(ge=2, le=200)] = 50
     """Number of stages N."""
-    period_s: Annotated[float, Meta(ge=SHORTEST_PERIOD_S, le=0.2)] = 0.02
+    period_s: Period = 0.02
     """Control period; a whole multiple of the Tracker's frame period."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the controller: weights, constraints, options."""

@@ -11,7 +11,7 @@ from numbers import Real
 
 from msgspec import Struct
 
-from rcopterx.bus.message import MAX_COUNT, SHORTEST_PERIOD_S
+from rcopterx.bus.message import LONGEST_PERIOD_S, MAX_COUNT, SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.transmitter_gateway.inputs import Cause, CommandInput, Input, PoseStamp
 from rcopterx.transmitter_gateway.leases import Leases
@@ -97,7 +97,7 @@ class Admission:
         period = command.period_s
         if isinstance(period, bool) or not isinstance(period, Real):
             return Rejection.MALFORMED
-        if not SHORTEST_PERIOD_S <= period <= self._limits.longest_period_s:
+        if not SHORTEST_PERIOD_S <= period <= LONGEST_PERIOD_S:
             return Rejection.NOT_FINITE if not math.isfinite(period) else Rejection.OUT_OF_LIMITS
         try:
             plan = (command.u, *command.next_u)

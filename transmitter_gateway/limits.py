@@ -184,8 +184,6 @@ class ArbiterLimits:
         DESCEND lowers the thrust at this rate to this much below hover.
     hover_correction
         Largest correction of the calibrated hover thrust from steady flight; 0 for none.
-    longest_period_s
-        Longest command period accepted.
     take_over_s
         Longest silence on the serial line after which a restarted gateway takes over a flying vehicle; well
         under the time for which receivers hold their outputs.
@@ -216,7 +214,6 @@ class ArbiterLimits:
     descend_below_hover: float = 0.06
     descend_rate_per_s: float = 0.5
     hover_correction: float = 0.08
-    longest_period_s: float = 0.1
     take_over_s: float = 0.7
     floor_m: float = 0.0
     airborne_m: float = 0.1

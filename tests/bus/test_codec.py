@@ -14,7 +14,7 @@ from msgspec import inspect
 from support.messages import MESSAGE_TYPES, valid_messages, wire_maps
 
 from rcopterx.bus.codec import RejectedError, decode, encode
-from rcopterx.bus.message import MAX_COUNT, SHORTEST_PERIOD_S, FloatArray, Message
+from rcopterx.bus.message import LONGEST_PERIOD_S, MAX_COUNT, SHORTEST_PERIOD_S, FloatArray, Message
 from rcopterx.bus.messages import (
     MAX_NEXT_INPUTS,
     MAX_STAGES,
@@ -193,7 +193,7 @@ def test_counters_up_to_the_exact_integers_of_floats_are_accepted() -> None:
 @given(st.floats())
 def test_a_period_of_a_command_that_is_accepted_is_one_of_control(period_s: float) -> None:
     payload = msgpack.packb(COMMAND | {"period_s": period_s})
-    if SHORTEST_PERIOD_S <= period_s <= 1:
+    if SHORTEST_PERIOD_S <= period_s <= LONGEST_PERIOD_S:
         assert decode(payload, Command).period_s == period_s
     else:
         assert refusal(payload, Command).kind == "type"

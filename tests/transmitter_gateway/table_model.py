@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import z3
 
+from rcopterx.bus.message import LONGEST_PERIOD_S
 from rcopterx.transmitter_gateway.inputs import FLYING, State
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.shaping import FADE_PER_S
@@ -17,7 +18,7 @@ from rcopterx.transmitter_gateway.transitions import Condition, Transition
 
 LIMITS = ArbiterLimits()
 DESCENT_S = LIMITS.cut_after_s - LIMITS.descend_after_s
-BRIDGED_S = LIMITS.bridge_s + LIMITS.longest_period_s
+BRIDGED_S = LIMITS.bridge_s + LONGEST_PERIOD_S
 FADED_S = DESCENT_S + 1.0 / FADE_PER_S
 ON_THE_WAY_DOWN = {State.LAND, State.DESCEND}
 REQUESTS = (Condition.KILL, Condition.RESET, Condition.ARM, Condition.DISARM, Condition.TAKE_OVER)

@@ -3,7 +3,8 @@
 import pytest
 from arbiter_bench import HOVER, IDLE, Bench, flying
 
-from rcopterx.transmitter_gateway.inputs import NEUTRAL, Action, Cause, LinkState, State
+from rcopterx.bus.message import LONGEST_PERIOD_S, SHORTEST_PERIOD_S
+from rcopterx.transmitter_gateway.inputs import NEUTRAL, Action, Cause, Input, LinkState, State
 
 
 def test_arbiter_starts_disarmed_with_neutral_output() -> None:
@@ -27,6 +28,26 @@ def test_arming_lets_commands_count() -> None:
     output = bench.run(0.2, (0.1, -0.1, 0.04, 0.05))
     assert output.u == (0.1, -0.1, 0.04, 0.05)
     assert output.cause == Cause(1, bench.epoch, bench.sequence, bench.frame)
+
+
+@pytest.mark.parametrize("period_s", [SHORTEST_PERIOD_S, LONGEST_PERIOD_S])
+def test_vehicle_of_the_shortest_and_of_the_longest_control_period_is_armed_and_flies(
+    period_s: float,
+) -> None:
+    bench = Bench()
+
+    def run(seconds: float, u: Input) -> None:
+        for _ in range(round(seconds / period_s)):
+            bench.wait(period_s)
+            bench.frame += 1
+            bench.pose()
+            assert bench.command(u, period_s=period_s).accepted
+
+    run(0.6, IDLE)
+    assert bench.request(Action.ARM).accepted
+    run(0.6, HOVER)
+    assert bench.arbiter.counters["entered HOLD"] == 0
+    assert bench.state is State.ARMED
 
 
 def test_arming_needs_low_thrust_for_half_a_second() -> None:

@@ -21,7 +21,6 @@ from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LimitsErro
         ({"tolerance": -0.1}, "tolerance"),
         ({"descend_below_hover": 0}, "descend_below_hover"),
         ({"descend_rate_per_s": 0}, "descend_rate_per_s"),
-        ({"longest_period_s": 0}, "longest_period_s"),
         ({"upper": (1, 1, 1, -0.4)}, "upper: yaw"),
         ({"lower": (math.nan, -1, 0, -0.4)}, "upper: pitch"),
     ],
