@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from rcopterx.experiments.faults.fault_flight import FaultFlight
 from rcopterx.experiments.faults.flying import FaultRange
+from rcopterx.experiments.faults.load import loaded
 from rcopterx.experiments.faults.promise import Seen
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
@@ -35,6 +36,8 @@ class Chaos:
 
     Attributes
     ----------
+    busy
+        Busy processes beside it; with any, bursts take all processors as well.
     happened
         Faults with the time since the beginning [s].
     missed
@@ -44,6 +47,7 @@ class Chaos:
     place: FaultRange
     seed: int
     seconds: float
+    busy: int = 0
     happened: list[tuple[float, str]] = field(default_factory=list)
     missed: Counter[str] = field(default_factory=Counter)
 
@@ -54,7 +58,8 @@ class Chaos:
         places_m = place.start()
         started_s = time.monotonic()
         try:
-            self._fly(started_s)
+            with loaded(self.busy, place.bench.say):
+                self._fly(started_s)
             place.wait_until_flown()
         except StoppedError:
             raise
@@ -98,6 +103,7 @@ def chaos_report(chaos: Chaos, seen: dict[str, Seen], problem: str | None, secon
     return {
         "name": "chaos",
         "seed": chaos.seed,
+        "busy": chaos.busy,
         "seconds": round(seconds, 1),
         "verdict": "failed" if down or problem or not seen else "passed",
         "problem": problem,

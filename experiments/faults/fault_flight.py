@@ -20,6 +20,8 @@ class FaultFlight:
         Vehicles that come down.
     limits
         None for those of the promise.
+    page_row
+        Name and title of the row of the page that shows the worst of all flights that have it.
     chaos
         Whether it may happen at any time in `rcopterx fly chaos`.
     on_floor
@@ -32,8 +34,14 @@ class FaultFlight:
     promise: Promise = Promise.FLIES_ON
     down: tuple[str, ...] = ()
     limits: Limits | None = None
+    page_row: tuple[str, str] | None = None
     chaos: bool = False
     on_floor: bool = False
+
+    @property
+    def on_page(self) -> tuple[str, str]:
+        """Name and title of its row of the page."""
+        return self.page_row or (self.name, self.title)
 
     @property
     def allowed(self) -> Limits:

@@ -9,11 +9,12 @@ import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
 from rcopterx.experiments import pages
-from rcopterx.experiments.faults.reports import Report, not_flown
+from rcopterx.experiments.faults.reports import Report, not_flown, worst_of
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 from rcopterx.ground_station.report.document import table
 
@@ -77,10 +78,12 @@ def _largest(vehicles: Mapping[str, Mapping[str, Any]], figure: str, digits: int
 def markdown_of(reports: Mapping[str, Report]) -> str:
     """The matrix for docs/safety.md, with rows that were not flown."""
     lines = [_line(HEADINGS), _line(["---"] * len(HEADINGS))]
-    for name, row in FAULT_FLIGHTS.items():
-        report = reports.get(name, not_flown(row, "not flown"))
+    for (name, title), rows in groupby(FAULT_FLIGHTS.values(), lambda row: row.on_page):
+        first, *others = rows
+        flown = [reports[row.name] for row in (first, *others) if row.name in reports]
+        report = worst_of(flown or [not_flown(first, "not flown")])
         mark = " **failed**" if report["verdict"] == "failed" else ""
-        lines.append(_line([f"`{name}`{mark}", *cells(report)[1:]]))
+        lines.append(_line([f"`{name}`{mark}", title, *cells(report)[2:]]))
     return "\n".join(lines) + "\n"
 
 

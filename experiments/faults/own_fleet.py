@@ -17,8 +17,10 @@ ENDURANCE_S: Final = 36_000.0
 
 
 @contextmanager
-def copied_fleet(name: str) -> Iterator[Path]:
+def copied_fleet(name: str, vehicles: int | None = None) -> Iterator[Path]:
     """Path of a copy of a fleet file, or of a shipped one, that is deleted afterwards.
+
+    With `vehicles` it has only the first ones of the fleet.
 
     Raises
     ------
@@ -29,6 +31,8 @@ def copied_fleet(name: str) -> Iterator[Path]:
     if load_fleet(path).simulator is None:
         raise FleetError(f"{path}: faults are flown in the simulator only, and [simulator] is missing")
     document = tomlkit.parse(path.read_text(encoding="utf-8"))
+    for vehicle in list(document["vehicles"])[vehicles:] if vehicles else ():
+        del document["vehicles"][vehicle]
     simulator = document["simulator"]
     overrides = dict(simulator.get("condition_overrides", {}))
     simulator["condition_overrides"] = {**overrides, "battery_endurance_s": ENDURANCE_S}

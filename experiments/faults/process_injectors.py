@@ -1,28 +1,33 @@
-"""Faults of processes: they die, stop, spin, slow down, or do not start."""
+"""Faults of processes: they die, stop, spin, get no processor, slow down, or do not start."""
 
 import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.experiments.faults.bench import Bench, Injector
+from rcopterx.experiments.faults.load import spinning
 from rcopterx.experiments.faults.orders import give_order
 
 REPLACED_S = 20.0
 """By then the watchdog has replaced a process."""
 POLL_S = 0.005
+SUCCESSOR_S = 1.0
 
 
 @dataclass(frozen=True)
-class _ProcessFault(Injector):
+class ProcessFault(Injector):
+    """A fault of a process of the fleet."""
+
     process: str
 
 
-class Killed(_ProcessFault):
+class Killed(ProcessFault):
     """The process gets SIGKILL."""
 
     @contextmanager
@@ -33,7 +38,7 @@ class Killed(_ProcessFault):
 
 
 @dataclass(frozen=True)
-class Stopped(_ProcessFault):
+class Stopped(ProcessFault):
     """The process gets SIGSTOP, and SIGCONT after a time if it has not been replaced."""
 
     seconds: float
@@ -52,7 +57,62 @@ class Stopped(_ProcessFault):
         yield
 
 
-class Spinning(_ProcessFault):
+@dataclass(frozen=True)
+class Starved(ProcessFault):
+    """The process gets no processor: it may use one only, which another program takes."""
+
+    seconds: float = 0.3
+
+    @contextmanager
+    def _inject(self, bench: Bench) -> Iterator[None]:
+        pid, processors = bench.pid(self.process), os.sched_getaffinity(0)
+        taken = min(processors)
+        with spinning(processor=taken) as alone:
+            how = "no processor" if alone else "half a processor (no permission for real-time priorities)"
+            bench.say(f"{self.process}: {how} for {self.seconds:g} s")
+            _confine(pid, {taken})
+            try:
+                bench.wait(self.seconds)
+            finally:
+                _confine(pid, processors)
+        yield
+
+
+def _confine(pid: int, processors: Set[int]) -> None:
+    """Let the threads of a process, unless it has ended, run on some processors only."""
+    with suppress(OSError):
+        for thread in os.listdir(f"/proc/{pid}/task"):
+            os.sched_setaffinity(int(thread), processors)
+
+
+@dataclass(frozen=True)
+class Pair(Injector):
+    """Two faults, the second one a time after the first one; of one process, then of its successor."""
+
+    first: ProcessFault
+    second: ProcessFault
+    apart_s: float
+
+    @contextmanager
+    def _inject(self, bench: Bench) -> Iterator[None]:
+        process = self.second.process
+        before = bench.pid(process) if process == self.first.process else None
+        with ThreadPoolExecutor(max_workers=1) as pool:
+            first = pool.submit(_happen, self.first, bench)
+            bench.wait(self.apart_s)
+            bench.wait_for(lambda: bench.supervisor.pid(process) not in (None, before), SUCCESSOR_S)
+            _happen(self.second, bench)
+            first.result()
+        yield
+
+
+def _happen(fault: Injector, bench: Bench) -> None:
+    """Inject a fault that ends by itself."""
+    with fault.active(bench):
+        pass
+
+
+class Spinning(ProcessFault):
     """The working loop uses its processor and makes no progress."""
 
     @contextmanager
@@ -65,7 +125,7 @@ class Spinning(_ProcessFault):
 
 
 @dataclass(frozen=True)
-class Slow(_ProcessFault):
+class Slow(ProcessFault):
     """Every turn of the working loop takes longer."""
 
     by_s: float = 0.01
@@ -81,7 +141,7 @@ class Slow(_ProcessFault):
 
 
 @dataclass(frozen=True)
-class Halting(_ProcessFault):
+class Halting(ProcessFault):
     """The process is stopped again and again for `by_s` of `every_s`, which slows all of its threads."""
 
     by_s: float = 0.01
@@ -107,7 +167,7 @@ class Halting(_ProcessFault):
 
 
 @dataclass(frozen=True)
-class DiesAtStart(_ProcessFault):
+class DiesAtStart(ProcessFault):
     """The process is killed, and so are its next successors as soon as they have started.
 
     With `successors` None all of them are killed, for `seconds` or until the flight is over.

@@ -1,5 +1,8 @@
 """The table of fault flights."""
 
+from collections.abc import Callable
+from functools import partial
+from itertools import product
 from types import MappingProxyType
 from typing import Final
 
@@ -18,8 +21,11 @@ from rcopterx.experiments.faults.process_injectors import (
     DiesAtStart,
     Halting,
     Killed,
+    Pair,
+    ProcessFault,
     Slow,
     Spinning,
+    Starved,
     Stopped,
 )
 from rcopterx.experiments.faults.promise import Limits, Promise
@@ -36,6 +42,7 @@ PROCESSES: Final = {
 }
 """Processes by what they are; the simulator stands for the laboratory and gets no faults."""
 REPLACED: Final = Limits(deviation_mm=150.0, silence_ms=600.0)
+PAIR: Final = Limits(deviation_mm=300.0, silence_ms=1000.0)
 BLIND: Final = Limits(deviation_mm=1000.0, silence_ms=4000.0)
 """Without poses and commands vehicles are held, and sink meanwhile."""
 WEAK: Final = Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=1.0, silence_ms=None)
@@ -66,6 +73,13 @@ def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
             (Spinning(process),),
             limits=REPLACED,
             chaos=what != "recorder",
+        ),
+        FaultFlight(
+            f"{what}-starved",
+            f"{process} gets no processor for 0.3 s",
+            (Starved(process),),
+            limits=REPLACED,
+            chaos=True,
         ),
         _slow(what, process),
         FaultFlight(
@@ -108,6 +122,29 @@ PROCESS_ROWS: Final = (
     # True states pass through the router as well, so it comes back at the end.
     _crash_loop("router", Promise.LANDS_OPEN_LOOP, ALL, seconds=6.0),
     _crash_loop("recorder", Promise.FLIES_ON, ()),
+)
+
+
+PAIRS: Final[dict[str, tuple[str, Callable[[str], ProcessFault]]]] = {
+    "killed": ("SIGKILL", Killed),
+    "stopped": ("SIGSTOP for 2 s", partial(Stopped, seconds=2.0)),
+    "starved": ("no processor for 0.3 s", Starved),
+}
+"""What happens to every process, and soon after to every process."""
+APART_S: Final = (0.0, 0.04, 0.08, 0.12, 0.16, 0.2)
+PAIR_ROWS: Final = tuple(
+    FaultFlight(
+        f"pair-{kind}-{first}-{second}",
+        f"{PROCESSES[first]}, and {PROCESSES[second]} {1000 * apart_s:g} ms later: {what}",
+        (Pair(fault(PROCESSES[first]), fault(PROCESSES[second]), apart_s),),
+        limits=PAIR,
+        page_row=(f"pair-{kind}-*", f"Every process, and every process 0 to 200 ms later: {what}"),
+        chaos=True,
+    )
+    for kind, (what, fault) in PAIRS.items()
+    for number, (first, second) in enumerate(product(PROCESSES, repeat=2))
+    # Each process comes after each other one at another time.
+    for apart_s in (APART_S[(number + number // len(PROCESSES)) % len(APART_S)],)
 )
 
 
@@ -312,7 +349,7 @@ HOST_ROWS: Final = (
     ),
 )
 
-ROWS: Final = (*PROCESS_ROWS, *BUS_ROWS, *POSE_ROWS, *RADIO_ROWS, *VEHICLE_ROWS, *HOST_ROWS)
+ROWS: Final = (*PROCESS_ROWS, *PAIR_ROWS, *BUS_ROWS, *POSE_ROWS, *RADIO_ROWS, *VEHICLE_ROWS, *HOST_ROWS)
 
 FAULT_FLIGHTS: Final = MappingProxyType({row.name: row for row in ROWS})
 """Every fault flight by name."""

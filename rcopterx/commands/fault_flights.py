@@ -1,5 +1,6 @@
 """Flying faults in the simulator: `fly --faults`."""
 
+import fnmatch
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -33,18 +34,19 @@ class FlightOptions:
     report: Path | None
     """Directory of the reports."""
     as_json: bool
+    vehicles: int | None = None
+    """Only the first vehicles of a fleet that is started; None for all."""
 
 
 def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
-    """Rows of the table by their names, by default all."""
+    """Rows of the table by their names or patterns such as `pair-*`, by default all."""
     from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 
-    unknown = [name for name in names if name not in FAULT_FLIGHTS]
-    if unknown:
-        raise typer.BadParameter(
-            f"unknown fault flight {unknown[0]!r}, see --faults --list", param_hint="NAME"
-        )
-    return [row for row in FAULT_FLIGHTS.values() if not names or row.name in names]
+    for name in names:
+        if not fnmatch.filter(FAULT_FLIGHTS, name):
+            raise typer.BadParameter(f"unknown fault flight {name!r}, see --faults --list", param_hint="NAME")
+    wanted = names or ["*"]
+    return [row for row in FAULT_FLIGHTS.values() if any(fnmatch.fnmatch(row.name, name) for name in wanted)]
 
 
 def list_faults() -> None:
@@ -108,7 +110,7 @@ def fleet_holder(options: FlightOptions) -> Iterator[FleetHolder]:
     with ExitStack() as stack:
         path = None
         if options.start:
-            path = stack.enter_context(copied_fleet(options.fleet or DEFAULT_FLEET))
+            path = stack.enter_context(copied_fleet(options.fleet or DEFAULT_FLEET, options.vehicles))
             stack.enter_context(obedient_processes())
         holder = FleetHolder(path, options)
         stack.callback(holder.close)
@@ -137,7 +139,7 @@ def fly_faults(names: Sequence[str], runs: int, options: FlightOptions) -> None:
         raise typer.Exit(EXIT_FAILED)
 
 
-def fly_chaos(seconds: float, seed: int, options: FlightOptions) -> None:
+def fly_chaos(seconds: float, seed: int, busy: int, options: FlightOptions) -> None:
     """Inject random faults that all vehicles shall survive; exit code 1 if one did not."""
     from rcopterx.experiments.faults.chaos import Chaos
     from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
@@ -151,7 +153,7 @@ def fly_chaos(seconds: float, seed: int, options: FlightOptions) -> None:
             raise NotReachedError("chaos ends processes, so it needs a fleet of its own: add --up")
         try:
             with stopped_by(holder.interrupts.event):
-                result = Chaos(place, seed, seconds).fly()
+                result = Chaos(place, seed, seconds, busy).fly()
         except StoppedError:
             raise NotReachedError("interrupted") from None
     if options.report is not None:

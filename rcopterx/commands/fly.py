@@ -59,13 +59,26 @@ def fly(
     runs: Annotated[
         int, typer.Option(metavar="N", min=1, help="Flights of each fault; the worst one counts.")
     ] = 1,
+    vehicles: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="With --up, faults and chaos fly the first N vehicles only."),
+    ] = None,
+    busy: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            min=0,
+            help="Busy processes beside chaos. With any, all processors are also taken at real-time priority "
+            "for 0.3 s every 4 s.",
+        ),
+    ] = 0,
     record: RecordOption = True,
 ) -> None:
     """Fly manoeuvres or faults, check them, and write a report. Exit code 1 if a check failed. Ctrl-C lands.
 
     `rcopterx fly chaos --up` injects a random fault every 2 to 4 s, which all vehicles shall survive.
     """
-    options = FlightOptions(fleet, start, record, report, as_json)
+    options = FlightOptions(fleet, start, record, report, as_json, vehicles)
     if faults and every:
         raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
     if faults and show_list:
@@ -77,7 +90,7 @@ def fly(
         if faults:
             fly_faults(names or [], runs, options)
         else:
-            fly_chaos(seconds, seed, options)
+            fly_chaos(seconds, seed, busy, options)
         return
     from rcopterx.experiments.manoeuvres import MANOEUVRES
 

@@ -11,7 +11,7 @@ from rcopterx.experiments.faults.chaos import PAUSE_S, SURVIVABLE, Chaos, chance
 from rcopterx.experiments.faults.promise import Promise, Seen
 
 FLEW = Seen(30_000, 90.0, None, None, 300.0, ("armed", "hold", "armed"))
-CHAOS = Chaos(SimpleNamespace(), 3, 600.0, [(2.5, "router-killed")], Counter({"leader-spins": 1}))  # type: ignore[arg-type]  # flies nothing
+CHAOS = Chaos(SimpleNamespace(), 3, 600.0, 6, [(2.5, "router-killed")], Counter({"leader-spins": 1}))  # type: ignore[arg-type]  # flies nothing
 
 
 def test_the_same_seed_gives_the_same_chaos_and_another_one_another() -> None:
@@ -32,7 +32,7 @@ def test_what_happens_every_two_to_four_seconds_is_promised_to_be_survived() -> 
 
 def test_chaos_in_which_no_vehicle_comes_down_has_passed() -> None:
     report = chaos_report(CHAOS, {"h1": FLEW}, None, 600.0)
-    assert (report["verdict"], report["faults"], report["seed"]) == ("passed", 1, 3)
+    assert (report["verdict"], report["faults"], report["seed"], report["busy"]) == ("passed", 1, 3, 6)
     assert report["missed"] == {"leader-spins": 1}
     assert report["vehicles"]["h1"]["arbiter"] == {"armed": 2, "hold": 1}
 

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -24,13 +25,16 @@ from rcopterx.experiments.faults.host_injectors import (
     LogsGone,
     NoDescriptors,
 )
+from rcopterx.experiments.faults.load import loaded
 from rcopterx.experiments.faults.orders import VARIABLE, give_order, obedient_processes
 from rcopterx.experiments.faults.process_injectors import (
     DiesAtStart,
     Halting,
     Killed,
+    Pair,
     Slow,
     Spinning,
+    Starved,
     Stopped,
 )
 from rcopterx.ground_station.scripting.waiting import NotReachedError
@@ -110,6 +114,62 @@ SLEEPS = ["sleep", "600"]
 
 def state_of(pid: int) -> str:
     return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+
+
+def affinities_of(pid: int) -> set[frozenset[int]]:
+    tasks = os.listdir(f"/proc/{pid}/task")
+    return {frozenset(os.sched_getaffinity(int(task))) for task in tasks}
+
+
+def test_a_starved_process_may_use_one_processor_only_until_it_is_over(start: Start) -> None:
+    bench, supervisor = start(SLEEPS)
+    pid, processors = bench.pid("it"), os.sched_getaffinity(0)
+    seen = set()
+
+    def wait(_: float) -> None:
+        seen.update(affinities_of(pid))
+
+    with Starved("it").active(replace(bench, wait=wait)):
+        assert affinities_of(pid) == {frozenset(processors)}
+    assert seen == {frozenset({min(processors)})}
+    assert supervisor.pid("it") == pid
+
+
+def test_the_second_fault_of_a_pair_comes_after_the_first_one_and_hits_the_successor(start: Start) -> None:
+    bench, supervisor = start(SLEEPS)
+    waits: list[float] = []
+
+    def wait(seconds: float) -> None:
+        waits.append(seconds)
+        time.sleep(seconds)
+
+    with Pair(Killed("it"), Killed("it"), 0.04).active(replace(bench, wait=wait)):
+        wait_for(lambda: len(supervisor.processes) == 3, "not killed twice")
+    assert waits[0] == 0.04
+    assert [process.returncode for process in supervisor.processes[:2]] == [-signal.SIGKILL] * 2
+
+
+def test_a_pair_of_which_a_fault_is_not_possible_shows_that(start: Start) -> None:
+    bench, _ = start(SLEEPS)
+    with pytest.raises(NotReachedError, match="other does not run"):
+        Pair(Killed("other"), Stopped("it", 0.01), 0.0).active(bench).__enter__()
+
+
+def test_programs_that_spin_end_with_the_load() -> None:
+    shown: list[str] = []
+    with loaded(2, shown.append):
+        children = children_of_this_process()
+        assert len(children) == 2 + len(os.sched_getaffinity(0))
+    assert not shown or "no permission" in shown[0]
+    assert not children & children_of_this_process()
+    with loaded(0, shown.append):
+        assert not children_of_this_process()
+
+
+def children_of_this_process() -> set[str]:
+    return set(
+        Path(f"/proc/{os.getpid()}/task/{threading.main_thread().native_id}/children").read_text().split()
+    )
 
 
 def test_what_was_reached_for_a_moment_counts_as_reached(start: Start) -> None:

@@ -1,6 +1,7 @@
 """The matrix of flown faults grows from run to run and lists every row."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ FLEW = {
     "h1": Seen(100, 20.4, None, None, 41.2, ("armed",)),
     "h2": Seen(100, 31.0, None, None, 39.0, ("armed",)),
 }
+ON_PAGE = dict.fromkeys(row.on_page for row in FAULT_FLIGHTS.values())
 SAFETY = Path(__file__).parents[2] / "docs" / "safety.md"
 
 
@@ -64,7 +66,7 @@ def test_the_matrix_takes_its_place_in_a_page(tmp_path: Path) -> None:
     page.write_text(f"before\n{matrix.BEGIN}old\n{matrix.END}\nafter\n")
     matrix.main(str(tmp_path), str(page))
     lines = page.read_text().splitlines()
-    assert (lines[0], lines[-1], len(lines)) == ("before", "after", 6 + len(FAULT_FLIGHTS))
+    assert (lines[0], lines[-1], len(lines)) == ("before", "after", 6 + len(ON_PAGE))
     assert (
         "| `bus-loss` **failed** | A tenth of all messages is lost | flies on | a / b | 31 | 41 |  |" in lines
     )
@@ -81,4 +83,16 @@ def test_a_page_without_marks_is_left_alone(tmp_path: Path) -> None:
 def test_safety_page_lists_every_fault() -> None:
     table = SAFETY.read_text().partition(matrix.BEGIN)[2].partition(matrix.END)[0]
     names = [line.split("`")[1] for line in table.splitlines() if line.startswith("| `")]
-    assert names == list(FAULT_FLIGHTS)
+    assert names == [name for name, _ in ON_PAGE]
+
+
+def test_pairs_of_faults_share_a_row_of_the_page_with_the_worst_figures(tmp_path: Path) -> None:
+    worse = FLEW | {"h2": replace(FLEW["h2"], deviation_mm=99.0)}
+    pairs = [name for name in FAULT_FLIGHTS if name.startswith("pair-killed-")]
+    reports = {name: flown(name) for name in pairs}
+    reports[pairs[7]] = report_of(FAULT_FLIGHTS[pairs[7]], worse, None, 5.0)
+    what = "Every process, and every process 0 to 200 ms later: SIGKILL"
+    line = f"| `pair-killed-*`{{mark}} | {what} | flies on | {{outcome}} | 99 | 41 |  |\n"
+    assert line.format(mark="", outcome="flies on") in matrix.markdown_of(reports)
+    reports[pairs[9]] = flown(pairs[9], "h1 on the floor")
+    assert line.format(mark=" **failed**", outcome="h1 on the floor") in matrix.markdown_of(reports)

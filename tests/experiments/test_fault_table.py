@@ -1,5 +1,6 @@
 """The table of fault flights is complete, and every row of it can be flown."""
 
+from collections import Counter
 from dataclasses import replace
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.experiments.faults.fault_flight import FaultFlight
 from rcopterx.experiments.faults.laboratory_injectors import Inject
+from rcopterx.experiments.faults.process_injectors import Pair
 from rcopterx.experiments.faults.promise import LIMITS, Promise
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
 from rcopterx.experiments.flight import DEFAULT_FLEET
@@ -16,7 +18,7 @@ from rcopterx.ground_station.terminal.scenario import ScenarioError
 
 FLEET = load_fleet(fleet_path(DEFAULT_FLEET))
 ENDINGS = (
-    "killed", "stopped-0.1-s", "stopped-0.5-s", "stopped-2-s", "stopped-30-s", "spins", "slow",
+    "killed", "stopped-0.1-s", "stopped-0.5-s", "stopped-2-s", "stopped-30-s", "spins", "starved", "slow",
     "dies-at-start", "crash-loop",
 )  # fmt: skip
 
@@ -29,6 +31,14 @@ def test_there_are_at_least_sixty_faults_and_no_name_twice() -> None:
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_everything_happens_to_every_kind_of_process(what: str, ending: str) -> None:
     assert FAULT_FLIGHTS[f"{what}-{ending}"].launched
+
+
+@pytest.mark.parametrize("kind", ["killed", "stopped", "starved"])
+def test_every_process_fails_up_to_200_ms_after_every_process_in_chaos_too(kind: str) -> None:
+    rows = [FAULT_FLIGHTS[f"pair-{kind}-{first}-{second}"] for first in PROCESSES for second in PROCESSES]
+    apart_s = [fault.apart_s for row in rows for fault in row.faults if isinstance(fault, Pair)]
+    assert Counter(apart_s) == dict.fromkeys([0.0, 0.04, 0.08, 0.12, 0.16, 0.2], 6)
+    assert all(row.chaos for row in rows)
 
 
 def test_the_processes_of_the_table_are_those_of_the_fleet() -> None:
