@@ -80,6 +80,11 @@ def states_directory(directory: Path) -> Path:
     return SHARED_MEMORY / f"rcopterx-{os.geteuid()}-{digest}"
 
 
+def states_directories() -> list[Path]:
+    """Return these directories of all fleets of this user."""
+    return list(SHARED_MEMORY.glob(f"rcopterx-{os.geteuid()}-*"))
+
+
 def router_socket(host: str, directory: Path) -> str | None:
     """Return the Zenoh endpoint of a router for processes of its host, faster than TCP.
 

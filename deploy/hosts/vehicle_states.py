@@ -3,14 +3,20 @@
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
-from rcopterx.deploy.hosts.run_directory import states_directory
+from rcopterx.deploy.hosts.run_directory import states_directories, states_directory
 from rcopterx.fleet.schema import FleetError
-from rcopterx.transmitter_gateway.state_page import begin_page
+from rcopterx.transmitter_gateway.state_page import begin_page, open_page
+
+OWNER: Final = ".run"
+"""Link from a directory of pages to its run directory; no vehicle can have this name."""
 
 
 def begin_states(vehicles: Iterable[str], directory: Path) -> None:
     """Make the pages of vehicles valid before their gateways start; a valid page of an earlier flight stays.
+
+    Pages of fleets whose run directory is gone are removed.
 
     Parameters
     ----------
@@ -19,14 +25,18 @@ def begin_states(vehicles: Iterable[str], directory: Path) -> None:
 
     Raises `FleetError`: a page cannot be used; names it.
     """
+    states = states_directory(directory)
+    _remove_abandoned(states)
     for name in vehicles:
-        path = states_directory(directory) / name
+        path = states / name
         try:
             begin_page(path)
         except BlockingIOError:
             raise FleetError(f"vehicles.{name}: another transmitter gateway serves it") from None
         except OSError as error:
             raise FleetError(f"vehicles.{name}: its state cannot be kept in {path}: {error}") from None
+    with suppress(OSError):
+        (states / OWNER).symlink_to(directory)
 
 
 def remove_states(vehicles: Iterable[str], directory: Path) -> None:
@@ -35,4 +45,24 @@ def remove_states(vehicles: Iterable[str], directory: Path) -> None:
     for name in vehicles:
         (states / name).unlink(missing_ok=True)
     with suppress(OSError):
-        states.rmdir()
+        _remove_empty(states)
+
+
+def _remove_abandoned(own: Path) -> None:
+    """Remove what launchers that were killed have left, except where a gateway still runs."""
+    for states in states_directories():
+        owner = states / OWNER
+        with suppress(OSError):
+            if states == own or not owner.is_symlink() or owner.exists():
+                continue
+            for page in states.iterdir():
+                if page != owner:
+                    open_page(page).close()
+                    page.unlink()
+            _remove_empty(states)
+
+
+def _remove_empty(states: Path) -> None:
+    if [path.name for path in states.iterdir()] == [OWNER]:
+        (states / OWNER).unlink()
+    states.rmdir()

@@ -15,6 +15,8 @@ from integration_support import NAMES, fleet_text
 from support.bus import free_port
 
 from rcopterx.bus import channels
+from rcopterx.deploy.hosts.run_directory import run_directory
+from rcopterx.deploy.hosts.vehicle_states import remove_states
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.ground_station.scripting.fleet import Fleet
 
@@ -50,12 +52,14 @@ def test_every_vehicle_lands_closed_loop_when_the_launcher_is_killed(
         # A short path, because the router's socket lives in it.
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
         monkeypatch.setenv("RCOPTERX_RUN", run)
+        file = load_fleet(path)
+        stack.callback(remove_states, NAMES, run_directory(file.name, file.bus.namespace))
         stack.callback(end_all, run)
         log = stack.enter_context((tmp_path / "up.log").open("wb"))
         up = subprocess.Popen(
             [sys.executable, "-m", "rcopterx", "up", str(path), "--no-record"], stdout=log, stderr=log
         )
-        fleet = Fleet(load_fleet(path), timeout_s=60)
+        fleet = Fleet(file, timeout_s=60)
         stack.callback(fleet.close)
         fleet.wait_ready(timeout_s=60)
         fleet.take_off(height_m=0.8, timeout_s=40)

@@ -46,6 +46,24 @@ def test_a_directory_that_is_not_private_is_named(states: Path, tmp_path: Path) 
 def test_only_the_pages_of_the_own_vehicles_are_removed(states: Path, tmp_path: Path) -> None:
     begin_states(["h1", "h2"], tmp_path / "run")
     remove_states(["h1"], tmp_path / "run")
-    assert [path.name for path in states.iterdir()] == ["h2"]
+    assert not (states / "h1").exists()
+    assert (states / "h2").exists()
     remove_states(["h1", "h2"], tmp_path / "run")
     assert not states.exists()
+
+
+def test_pages_of_fleets_whose_run_directory_is_gone_are_removed_by_the_next_start(tmp_path: Path) -> None:
+    runs = [tmp_path / name for name in ("killed", "landing", "killed_but_there", "next")]
+    killed, landing, there, following = map(states_directory, runs)
+    for run in runs[:3]:
+        run.mkdir()
+        begin_states(["h1", "h2"], run)
+    page = open_page(landing / "h2")
+    for run in runs[:2]:
+        run.rmdir()
+    begin_states(["h1"], runs[3])
+    assert [states.exists() for states in (killed, landing, there, following)] == [False, True, True, True]
+    assert (landing / "h2").exists()
+    page.close()
+    begin_states(["h1"], runs[3])
+    assert not landing.exists()
