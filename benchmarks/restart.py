@@ -16,8 +16,8 @@ import numpy as np
 
 from rcopterx.benchmarks.processes import Show
 from rcopterx.bus import channels
-from rcopterx.bus.messages import AgentStatus, TransmitterStatus
 from rcopterx.deploy.hosts.launcher import Launcher
+from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -82,7 +82,6 @@ def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
     recorder = Recorder(fleet.session)
     recorder.start()
     _wait(fleet, SETTLE_S)
-    before = {name: _counts(fleet, name) for name in fleet.file.vehicles}
     pid = supervisor.pid(victim.process)
     if pid is None:
         raise NotReachedError(f"{victim.process} does not run")
@@ -97,14 +96,18 @@ def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
     )
     recording = recorder.stop()
     others = [name for name in fleet.file.vehicles if name not in victim.vehicles]
-    after = {name: _counts(fleet, name) for name in fleet.file.vehicles}
+    figures = FlightFigures(recording, list(fleet.file.vehicles))
+    tables = {name: figures.vehicle(name) for name in fleet.file.vehicles}
     return {
         "flown_again_ms": max(flown_again_ms(recording, name, killed_s) for name in victim.vehicles),
         "deviation_mm": deviation_mm(recording, victim.vehicles, killed_s),
         "deviation_before_mm": deviation_mm(recording, victim.vehicles, killed_s, before=True),
         "others_deviation_mm": deviation_mm(recording, others, killed_s),
         "others_deviation_before_mm": deviation_mm(recording, others, killed_s, before=True),
-        "events": difference(before, after),
+        "events": {
+            name: {what: table[what] for what in ("radio_frames", "fallbacks")}
+            for name, table in tables.items()
+        },
     }
 
 
@@ -135,33 +138,6 @@ def deviation_mm(
         places = np.array(early if before else late) - np.mean(early, axis=0)
         distances_m.append(float(np.linalg.norm(places, axis=1).max()))
     return round(1000 * max(distances_m), 1) if distances_m else None
-
-
-def _counts(fleet: Fleet, name: str) -> dict[str, int]:
-    """Counters of unusual events of the agent and the transmitter."""
-    state = fleet.state_of(name)
-    found: dict[str, int] = {}
-    if isinstance(state.agent, AgentStatus):
-        found |= {f"agent {kind}": count for kind, count in state.agent.diagnostics.fallbacks.items()}
-    if isinstance(state.transmitter, TransmitterStatus):
-        found |= {
-            f"transmitter {kind}": count
-            for kind, count in state.transmitter.counters.items()
-            if kind.startswith("entered") or kind == "planned inputs played"
-        }
-    return found
-
-
-def difference(
-    before: dict[str, dict[str, int]], after: dict[str, dict[str, int]]
-) -> dict[str, dict[str, int]]:
-    """Differences of counters; a process that started again counts from zero."""
-    changes: dict[str, dict[str, int]] = {}
-    for name, counts in after.items():
-        earlier = {kind: was for kind, was in before[name].items() if was <= counts.get(kind, 0)}
-        grown = {kind: count - earlier.get(kind, 0) for kind, count in counts.items()}
-        changes[name] = {kind: count for kind, count in grown.items() if count}
-    return changes
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rcopterx.benchmarks.restart import deviation_mm, difference, flown_again_ms, summary
+from rcopterx.benchmarks.restart import deviation_mm, flown_again_ms, summary
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
@@ -56,12 +56,6 @@ def test_deviations_count_from_the_middle_of_the_places_before_the_kill() -> Non
     assert deviation_mm(recording, ["h1"], 10.0) == pytest.approx(50.0)
     assert deviation_mm(recording, ["h1"], 10.0, before=True) == pytest.approx(10.0)
     assert deviation_mm(recording, [], 10.0) is None
-
-
-def test_counters_of_a_process_that_started_again_begin_at_zero() -> None:
-    before = {"h1": {"pose_extrapolated": 5, "held": 1, "same": 2}}
-    after = {"h1": {"pose_extrapolated": 2, "held": 4, "same": 2, "new": 1}}
-    assert difference(before, after) == {"h1": {"pose_extrapolated": 2, "held": 3, "new": 1}}
 
 
 def test_rounds_are_summed_up_by_figure() -> None:
