@@ -222,13 +222,10 @@ class Launcher(AbstractContextManager["Launcher"]):
         self.supervisor.stop_all()
 
     def _prepare_pilots(self) -> list[str]:
-        """Let the fork server build the pilots of this host; return a line if it cannot."""
+        """Let the fork server build the pilots of this host; agents build for themselves what it cannot."""
         vehicles = self._fleet.agents_on(self._host)
-        try:
-            if vehicles:
-                self._forks.prepare_pilots(self._snapshot, self._host, vehicles)
-        except OSError as error:
-            return [f"fork server: prepares no pilots: {error}"]
+        if vehicles:
+            self._forks.prepare_pilots(self._snapshot, self._host, vehicles)
         return []
 
     def _replace_lost_agents(self) -> list[str]:

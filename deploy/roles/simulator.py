@@ -45,10 +45,8 @@ def conditions_of(fleet: FleetFile) -> Conditions:
 
 def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:
     """Return the settings of the simulator process."""
-    conditions = conditions_of(fleet)
-    simulator = fleet.simulator
-    if simulator is None:
-        raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")
+    conditions, simulator = conditions_of(fleet), fleet.simulator
+    assert simulator is not None
     host, port = tracker_address(fleet)
     return SimulatorSettings(
         bus=bus_address(fleet, simulator.host),
