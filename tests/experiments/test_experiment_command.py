@@ -29,7 +29,6 @@ def test_experiments_are_listed() -> None:
         "formation",
         "preview",
         "chain",
-        "turning",
         "family",
         "fleets",
     ]
@@ -110,7 +109,7 @@ def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyP
     for arguments in (
         ["chain"],
         ["chain", "--seed", "3"],
-        ["turning", "--seeds", "9,4", "--quick"],
+        ["preview", "--seeds", "9,4", "--quick", "--conditions", "laboratory"],
         ["family", "--quick"],
     ):
         assert runner.invoke(app, ["experiment", *arguments]).exit_code == 0

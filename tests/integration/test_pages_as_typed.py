@@ -93,7 +93,6 @@ NOT_TYPED = {
             "hover --conditions laboratory --plot docs/figures/hover.svg",
             "formation --conditions laboratory --plot docs/figures/formation.png",
             "preview --conditions laboratory --plot docs/figures/preview.svg",
-            "turning",
             "family --plot docs/figures/family.svg",
             "fleets --resume fleets.jsonl",
             "family --json --plot docs/figures/family.svg",
