@@ -1,6 +1,6 @@
 """Reads the data of a report from a flight log."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
@@ -11,7 +11,6 @@ from rcopterx.bus.channels import Channel
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import METADATA
 from rcopterx.flights.mcap_reading import Contents, FlightLogError, messages_of
-from rcopterx.flights.mcap_writing import LoggedMessage
 from rcopterx.ground_station.events import EVENT_CHANNELS, Event, EventFeed
 from rcopterx.ground_station.replay.republishing import fleet_of
 from rcopterx.ground_station.report.figures import FlightFigures
@@ -43,13 +42,8 @@ class LoggedFlight:
 
 def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
     """Read a flight from its files; raises FlightLogError."""
-    contents, topics = Contents(), {channel.topic for channel in NEEDED}
-    records = [
-        _record(message)
-        for path in parts
-        for message in messages_of(path, contents)
-        if message.topic.rpartition("/")[2] in topics
-    ]
+    contents = Contents()
+    records = list(records_of(parts, NEEDED, contents))
     seen = (channels.POSE.topic, channels.LABORATORY.topic)
     started_s = next((record.arrived_s for record in records if record.topic in seen), None)
     if started_s is None:
@@ -61,9 +55,16 @@ def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
     return LoggedFlight(name, fleet, metadata, figures, events, started_s, dict(recording.rejected))
 
 
-def _record(message: LoggedMessage) -> Record:
-    unit, _, topic = message.topic.partition("/")
-    return Record(unit, topic, message.payload, message.time_ns / NANO)
+def records_of(
+    parts: Sequence[Path], needed: Iterable[Channel[Any]], contents: Contents | None = None
+) -> Iterator[Record]:
+    """Messages of some channels from the files of a flight; raises FlightLogError."""
+    topics = {channel.topic for channel in needed}
+    for path in parts:
+        for message in messages_of(path, contents):
+            unit, _, topic = message.topic.partition("/")
+            if topic in topics:
+                yield Record(unit, topic, message.payload, message.time_ns / NANO)
 
 
 def events_of(recording: Recording, started_s: float) -> list[Event]:

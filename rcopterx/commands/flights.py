@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.commands.fleet_option import failure
+from rcopterx.commands.fleet_option import EXIT_FAILED, failure
 from rcopterx.commands.output import JsonOption, print_document
 
 DirectoryOption = Annotated[
@@ -16,7 +16,18 @@ DirectoryOption = Annotated[
 MEGA = 1e6
 
 
-def flights(as_json: JsonOption = False, directory: DirectoryOption = None) -> None:
+def flights(
+    as_json: JsonOption = False,
+    directory: DirectoryOption = None,
+    check: Annotated[
+        str | None,
+        typer.Option(
+            "--check",
+            metavar="FLIGHT",
+            help="Check what always holds in this flight (a file or a name); exit code 1 if it does not.",
+        ),
+    ] = None,
+) -> None:
     """List recorded flights, the newest last."""
     from rich.console import Console
     from rich.table import Table
@@ -25,6 +36,9 @@ def flights(as_json: JsonOption = False, directory: DirectoryOption = None) -> N
     from rcopterx.flights.listing import summary_of
 
     where = directory or default_directory()
+    if check is not None:
+        _check(check, where)
+        return
     found = [summary_of(flight) for flight in flights_in(where)]
     if as_json:
         print_document([asdict(flight) for flight in found], as_json)
@@ -41,6 +55,25 @@ def flights(as_json: JsonOption = False, directory: DirectoryOption = None) -> N
         size = f"{flight.size_bytes / MEGA:.1f}"
         table.add_row(flight.name, " ".join(flight.vehicles), size, str(flight.files), state)
     Console().print(table, markup=False)
+
+
+def _check(name: str, directory: Path) -> None:
+    """Print the promises that a flight breaks."""
+    from rcopterx.flights.flights import NoFlightError, found_flight
+    from rcopterx.flights.mcap_reading import FlightLogError
+    from rcopterx.ground_station.report.logged_flight import records_of
+    from rcopterx.ground_station.report.promises import NEEDED, broken_promises
+    from rcopterx.ground_station.report.recorder import Recording
+
+    try:
+        flight = found_flight(name, directory)
+        broken = broken_promises(Recording(records_of(flight.parts, NEEDED)))
+    except (NoFlightError, FlightLogError) as error:
+        raise failure(error) from None
+    lines = [f"{at_s:.2f} s {vehicle}: {promise}" for at_s, vehicle, promise in broken]
+    typer.echo("\n".join(lines) or f"{flight.name}: no promise is broken")
+    if broken:
+        raise typer.Exit(EXIT_FAILED)
 
 
 def recover(

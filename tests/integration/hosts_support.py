@@ -24,6 +24,8 @@ from rcopterx.bus.session import RawMessage, Session
 from rcopterx.bus.subscription import Received
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.report.promises import NEEDED
+from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.daemons import Daemons
 from rcopterx.ground_station.scripting.fleet import Fleet
 
@@ -86,7 +88,10 @@ def fleet_on_hosts(
         )
         fleet.wait_until(Steady(fleet), START_S, "poses do not come regularly")
         fleet.wait_ready(timeout_s=START_S)
-        yield net, Flying(path, fleet, {})
+        flying = Flying(path, fleet, {}, Recorder(fleet.session, only=NEEDED))
+        flying.recorder.start()
+        yield net, flying
+        flying.check_promises()
 
 
 @contextmanager

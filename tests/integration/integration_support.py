@@ -20,6 +20,8 @@ from rcopterx.bus.host_messages import LaboratoryVehicle
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.report.promises import NEEDED, broken_promises
+from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError
 
@@ -37,6 +39,14 @@ class Flying:
     path: Path
     fleet: Fleet
     launchers: dict[str, Launcher]
+    recorder: Recorder
+    """Records what `check_promises` checks."""
+
+    def check_promises(self) -> None:
+        """Check what always holds in what was flown since the last check."""
+        broken = broken_promises(self.recorder.stop())
+        self.recorder.start()
+        assert not broken, "\n".join(f"{at_s:.2f} s {vehicle}: {text}" for at_s, vehicle, text in broken)
 
     def launcher_of(self, process: str) -> Launcher:
         return next(
@@ -160,9 +170,12 @@ def fleets(directory: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callabl
             file = load_fleet(path)
             launchers = {host: stack.enter_context(Launcher(file, host, without)) for host in file.hosts}
             fleet = Fleet(file, timeout_s=30)
+            flying = Flying(path, fleet, launchers, Recorder(fleet.session, only=NEEDED))
+            flying.recorder.start()
+            stack.callback(flying.check_promises)
             stack.callback(cut, fleet)
             fleet.wait_ready(timeout_s=60)
-            return Flying(path, fleet, launchers)
+            return flying
 
         yield start
 

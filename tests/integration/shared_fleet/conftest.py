@@ -106,6 +106,7 @@ def flying(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
         flying, truth = hangar.fleet_with_room()
         bring_up(flying, truth)
         yield flying
+        flying.check_promises()
 
 
 @pytest.fixture
@@ -116,6 +117,7 @@ def grounded(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]
         restore(flying)
         flying.fleet.land(timeout_s=30)
         yield flying
+        flying.check_promises()
 
 
 @pytest.fixture
