@@ -11,12 +11,6 @@ import zenoh
 
 TLS: Final = "tls/"
 """Prefix of an endpoint at which both ends show a certificate."""
-LINK_PRIORITIES: Final = ("prio=0-1", "prio=2-7")
-"""Two routers have two links: one for real-time messages, one for the rest.
-
-On a single one, after an interruption, commands would wait behind plans that fill the window of TCP, whose
-pause between retransmissions doubles. Few small packets are retransmitted steadily (`hasten`)."""
-LINKS_PER_ROUTER: Final = len(LINK_PRIORITIES)
 QUEUE_SIZE = 16
 LEASE_MS = 1000
 _THREADS: Final = "ZENOH_RUNTIME", "(rx: (handover: app), tx: (handover: app), acc: (handover: app))"
@@ -60,7 +54,7 @@ def router_config(
     listen
         Endpoints for clients and for routers of other hosts, for instance `tcp/127.0.0.1:7447`.
     connect
-        Routers of other hosts to link to, with the links of `LINK_PRIORITIES`; retried in the background.
+        Routers of other hosts to link to; retried in the background.
     namespace
         Prefix that separates the fleets of tests, or None.
     protection
@@ -70,7 +64,7 @@ def router_config(
         "mode": "router",
         "listen": {"endpoints": listen},
         "connect": {
-            "endpoints": [f"{endpoint}?{some}" for endpoint in connect for some in LINK_PRIORITIES],
+            "endpoints": connect,
             "timeout_ms": -1,
             "exit_on_failure": False,
             "retry": {"period_init_ms": 20, "period_max_ms": 30, "period_increase_factor": 1.5},
@@ -107,12 +101,7 @@ def _common(namespace: str | None, credentials: Credentials | None) -> dict[str,
         "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "queries_default_timeout": 500,
         "transport": {
-            "unicast": {
-                "max_sessions": 128,
-                "max_links": LINKS_PER_ROUTER,
-                "open_timeout": 2000,
-                "accept_timeout": 2000,
-            },
+            "unicast": {"max_sessions": 128, "open_timeout": 2000, "accept_timeout": 2000},
             "link": {
                 "protocols": ["tcp" if credentials is None else "tls", "unixsock-stream"],
                 **({} if credentials is None else {"tls": _tls(credentials)}),

@@ -77,7 +77,6 @@ class LinkWatch:
         self._judged_s = now_s
         self._neighbours: dict[str, _Neighbour] = {}
         self._opened_s: dict[RouterLink, float] = {}
-        self._closed: set[RouterLink] = set()
         self._failures: dict[str, int] = {}
         self._redials: dict[str, int] = {}
         self._late: dict[str, int] = {}
@@ -114,45 +113,32 @@ class LinkWatch:
     def broken(self, links: Collection[RouterLink], now_s: float) -> list[RouterLink]:
         """Return the links of `links`, all that are open now, to be closed and dialled again.
 
-        All links to a router are closed together: Zenoh informs a router anew only after its last link ended.
         New links have `SILENCE_S` for their first beats, twice that after each attempt in vain.
         """
         asleep = now_s - self._judged_s > STALL_S
         self._judged_s = now_s
         opened_s = {link: now_s if asleep else self._opened_s.get(link, now_s) for link in links}
-        halved = self._halved(links)
         broken: list[RouterLink] = []
         self.due_s = math.inf
-        for router in {link.router for link in links}:
-            own = [link for link in links if link.router == router]
-            silent_at_s = self._silent_at_s(router, min(opened_s[link] for link in own))
-            silent = now_s > silent_at_s
-            if silent:
-                self._failures[router] = self._failures.get(router, 0) + 1
-            else:
+        for link in links:
+            silent_at_s = self._silent_at_s(link.router, opened_s[link])
+            if now_s <= silent_at_s:
                 self.due_s = min(self.due_s, silent_at_s)
-            if silent or router in halved:
-                broken += own
-                opened_s.update(dict.fromkeys(own, now_s))
-                host = self._host_of(router)
-                if host is not None:
-                    self._redials[host] = self._redials.get(host, 0) + 1
+                continue
+            self._failures[link.router] = self._failures.get(link.router, 0) + 1
+            broken.append(link)
+            opened_s[link] = now_s
+            host = self._host_of(link.router)
+            if host is not None:
+                self._redials[host] = self._redials.get(host, 0) + 1
         self._opened_s = opened_s
-        self._closed = {*self._closed.intersection(links), *broken}
         gone = self._failures.keys() - {link.router for link in links} - self._routers()
         for router in gone:
             del self._failures[router]
         return broken
 
-    def _halved(self, links: Collection[RouterLink]) -> set[str]:
-        """Routers of which one link ended by itself while another one stayed."""
-        before = self._opened_s.keys() - self._closed
-        return {link.router for link in before.difference(links)} & {
-            link.router for link in before.intersection(links)
-        }
-
     def _silent_at_s(self, router: str, opened_s: float) -> float:
-        """When links that have been open since a moment count as silent."""
+        """When a link that has been open since a moment counts as silent."""
         host = self._host_of(router)
         alive_s = -math.inf if host is None else self._both_ways_s(host)
         if alive_s >= opened_s:

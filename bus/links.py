@@ -10,7 +10,6 @@ import zenoh
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.endpoints import LINKS_PER_ROUTER
 from rcopterx.bus.link_messages import RouterStatus
 from rcopterx.bus.link_sockets import Dials, close_link, hasten
 from rcopterx.bus.link_watch import LinkWatch, RouterLink
@@ -81,7 +80,7 @@ class LinkService:
             pause_s = min(pause_s, max(SHORTEST_PAUSE_S, self._watch.due_s - self._clock()))
 
     def _turn(self) -> bool:
-        """Receive, judge, act, publish; whether every other host is linked completely."""
+        """Receive, judge, act, publish; whether every other host is linked."""
         for other, inbox in self._inboxes.items():
             for received in inbox.drain():
                 self._watch.add_beat(other, received.message, received.arrived_s)
@@ -94,7 +93,7 @@ class LinkService:
         for link in broken:
             print(f"links: {_text(link)} is closed, to be dialled again", file=sys.stderr)
             close_link(link)
-        complete = len(links) - len(broken) >= LINKS_PER_ROUTER * len(self._others)
+        complete = len(links) - len(broken) >= len(self._others)
         if not complete:
             self._dials.abandon_lost(now_s)
         now_s, time_of_day_s = self._clock(), self._time_of_day()
