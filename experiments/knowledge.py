@@ -5,15 +5,23 @@ several levels of knowledge, so that experiments can compare them.
 """
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final, Literal
 
-from rcopterx.experiments.identified import identified_model
+import numpy as np
+
+from rcopterx.control.identification.excitation import DONE, UNDER_WAY, excitation_for
+from rcopterx.control.identification.fit import Identification, identify
+from rcopterx.control.identification.recording import FlightRecording
+from rcopterx.experiments.rig import Rig, RigVehicle
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tilt import TiltModel
+from rcopterx.vehicles.tuples import Three
 from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 Knowledge = Literal["default", "identified", "exact", "lag", "late"]
@@ -24,6 +32,15 @@ with a transport delay that is one period too short."""
 LEVELS: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
 """Levels of knowledge that a laboratory may have of its vehicles; the others are for comparisons."""
 LATE_S: Final = 0.02
+EXCITED_S: Final = 70.0
+SETTLING_S: Final = 6.0
+REACH_M: Final = 0.4
+PLACE_M: Final[Three] = (0.0, 0.0, 1.0)
+"""Of the flight that an identification is fitted to: excitation, rest before it, room and place."""
+
+
+class NotIdentifiedError(ValueError):
+    """The excitation ended early; the message says why."""
 
 
 def flies_helicopters(conditions: Conditions) -> bool:
@@ -120,3 +137,40 @@ def exact_model(parameters: HelicopterParameters) -> Model:
         tilt=tilt,
         uncertainty=IDENTIFIED,
     )
+
+
+def excited_flight(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> FlightRecording:
+    """Hover a vehicle of which only the type is known, and excite its sticks; returns the excited part.
+
+    Raises
+    ------
+    NotIdentifiedError
+        The excitation ended early.
+    """
+    estimator_settings = {"measured_tilt": measured_tilt}
+    vehicle = RigVehicle(name, COAXIAL, Pose(PLACE_M), "cascade", estimator_settings=estimator_settings)
+    rig = Rig([vehicle], conditions, seed)
+    rig.fly(SETTLING_S)
+    pilot, log = rig.pilots[name], rig.log(name)
+    excitation = excitation_for(COAXIAL, EXCITED_S)
+    pilot.exciter.begin(excitation, np.array(PLACE_M), REACH_M, pilot.clock.time_s)
+    rig.fly(EXCITED_S)
+    if pilot.exciter.outcome not in (UNDER_WAY, DONE):
+        raise NotIdentifiedError(f"{name}, seed {seed}: {pilot.exciter.outcome}")
+    recording = log.recording()
+    return recording if measured_tilt else recording.without_tilt()
+
+
+def identification(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> Identification:
+    """Identify a vehicle; arguments and errors of `excited_flight`."""
+    return identify(excited_flight(conditions, name, seed, measured_tilt), COAXIAL)
+
+
+@lru_cache(maxsize=256)
+def identified_model(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> Model:
+    """Model that an identification found; that of the type where it was refused."""
+    try:
+        found = identification(conditions, name, seed, measured_tilt)
+    except NotIdentifiedError:
+        return COAXIAL
+    return COAXIAL if found.problems else found.model

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rcopterx.experiments.identified import (
+from rcopterx.experiments.knowledge import (
     NotIdentifiedError,
     excited_flight,
     identification,
