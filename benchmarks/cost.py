@@ -31,32 +31,15 @@ class CostError(RuntimeError):
 
 
 @dataclass(frozen=True)
-class Target:
-    """Target of the ratio of a figure to the other checkout's: an upper limit unless more is better."""
-
-    title: str
-    ratio: float
-    more_is_better: bool = False
-
-    def met(self, ratio: float) -> bool:
-        """Whether a ratio is good enough."""
-        return ratio >= self.ratio if self.more_is_better else ratio <= self.ratio
-
-
-@dataclass(frozen=True)
 class Trial:
-    """A command of `rcopterx` that is run in both checkouts.
-
-    `figures` takes figures from its JSON document and the memory of its processes [MB]; some have targets.
-    """
+    """A command of `rcopterx` that is run in both checkouts; `figures` takes figures from its document."""
 
     arguments: tuple[str, ...]
-    figures: Callable[[Any, float], Figures]
-    targets: Mapping[str, Target]
+    figures: Callable[[Any], Figures]
 
 
-def fleet_figures(document: Any, memory_mb: float) -> Figures:
-    """Of `bench scale` with one fleet: shares of one processor per vehicle, latency, memory.
+def fleet_figures(document: Any) -> Figures:
+    """Of `bench scale` with one fleet: shares of one processor per vehicle, latency.
 
     Raises
     ------
@@ -73,11 +56,10 @@ def fleet_figures(document: Any, memory_mb: float) -> Figures:
         "pose_to_command_p50_ms": times["p50"],
         "pose_to_command_p99_ms": times["p99"],
         "missed_periods": row["missed_ticks"],
-        "memory_mb": memory_mb,
     }
 
 
-def manoeuvre_figures(document: Any, _: float) -> Figures:
+def manoeuvre_figures(document: Any) -> Figures:
     """Of a flown manoeuvre, whether it passed its checks or not.
 
     Raises
@@ -90,13 +72,13 @@ def manoeuvre_figures(document: Any, _: float) -> Figures:
     return {"frame_to_radio_p99_ms": document["frame_to_radio_ms"]["p99"]}
 
 
-def step_figures(document: Any, _: float) -> Figures:
+def step_figures(document: Any) -> Figures:
     """Of `bench solver` at one horizon: control steps of the default controller."""
     (contestants,) = document["horizons"].values()
     return {"mean_ms": contestants["cascade"]["mean_ms"], "p999_ms": contestants["cascade"]["p999_ms"]}
 
 
-def largest_figures(document: Any, _: float) -> Figures:
+def largest_figures(document: Any) -> Figures:
     """Of `bench scale` with several fleets."""
     return {"largest_fleet": document["largest_fleet"]}
 
@@ -109,39 +91,11 @@ def _scale(vehicles: str, horizon: int, seconds: float) -> tuple[str, ...]:
 
 
 TRIALS: Final[Mapping[str, Trial]] = {
-    "six": Trial(
-        _scale("6", 30, SECONDS),
-        fleet_figures,
-        {"total_share": Target("processor time per vehicle, all processes, 6 vehicles, N = 30", 0.45)},
-    ),
-    "trio": Trial(
-        _scale("3", 50, SECONDS),
-        fleet_figures,
-        {
-            "agent_share": Target("processor time of an agent, N = 50", 0.4),
-            "pose_to_command_p50_ms": Target("pose to command, p50, 3 vehicles, N = 50", 0.7),
-            "pose_to_command_p99_ms": Target("pose to command, p99, 3 vehicles, N = 50", 0.7),
-            "memory_mb": Target("memory of all processes (PSS), 3 vehicles", 0.7),
-        },
-    ),
-    "radio": Trial(
-        ("fly", "hover", "--up", "--json"),
-        manoeuvre_figures,
-        {"frame_to_radio_p99_ms": Target("frame to radio, p99, 3 vehicles", 0.8)},
-    ),
-    "step": Trial(
-        ("bench", "solver", "--json", "--horizons", "110"),
-        step_figures,
-        {
-            "mean_ms": Target("control step, N = 110, mean", 0.5),
-            "p999_ms": Target("control step, N = 110, p99.9", 0.6),
-        },
-    ),
-    "largest": Trial(
-        _scale(LARGEST_SIZES, 30, LARGEST_SECONDS),
-        largest_figures,
-        {"largest_fleet": Target("largest fleet without a missed period, N = 30", 2.0, more_is_better=True)},
-    ),
+    "six": Trial(_scale("6", 30, SECONDS), fleet_figures),
+    "trio": Trial(_scale("3", 50, SECONDS), fleet_figures),
+    "radio": Trial(("fly", "hover", "--up", "--json"), manoeuvre_figures),
+    "step": Trial(("bench", "solver", "--json", "--horizons", "110"), step_figures),
+    "largest": Trial(_scale(LARGEST_SIZES, 30, LARGEST_SECONDS), largest_figures),
 }
 
 
@@ -164,29 +118,17 @@ def run(other: Path, names: Sequence[str], rounds: int, show: Show) -> dict[str,
             for rows, checkout in ((here, OWN), (there, other.resolve())):
                 show(f"{name}, round {number + 1} of {rounds}: {checkout}")
                 rows.append(measured(trial, checkout))
-        document["trials"][name] = compared(trial, here, there)
+        document["trials"][name] = compared(here, there)
     return document
 
 
-def compared(trial: Trial, here: Sequence[Figures], there: Sequence[Figures]) -> dict[str, dict[str, Any]]:
-    """Compare the runs of a trial in both checkouts.
-
-    Returns
-    -------
-    dict
-        For each figure of both `here`, `there`, `ratio` (None to zero), and with a target `title`, `target`,
-        `met`.
-    """
-    found: dict[str, dict[str, Any]] = {}
-    for name in here[0].keys() & there[0].keys():
+def compared(here: Sequence[Figures], there: Sequence[Figures]) -> dict[str, dict[str, Any]]:
+    """Medians `here` and `there` of figures that both checkouts have, and their `ratio` (None to zero)."""
+    found = {}
+    for name in sorted(here[0].keys() & there[0].keys()):
         own, others = (statistics.median(row[name] for row in rows) for rows in (here, there))
-        ratio = own / others if others else None
-        found[name] = {"here": own, "there": others, "ratio": ratio}
-        target = trial.targets.get(name)
-        if target is not None:
-            met = ratio is not None and target.met(ratio)
-            found[name] |= {"title": target.title, "target": target.ratio, "met": met}
-    return dict(sorted(found.items()))
+        found[name] = {"here": own, "there": others, "ratio": own / others if others else None}
+    return found
 
 
 def measured(trial: Trial, checkout: Path) -> Figures:
@@ -221,20 +163,14 @@ def measured(trial: Trial, checkout: Path) -> Figures:
         raise CostError(
             f"{checkout}: {' '.join(trial.arguments)} ended with {process.returncode}: {last_line}"
         ) from None
-    return trial.figures(document, memory_mb)
+    return trial.figures(document) | ({"memory_mb": memory_mb} if memory_mb else {})
 
 
 def table(document: Mapping[str, Any]) -> list[str]:
-    """Table of the figures, those with a target first."""
-    lines = [f"{'':62}{'here':>9}{'there':>9}{'ratio':>7}{'target':>8}"]
-    rest = [""]
+    """Table of the figures."""
+    lines = [f"{'':40}{'here':>9}{'there':>9}{'ratio':>7}"]
     for name, figures in document["trials"].items():
         for figure, row in figures.items():
             ratio = "-" if row["ratio"] is None else f"{row['ratio']:.2f}"
-            values = f"{row['here']:>9.3f}{row['there']:>9.3f}{ratio:>7}"
-            if "title" in row:
-                verdict = "met" if row["met"] else "missed"
-                lines.append(f"{row['title']:62}{values}{row['target']:>8.2f} {verdict}")
-            else:
-                rest.append(f"{f'{name}: {figure}':62}{values}")
-    return lines + rest
+            lines.append(f"{f'{name}: {figure}':40}{row['here']:>9.3f}{row['there']:>9.3f}{ratio:>7}")
+    return lines

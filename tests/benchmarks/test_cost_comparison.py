@@ -1,4 +1,4 @@
-"""Promises of the comparison of two checkouts: medians, ratios, targets, and a reason where there is none."""
+"""Promises of the comparison of two checkouts: medians, ratios, and a reason where there is none."""
 
 from pathlib import Path
 from typing import Any
@@ -7,9 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rcopterx.benchmarks.cost import (
-    TRIALS,
     CostError,
-    Target,
     Trial,
     compared,
     fleet_figures,
@@ -22,30 +20,16 @@ from rcopterx.benchmarks.cost import (
 )
 from rcopterx.command_line import app
 
-TRIAL = Trial((), lambda document, _: document, {"load": Target("load of a fleet", 0.5)})
 
-
-def test_ratios_are_those_of_the_medians_and_judged_by_their_targets() -> None:
+def test_ratios_are_those_of_the_medians() -> None:
     here = [{"load": 1.0}, {"load": 9.0}, {"load": 2.0}]
     there = [{"load": 4.0}, {"load": 4.0}, {"load": 100.0}]
-    (row,) = compared(TRIAL, here, there).values()
-    assert row == {
-        "here": 2.0, "there": 4.0, "ratio": 0.5, "title": "load of a fleet", "target": 0.5, "met": True,
-    }  # fmt: skip
-    assert not compared(TRIAL, there, here)["load"]["met"]
+    assert compared(here, there) == {"load": {"here": 2.0, "there": 4.0, "ratio": 0.5}}
 
 
 def test_there_is_no_ratio_to_zero_and_none_of_what_only_one_knows() -> None:
-    found = compared(TRIAL, [{"load": 1.0, "new": 2.0}], [{"load": 0.0}])
-    assert found.keys() == {"load"}
-    assert found["load"]["ratio"] is None
-    assert not found["load"]["met"]
-
-
-def test_a_larger_fleet_is_better() -> None:
-    target = TRIALS["largest"].targets["largest_fleet"]
-    assert target.met(2.0)
-    assert not target.met(0.5)
+    found = compared([{"load": 1.0, "new": 2.0}], [{"load": 0.0}])
+    assert found == {"load": {"here": 1.0, "there": 0.0, "ratio": None}}
 
 
 def test_loads_are_per_vehicle() -> None:
@@ -55,33 +39,33 @@ def test_loads_are_per_vehicle() -> None:
         "cpu_share": {"agent": 0.6, "router": 0.15},
         "pose_to_command_ms": {"p50": 2.0, "p99": 5.0, "max": 9.0},
     }
-    found = fleet_figures({"runs": [row]}, memory_mb=100.0)
+    found = fleet_figures({"runs": [row]})
     assert found["total_share"] == pytest.approx(0.25)
     assert found["agent_share"] == pytest.approx(0.2)
-    assert (found["missed_periods"], found["pose_to_command_p99_ms"], found["memory_mb"]) == (2, 5.0, 100.0)
+    assert (found["missed_periods"], found["pose_to_command_p99_ms"]) == (2, 5.0)
 
 
 def test_fleet_that_did_not_fly_is_an_error_with_its_problem() -> None:
     row = {"vehicles": 2, "missed_ticks": None, "problem": "no pose of h2"}
     with pytest.raises(CostError, match="no pose of h2"):
-        fleet_figures({"runs": [row]}, 0.0)
+        fleet_figures({"runs": [row]})
     report = {"manoeuvre": "hover", "frame_to_radio_ms": None, "problem": "no vehicle is ready"}
     with pytest.raises(CostError, match="no vehicle is ready"):
-        manoeuvre_figures(report, 0.0)
+        manoeuvre_figures(report)
 
 
 def test_documents_of_the_other_trials_are_read() -> None:
-    assert manoeuvre_figures({"frame_to_radio_ms": {"p99": 9.0}}, 0.0) == {"frame_to_radio_p99_ms": 9.0}
-    assert largest_figures({"largest_fleet": 6}, 0.0) == {"largest_fleet": 6}
+    assert manoeuvre_figures({"frame_to_radio_ms": {"p99": 9.0}}) == {"frame_to_radio_p99_ms": 9.0}
+    assert largest_figures({"largest_fleet": 6}) == {"largest_fleet": 6}
     steps = {"horizons": {"110": {"cascade": {"mean_ms": 0.5, "p999_ms": 3.0}}}}
-    assert step_figures(steps, 0.0) == {"mean_ms": 0.5, "p999_ms": 3.0}
+    assert step_figures(steps) == {"mean_ms": 0.5, "p999_ms": 3.0}
 
 
-def test_what_has_a_target_is_listed_first() -> None:
-    rows = compared(TRIAL, [{"aside": 3.0, "load": 1.0}], [{"aside": 0.0, "load": 4.0}])
-    head, load, _, aside = table({"trials": {"six": rows}})
-    assert head.split() == ["here", "there", "ratio", "target"]
-    assert load.split()[-5:] == ["1.000", "4.000", "0.25", "0.50", "met"]
+def test_every_figure_is_a_line() -> None:
+    rows = compared([{"aside": 3.0, "load": 1.0}], [{"aside": 0.0, "load": 4.0}])
+    head, aside, load = table({"trials": {"six": rows}})
+    assert head.split() == ["here", "there", "ratio"]
+    assert load.split() == ["six:", "load", "1.000", "4.000", "0.25"]
     assert aside.split() == ["six:", "aside", "3.000", "0.000", "-"]
 
 
@@ -89,7 +73,7 @@ def test_command_without_a_document_is_an_error_with_its_last_line(tmp_path: Pat
     (tmp_path / "rcopterx").mkdir()
     (tmp_path / "rcopterx" / "__main__.py").write_text("import sys; sys.exit('no router answers')")
     with pytest.raises(CostError, match="bench scale ended with 1: no router answers"):
-        measured(Trial(("bench", "scale"), lambda document, _: document, {}), tmp_path)
+        measured(Trial(("bench", "scale"), lambda document: document), tmp_path)
 
 
 def test_a_directory_that_is_no_checkout_is_refused(tmp_path: Path) -> None:
