@@ -3,7 +3,7 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import partial
@@ -25,7 +25,7 @@ from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.prepared import modules_of
 from rcopterx.deploy.processes.process_log import append
 from rcopterx.deploy.processes.supervisor import Supervisor
-from rcopterx.deploy.processes.table import RECORDER, ROUTER, agent_process, processes_of
+from rcopterx.deploy.processes.table import RECORDER, ROUTER, ProcessSpec, agent_process, processes_of
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.spares.spares import SPARES, Spares, spare_command
@@ -124,7 +124,6 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._logs = directory / "log"
         self._home = [name for name in fleet.agents_on(host) if fleet.vehicles[name].host == host]
         guests = [name for name in fleet.agents_on(host) if name not in self._home]
-        jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
         absent = {agent_process(name) for name in (*without, *guests)}
         if idle:
             absent = {spec.name for spec in specs if spec.role != ROUTER}
@@ -134,14 +133,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._logs,
             self._forks,
             # Agents of another host may all have to be started at once.
-            spares=Spares(
-                self._forks,
-                jobs,
-                spare_command(self._snapshot, host, jobs),
-                self._logs / "spare.log",
-                SPARES + len(guests),
-                Priority.GATEWAY.of(fleet),
-            ),
+            spares=self._make_spares(specs, SPARES + len(guests)),
             watchdog=watchdog_limits(fleet) if watchdog else None,
             without=absent,
         )
@@ -163,6 +155,12 @@ class Launcher(AbstractContextManager["Launcher"]):
             vehicle = self._home[0]
             period_s = fleet.vehicles[vehicle].control.period_s
             self._capacity = CapacityMeasurement(self._snapshot, vehicle, period_s, self._forks, self._roles)
+
+    def _make_spares(self, specs: Sequence[ProcessSpec], count: int) -> Spares:
+        jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
+        command = spare_command(self._snapshot, self._host, jobs)
+        priority = Priority.GATEWAY.of(self._fleet)
+        return Spares(self._forks, jobs, command, self._logs / "spare.log", count, priority)
 
     def __enter__(self) -> "Launcher":
         try:
