@@ -1,16 +1,16 @@
 """Summaries of flights, and repair of files that were cut off."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT, METADATA
 from rcopterx.flights.flights import Flight
 from rcopterx.flights.mcap_reading import Contents, FlightLogError, contents_of, messages_of
-from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
+from rcopterx.flights.mcap_writing import McapFile
 
 CHUNK_MESSAGES: Final = 500
 
@@ -71,42 +71,30 @@ def vehicles_in(fleet: bytes) -> tuple[str, ...]:
         raise FlightLogError(f"snapshot of the fleet file: {error}") from None
 
 
-@dataclass(frozen=True)
-class Mended:
+class Mended(NamedTuple):
     """Contents of a mended file."""
 
     messages: int
     damaged_chunks: int
 
 
-def mend(path: Path, target: Path, schemas: dict[str, tuple[str, bytes]]) -> Mended:
-    """Copy everything readable of a file into a new, complete one; `schemas` as in `McapFile`.
+def mend(path: Path, schemas: dict[str, tuple[str, bytes]]) -> Mended:
+    """Replace a file by a complete one with everything that is readable; `schemas` as in `McapFile`.
 
     Raises `FlightLogError` if the file is no flight log, OSError if the new one cannot be written.
     """
-    contents = contents_of(path)
-    read = Contents()
-    count = 0
+    contents, read, count = contents_of(path), Contents(), 0
+    target = path.with_name(path.name + ".new")
     with target.open("xb") as file:
         mcap = McapFile(file, schemas)
         for name, table in contents.metadata.items():
             mcap.add_metadata(name, table)
         for name, data in contents.attachments.items():
             mcap.add_attachment(name, "application/json", data, 0)
-        for chunk in chunks(messages_of(path, read)):
+        messages = messages_of(path, read)
+        while chunk := list(islice(messages, CHUNK_MESSAGES)):
             mcap.add_chunk(chunk)
             count += len(chunk)
         mcap.finish()
+    target.replace(path)
     return Mended(count, read.damaged_chunks)
-
-
-def chunks(messages: Iterable[LoggedMessage]) -> Iterable[list[LoggedMessage]]:
-    """Group messages into lists of some hundred."""
-    chunk: list[LoggedMessage] = []
-    for message in messages:
-        chunk.append(message)
-        if len(chunk) >= CHUNK_MESSAGES:
-            yield chunk
-            chunk = []
-    if chunk:
-        yield chunk

@@ -1,7 +1,7 @@
 """Measuring speed, side by side with peers: `bench`."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, failure, user_errors
-from rcopterx.commands.numbers import different_numbers
-from rcopterx.commands.output import JsonOption, PlotOption, check_plot, print_document, write_plot
+from rcopterx.commands.output import JsonOption, PlotOption, Progress, check_plot, print_document, write_plot
+from rcopterx.commands.parsing import different_numbers
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -25,10 +25,6 @@ COLUMNS = ("mean_ms", "p99_ms", "p999_ms", "max_ms", "error")
 @app.callback()
 def bench() -> None:
     """Measure speed, side by side with peers."""
-
-
-def _progress(name: str) -> Callable[[str], None]:
-    return lambda text: typer.echo(f"bench {name}: {text}", err=True)
 
 
 def _path(fleet: str) -> Path:
@@ -69,7 +65,7 @@ def solver(
 
     check_plot(plot)
     lengths = different_numbers(horizons, "--horizons", lowest=2, highest=200)
-    document = run(lengths, steps, seed, _progress("solver"))
+    document = run(lengths, steps, seed, Progress("bench solver").say)
     write_plot(partial(draw_solver, document), plot)
     print_document(document, as_json, _solver_lines)
 
@@ -94,7 +90,7 @@ def restart(
     from rcopterx.benchmarks.restart import run
 
     with _errors():
-        print_document(run(_path(fleet), rounds, _progress("restart")), as_json)
+        print_document(run(_path(fleet), rounds, Progress("bench restart").say), as_json)
 
 
 @app.command()
@@ -119,7 +115,7 @@ def scale(
     check_plot(plot)
     sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=63)
     with _errors():
-        document = run(sizes, horizon, seconds, _progress("scale"), rate)
+        document = run(sizes, horizon, seconds, Progress("bench scale").say, rate)
     write_plot(partial(draw_scale, document), plot)
     print_document(document, as_json, scale_table)
 
@@ -144,7 +140,7 @@ def cost(
     if unknown := [name for name in names if name not in TRIALS]:
         raise typer.BadParameter(f"{unknown[0]}: there are {', '.join(TRIALS)}", param_hint="--only")
     with _errors():
-        document = run(against, names, rounds, _progress("cost"))
+        document = run(against, names, rounds, Progress("bench cost").say)
     print_document(document, as_json, lambda found: "\n".join(table(found)))
 
 
@@ -161,7 +157,7 @@ def links(
 
     cuts_s = [cut_ms / 1e3 for cut_ms in different_numbers(cuts, "--cuts-ms", lowest=1, highest=60_000)]
     with _errors():
-        document = run(cuts_s, rounds, _progress("links"))
+        document = run(cuts_s, rounds, Progress("bench links").say)
     print_document(document, as_json, _link_lines)
 
 
@@ -184,4 +180,4 @@ def hosts(as_json: JsonOption = False, rounds: RoundsOption = 2, seconds: Second
     from rcopterx.benchmarks.hosts import run
 
     with _errors():
-        print_document(run(rounds, seconds, _progress("hosts")), as_json)
+        print_document(run(rounds, seconds, Progress("bench hosts").say), as_json)

@@ -1,15 +1,13 @@
 """Reproducing the paper's figures: `experiment`."""
 
-import sys
-import time
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcopterx.commands.numbers import different_numbers
-from rcopterx.commands.output import JsonOption, check_plot, print_document, write_plot
+from rcopterx.commands.output import JsonOption, PlotOption, Progress, check_plot, print_document, write_plot
+from rcopterx.commands.parsing import different_numbers
 from rcopterx.simulator.conditions import PRESETS
 
 if TYPE_CHECKING:
@@ -23,13 +21,7 @@ QUICK_HELP = "Short flights, as a test; their figures mean little."
 def experiment(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of an experiment, see --list.")] = "",
     as_json: JsonOption = False,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Draw the figure into this file (png, svg, pdf); one for each of several conditions.",
-        ),
-    ] = None,
+    plot: PlotOption = None,
     seed: Annotated[
         int | None,
         typer.Option(
@@ -92,14 +84,15 @@ def experiment(
     check_plot(plot)
     if plot is not None and chosen.draw is None:
         raise typer.BadParameter(f"{name} has no figure", param_hint="--plot")
-    documents = {}
+    documents, progress = {}, Progress(name)
     for preset in presets:
         try:
             context = {"experiment": name, "conditions": preset, "quick": quick}
             kept = None if resume is None else KeptFlights(resume, context)
             flown = numbers or chosen.seeds(preset, seed)[: QUICK_SEEDS if quick else None]
             options = Options(flown, quick, processes, preset, kept, levels)
-            result = chosen.fly(options, ProgressLine(name))
+            result = chosen.fly(options, lambda label, done: progress.show(label, f", {100 * done:.0f} %"))
+            progress.say("flown")
         except KeptFlightsError as error:
             raise typer.BadParameter(str(error), param_hint="--resume") from None
         documents[preset] = result.document
@@ -123,23 +116,3 @@ def knowledge_levels(chosen: str | None, row: "Experiment[Any]") -> "tuple[Knowl
         known = ", ".join(LEVELS)
         raise typer.BadParameter(f"unknown {unknown[0]!r}, known are {known}", param_hint="--knowledge")
     return tuple(level for level in LEVELS if level in names)
-
-
-class ProgressLine:
-    """Progress on standard error: one line that is rewritten on a terminal, a line per flight elsewhere."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._live = sys.stderr.isatty()
-        self._started_s = time.monotonic()
-        self._shown = ""
-
-    def __call__(self, label: str, fraction: float) -> None:
-        """Show the label of a flight and the fraction of the experiment that is done."""
-        elapsed_s = time.monotonic() - self._started_s
-        text = f"{self._name}: {label}, {100 * fraction:.0f} % after {elapsed_s:.0f} s"
-        if self._live:
-            typer.echo(f"\r\x1b[K{text}", err=True, nl=fraction >= 1)
-        elif label != self._shown:
-            self._shown = label
-            typer.echo(text, err=True)

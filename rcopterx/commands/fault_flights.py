@@ -2,7 +2,6 @@
 
 import fnmatch
 import json
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
 from rcopterx.commands.launch import Interrupts, interruptible
+from rcopterx.commands.output import Progress
 
 if TYPE_CHECKING:
     from rcopterx.experiments.faults.fault_flight import FaultFlight
@@ -144,11 +144,8 @@ def fly_chaos(seconds: float, seed: int, busy: int, options: FlightOptions) -> N
     from rcopterx.experiments.faults.chaos import Chaos
     from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
-    def say(text: str) -> None:
-        typer.echo(f"chaos {seed}: {text}", err=True)
-
     with user_errors(), fleet_holder(options) as holder:
-        place = holder.fault_range(say)
+        place = holder.fault_range(Progress(f"chaos {seed}").say)
         if place.fleet.launcher is None:
             raise NotReachedError("chaos ends processes, so it needs a fleet of its own: add --up")
         try:
@@ -176,11 +173,7 @@ def _fly_row(row: "FaultFlight", holder: FleetHolder, head: str) -> dict[str, An
     from rcopterx.experiments.faults.reports import not_flown
     from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
-    started_s = time.monotonic()
-
-    def say(text: str) -> None:
-        typer.echo(f"{head}: {time.monotonic() - started_s:5.1f} s  {text}", err=True)
-
+    say = Progress(head).say
     try:
         place = holder.fault_range(say)
         if row.launched and place.fleet.launcher is None:

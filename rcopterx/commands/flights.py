@@ -7,18 +7,13 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, failure
-from rcopterx.commands.output import JsonOption, print_document
+from rcopterx.commands.output import JsonOption, print_document, print_table
 
-DirectoryOption = Annotated[
-    Path | None,
-    typer.Option("--directory", metavar="DIR", help="Directory of the flight logs. Default: the usual one."),
-]
 MEGA = 1e6
 
 
 def flights(
     as_json: JsonOption = False,
-    directory: DirectoryOption = None,
     check: Annotated[
         str | None,
         typer.Option(
@@ -29,32 +24,33 @@ def flights(
     ] = None,
 ) -> None:
     """List recorded flights, the newest last."""
-    from rich.console import Console
-    from rich.table import Table
-
     from rcopterx.flights.flights import default_directory, flights_in
     from rcopterx.flights.listing import summary_of
 
-    where = directory or default_directory()
+    where = default_directory()
     if check is not None:
         _check(check, where)
         return
     found = [summary_of(flight) for flight in flights_in(where)]
     if as_json:
         print_document([asdict(flight) for flight in found], as_json)
-        return
-    if not found:
+    elif not found:
         typer.echo(f"no flights in {where}", err=True)
-        return
-    table = Table(title=str(where), title_justify="left")
-    table.add_column("flight", no_wrap=True)
-    for heading in ("vehicles", "size [MB]", "files", "state"):
-        table.add_column(heading, justify="right" if "[" in heading or heading == "files" else "left")
-    for flight in found:
-        state = flight.problem or ("complete" if flight.complete else "open or cut off")
-        size = f"{flight.size_bytes / MEGA:.1f}"
-        table.add_row(flight.name, " ".join(flight.vehicles), size, str(flight.files), state)
-    Console().print(table, markup=False)
+    else:
+        typer.echo(where)
+        print_table(
+            ("flight", "vehicles", "size [MB]", "files", "state"),
+            (
+                (
+                    flight.name,
+                    " ".join(flight.vehicles),
+                    f"{flight.size_bytes / MEGA:.1f}",
+                    str(flight.files),
+                    flight.problem or ("complete" if flight.complete else "open or cut off"),
+                )
+                for flight in found
+            ),
+        )
 
 
 def _check(name: str, directory: Path) -> None:
@@ -78,25 +74,18 @@ def _check(name: str, directory: Path) -> None:
 
 def recover(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a flight log that was cut off.")],
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="New file. Default: repair it in place."),
-    ] = None,
 ) -> None:
-    """Repair a flight log that was cut off when its recorder was killed."""
+    """Repair a flight log that was cut off when its recorder was killed, in place."""
     from rcopterx.flights.listing import mend
     from rcopterx.flights.mcap_reading import FlightLogError, contents_of
     from rcopterx.flights.recorder import schemas
 
     try:
-        if output is None and contents_of(file).complete:
+        if contents_of(file).complete:
             typer.echo(f"{file}: complete, nothing to repair")
             return
-        target = output or file.with_name(file.name + ".new")
-        mended = mend(file, target, schemas())
-        if output is None:
-            target.replace(file)
+        mended = mend(file, schemas())
     except (FlightLogError, OSError) as error:
         raise failure(error) from None
     damaged = f", {mended.damaged_chunks} damaged chunks left out" if mended.damaged_chunks else ""
-    typer.echo(f"{output or file}: {mended.messages} messages{damaged}")
+    typer.echo(f"{file}: {mended.messages} messages{damaged}")

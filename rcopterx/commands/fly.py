@@ -2,7 +2,6 @@
 
 import json
 import os
-import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -15,7 +14,7 @@ import typer
 from rcopterx.commands.fault_flights import FlightOptions, fly_chaos, fly_faults, list_faults
 from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
 from rcopterx.commands.launch import RecordOption, interruptible
-from rcopterx.commands.output import JsonOption
+from rcopterx.commands.output import JsonOption, Progress
 
 if TYPE_CHECKING:
     from rcopterx.experiments.flight import Manoeuvre
@@ -145,15 +144,19 @@ def _fly_rows(rows: Sequence["Manoeuvre"], options: FlightOptions, results: "Res
         for number, row in enumerate(rows, 1):
             fleet = options.fleet or row.fleet
             with interruptible(fleet, None, record=options.record) as (running, interrupts):
-                _fly_row(row, running, interrupts.event, Progress(row, number, len(rows)), results)
+                _fly_row(row, running, interrupts.event, _progress(row, number, len(rows)), results)
         return
     with running_fleet(options.fleet) as running:
         for number, row in enumerate(rows, 1):
-            _fly_row(row, running, threading.Event(), Progress(row, number, len(rows)), results)
+            _fly_row(row, running, threading.Event(), _progress(row, number, len(rows)), results)
+
+
+def _progress(row: "Manoeuvre", number: int, count: int) -> Progress:
+    return Progress(row.name if count == 1 else f"[{number}/{count}] {row.name}")
 
 
 def _fly_row(
-    row: "Manoeuvre", fleet: "Fleet", stop: threading.Event, progress: "Progress", results: "Results"
+    row: "Manoeuvre", fleet: "Fleet", stop: threading.Event, progress: Progress, results: "Results"
 ) -> None:
     from rcopterx.experiments.flight import fly as fly_manoeuvre
     from rcopterx.experiments.flight import not_flown, reason_not_to_fly, report_of
@@ -165,11 +168,19 @@ def _fly_row(
         progress.say(f"not flown: {reason}")
         results.add(not_flown(row, "not flown", reason))
         return
+
+    def wait(seconds: float) -> None:
+        end_s = time.monotonic() + seconds
+        while (left_s := end_s - time.monotonic()) > 0:
+            if stop.wait(min(left_s, SLICE_S)):
+                raise StoppedError("interrupted")
+            progress.show(f"about {row.seconds:.0f} s")
+
     started_s = time.monotonic()
     try:
         with stopped_by(stop):
             fleet.wait_ready()
-        flown = fly_manoeuvre(row, fleet, progress.say, lambda seconds: progress.wait(seconds, stop), stop)
+        flown = fly_manoeuvre(row, fleet, progress.say, wait, stop)
     except StoppedError:
         results.add(not_flown(row, "failed", "interrupted"))
         raise NotReachedError("interrupted") from None
@@ -179,49 +190,8 @@ def _fly_row(
         return
     names = list(fleet.file.vehicles)
     report, figures = report_of(row, flown, names, time.monotonic() - started_s)
-    progress.end(report["verdict"])
+    progress.say(report["verdict"])
     results.add(report, figures)
-
-
-class Progress:
-    """Progress on standard error; on a terminal with the time flown below it."""
-
-    def __init__(self, row: "Manoeuvre", number: int, count: int) -> None:
-        self._head = row.name if count == 1 else f"[{number}/{count}] {row.name}"
-        self._seconds = row.seconds
-        self._started_s = time.monotonic()
-        self._live = sys.stderr.isatty()
-
-    def say(self, text: str) -> None:
-        """Print a step."""
-        self._clear()
-        typer.echo(f"{self._head}: {time.monotonic() - self._started_s:5.1f} s  {text}", err=True)
-        self._show()
-
-    def end(self, verdict: str) -> None:
-        """Print the outcome."""
-        self.say(verdict)
-        self._clear()
-
-    def wait(self, seconds: float, stop: threading.Event) -> None:
-        """Wait a time; raises StoppedError after Ctrl-C."""
-        from rcopterx.ground_station.scripting.waiting import StoppedError
-
-        end_s = time.monotonic() + seconds
-        while (left_s := end_s - time.monotonic()) > 0:
-            if stop.wait(min(left_s, SLICE_S)):
-                raise StoppedError("interrupted")
-            self._clear()
-            self._show()
-
-    def _clear(self) -> None:
-        if self._live:
-            typer.echo("\r\x1b[K", err=True, nl=False)
-
-    def _show(self) -> None:
-        if self._live:
-            flown_s = time.monotonic() - self._started_s
-            typer.echo(f"{self._head}: {flown_s:.0f} s, about {self._seconds:.0f} s", err=True, nl=False)
 
 
 class Results:

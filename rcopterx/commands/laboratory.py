@@ -11,10 +11,11 @@ from rcopterx.bus.realtime import request_realtime
 from rcopterx.commands.fleet_option import (
     RunningFleetOption,
     failure,
-    fleet_file,
     running_fleet,
     user_errors,
+    wanted_fleet,
 )
+from rcopterx.commands.output import print_table
 
 if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile
@@ -111,15 +112,16 @@ def inject(
 ) -> None:
     """Inject faults of Tracker, radios or vehicles into the simulator, now or from a scenario file."""
     if show_list:
-        _show_faults()
+        from rcopterx.ground_station.terminal.scenario import fault_list
+
+        print_table(("fault", "fields", "effect"), fault_list())
         return
     from rcopterx.fleet.schema import FleetError
-    from rcopterx.ground_station.scripting.joining import fleet_that_is_up
     from rcopterx.ground_station.terminal.scenario import FaultRefusedError, ScenarioError, inject_faults
     from rcopterx.simulator.faults import fault_text
 
     with user_errors():
-        file = fleet_that_is_up()[0] if fleet is None else fleet_file(fleet)
+        file, _ = wanted_fleet(fleet)
         if file.simulator is None:
             raise FleetError(f"{file.name} flies hardware: there is no simulator for faults")
         options = {"subject": subject, "other": other, "duration_s": seconds}
@@ -164,18 +166,3 @@ def _wanted(
         if isinstance(named, str) and named in file.vehicles and named not in subjects:
             values[name] = file.vehicles[named].subject
     return (TimedFault(0.0, fault_from(fault, values)),)
-
-
-def _show_faults() -> None:
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    from rcopterx.ground_station.terminal.scenario import fault_list
-
-    table = Table(box=None, pad_edge=False)
-    for heading in ("fault", "fields", "effect"):
-        table.add_column(heading)
-    for row in fault_list():
-        table.add_row(*map(Text, row))
-    Console().print(table, highlight=False)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcopterx.commands.fleet_option import RunningFleetOption, failure, user_errors
+from rcopterx.commands.fleet_option import RunningFleetOption, failure, user_errors, wanted_fleet
 
 if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile
@@ -29,12 +29,9 @@ def logs(
 
     Logs of other hosts are read over the bus; those of this computer also if the fleet is not up.
     """
-    from rcopterx.commands.fleet_option import fleet_file
-    from rcopterx.ground_station.scripting.joining import fleet_that_is_up
-
     with ExitStack() as stack:
         with user_errors():
-            file = fleet_that_is_up()[0] if fleet is None else fleet_file(fleet)
+            file, _ = wanted_fleet(fleet)
             read = _opened(file, names or [], stack)
         for name in names or ():
             if name not in read.processes and f"agent-{name}" not in read.processes:

@@ -3,7 +3,7 @@
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, known_vehicles, user_errors
-from rcopterx.commands.output import JsonOption, print_document
+from rcopterx.commands.output import JsonOption, print_document, print_table
 from rcopterx.commands.steer import Vehicles
 
 
@@ -16,10 +16,6 @@ def margins(
 
     Exit code 1 if a margin is smaller than the uncertainty of the model requires.
     """
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
     from rcopterx.ground_station.terminal.margins import COLUMNS, fleet_margins, rows_of
 
     with user_errors():
@@ -29,14 +25,10 @@ def margins(
     if as_json:
         print_document(document, as_json)
     else:
-        table = Table(box=None, pad_edge=False)
-        for heading in COLUMNS:
-            # With headings of two lines all columns fit into 80 characters.
-            table.add_column(Text(heading.replace(" ", "\n", 1)), no_wrap=True)
-        for name, found in document["vehicles"].items():
-            for row in rows_of(name, found):
-                table.add_row(*map(Text, row))
-        Console().print(table, highlight=False)
+        # With headings of two lines all columns fit into 80 characters.
+        headings = [heading.replace(" ", "\n", 1) for heading in COLUMNS]
+        rows = (row for name, found in document["vehicles"].items() for row in rows_of(name, found))
+        print_table(headings, rows)
     axes = [axis for found in document["vehicles"].values() for axis in (found["axes"] or {}).values()]
     if any(axis["below_rule"] for axis in axes):
         raise typer.Exit(EXIT_FAILED)

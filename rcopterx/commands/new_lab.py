@@ -1,4 +1,4 @@
-"""The first fleet file of a laboratory, from options, questions, serial adapters and the Tracker."""
+"""The first fleet file of a laboratory, from questions, serial adapters and the Tracker."""
 
 import re
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from rcopterx.commands.fleet_option import user_errors
-from rcopterx.commands.steer import three
+from rcopterx.commands.parsing import three
 
 if TYPE_CHECKING:
     from rcopterx.deploy.new_laboratory import NewVehicle
@@ -21,52 +21,26 @@ LOOK_S = 3.0
 
 def new_lab(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")],
-    tracker: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="The Tracker's data stream; its port is 801.")
-    ] = None,
-    vehicle: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=SUBJECT=PORT", help="A vehicle. Repeatable. Default: ask."),
-    ] = None,
-    low: Annotated[
-        str | None, typer.Option("--min", metavar="X,Y,Z", help="Lower corner of the volume in metres.")
-    ] = None,
-    high: Annotated[
-        str | None, typer.Option("--max", metavar="X,Y,Z", help="Upper corner of the volume in metres.")
-    ] = None,
     protocol: Annotated[
         str, typer.Option(metavar="multi|dsm2_serial|dsmp|ppm", help="Protocol of the radio modules.")
     ] = "multi",
 ) -> None:
-    """Write the fleet file of a laboratory with hardware; ask for values without an option."""
+    """Write the fleet file of a laboratory with hardware; asks for addresses, vehicles and the volume."""
     from rcopterx.deploy.new_laboratory import NewLaboratory, write_fleet_file
     from rcopterx.fleet.schema import FleetError
 
     with user_errors():
         if file.exists():
             raise FleetError(f"{file}: exists already and is not overwritten")
-        address = tracker or _prompt("Tracker, HOST:PORT", "127.0.0.1:801", _address)
-        vehicles = [_described(text) for text in vehicle or ()] or _prompt_vehicles(address)
+        address = _prompt("Tracker, HOST:PORT", "127.0.0.1:801", _address)
+        vehicles = _prompt_vehicles(address)
         corners = (
-            three(low)
-            if low
-            else _prompt("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three),
-            three(high)
-            if high
-            else _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
+            _prompt("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three),
+            _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
         )
         name = re.sub(r"[^a-z0-9_]", "_", file.stem.lower())
         write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicles))
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
-
-
-def _described(text: str) -> "NewVehicle":
-    from rcopterx.deploy.new_laboratory import NewVehicle
-
-    name, *rest = text.split("=")
-    if len(rest) != 2 or not all((name, *rest)):
-        raise typer.BadParameter(f"{text!r} is not NAME=SUBJECT=PORT", param_hint="--vehicle")
-    return NewVehicle(name, *rest)
 
 
 def _prompt_vehicles(address: str) -> "list[NewVehicle]":
@@ -106,7 +80,7 @@ def _subjects_of(address: str) -> list[str]:
 def _address(text: str) -> str:
     host, _, port = text.rpartition(":")
     if not host or not port.isdecimal():
-        raise typer.BadParameter(f"{text!r} is not HOST:PORT", param_hint="--tracker")
+        raise typer.BadParameter(f"{text!r} is not HOST:PORT")
     return text
 
 
@@ -128,5 +102,5 @@ def _prompt(question: str, default: str | None, read: Callable[[str], T]) -> T:
     try:
         answer: T = typer.prompt(question, default=default, err=True, value_proc=read)
     except typer.Abort:
-        raise FleetError(f"no answer to {question!r}; give it as an option, see --help") from None
+        raise FleetError(f"no answer to {question!r}") from None
     return answer

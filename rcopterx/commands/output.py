@@ -1,8 +1,10 @@
-"""What many commands print and draw: JSON documents, figures as text, pictures."""
+"""What many commands print and draw: JSON documents, figures as text, tables, progress, pictures."""
 
 import json
 import os
-from collections.abc import Callable
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,6 +36,49 @@ def readable(document: object, indent: str = "") -> str:
 def print_document(document: Any, as_json: bool, text: Callable[[Any], str] = readable) -> None:
     """Print a document as JSON, or as text for people."""
     typer.echo(json.dumps(document, indent=2) if as_json else text(document))
+
+
+def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table; texts are shown as they are."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False)
+    for heading in headings:
+        table.add_column(Text(heading))
+    for row in rows:
+        table.add_row(*map(Text, row))
+    Console().print(table, highlight=False)
+
+
+class Progress:
+    """Progress on standard error: a line for each step, and on a terminal a line that is rewritten."""
+
+    def __init__(self, head: str) -> None:
+        self._head = head
+        self._started_s = time.monotonic()
+        self._live = sys.stderr.isatty()
+        self._shown = ""
+
+    def say(self, text: str) -> None:
+        """Print a step."""
+        self._print(f"{self._elapsed_s():5.1f} s  {text}")
+
+    def show(self, label: str, detail: str = "") -> None:
+        """Show what is done now; without a terminal print each new label."""
+        if self._live:
+            self._print(f"{self._elapsed_s():.0f} s, {label}{detail}", nl=False)
+        elif label != self._shown:
+            self._shown = label
+            self.say(label)
+
+    def _elapsed_s(self) -> float:
+        return time.monotonic() - self._started_s
+
+    def _print(self, text: str, nl: bool = True) -> None:
+        clear = "\r\x1b[K" if self._live else ""
+        typer.echo(f"{clear}{self._head}: {text}", err=True, nl=nl)
 
 
 def check_plot(path: Path | None) -> None:

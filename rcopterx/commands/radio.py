@@ -1,4 +1,4 @@
-"""Radios at the workbench: bind, range check, calibration. Answers are options or lines on stdin."""
+"""Radios at the workbench: bind, range check, calibration. Answers are lines on stdin."""
 
 import sys
 from typing import Annotated
@@ -64,27 +64,11 @@ def range_check(
     typer.echo(f"{vehicle}: range check over, full power")
 
 
-Sign = Annotated[
-    str | None, typer.Option(metavar="ok|reversed", help="Result of the sign check. Default: ask.")
-]
-
-
 def calibrate(
     vehicle: Vehicle,
     fleet: FleetOption,
     step: Annotated[
         list[str] | None, typer.Option(metavar="signs|throttle|trim", help="Only this step. Repeatable.")
-    ] = None,
-    pitch: Sign = None,
-    roll: Sign = None,
-    yaw: Sign = None,
-    us0: Annotated[
-        float | None,
-        typer.Option(metavar="US", help="Throttle just below rotor start. Default: find by trying."),
-    ] = None,
-    us_hover: Annotated[
-        float | None,
-        typer.Option(metavar="US", help="Throttle that lifts the vehicle. Default: find by trying."),
     ] = None,
     seconds: Annotated[
         float, typer.Option(metavar="S", min=1, max=60, help="Duration of the measured hover.")
@@ -98,10 +82,6 @@ def calibrate(
     for name in steps:
         if name not in STEPS:
             raise typer.BadParameter(f"{name!r}: allowed are {', '.join(STEPS)}", param_hint="--step")
-    answers = {"pitch": pitch, "roll": roll, "yaw": yaw}
-    for name, answer in answers.items():
-        if answer not in (None, "ok", "reversed"):
-            raise typer.BadParameter(f"{answer!r}: allowed are ok, reversed", param_hint=f"--{name}")
     from rcopterx.commands.fleet_option import user_errors
     from rcopterx.commands.radio_bench import (
         Dialogue,
@@ -123,9 +103,9 @@ def calibrate(
             typer.echo(f"{vehicle}: {bench.wait_ready()}")
             dialogue = Dialogue(bench)
             if "signs" in steps:
-                calibration = check_signs(bench, dialogue, calibration, answers)
+                calibration = check_signs(bench, dialogue, calibration)
             if "throttle" in steps:
-                calibration = find_throttle(bench, dialogue, calibration, us0, us_hover)
+                calibration = find_throttle(bench, dialogue, calibration)
             save(path, vehicle, calibration)
     if "trim" in steps:
         trim_hover(vehicle, seconds, fleet)

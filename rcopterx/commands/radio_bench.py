@@ -127,32 +127,21 @@ def save(path: Path, vehicle: str, calibration: Calibration) -> None:
         typer.echo(f"{vehicle}: {line}")
 
 
-def check_signs(
-    bench: Workbench, dialogue: Dialogue, calibration: Calibration, answers: dict[str, str | None]
-) -> Calibration:
+def check_signs(bench: Workbench, dialogue: Dialogue, calibration: Calibration) -> Calibration:
     """Deflect every axis, motors off, and ask whether it moves in the right direction."""
     for axis, (u, question) in SIGN_QUESTIONS.items():
-        answer = answers[axis]
-        if answer is None:
-            bench.show(u, seconds=SHOW_S)
-            answer = "ok" if dialogue.yes(question) else "reversed"
-        if answer == "reversed":
+        bench.show(u, seconds=SHOW_S)
+        if not dialogue.yes(question):
             channel = getattr(calibration, axis)
             calibration = replace(calibration, **{axis: replace(channel, sign=-channel.sign)})
     bench.show((0.0, 0.0, 0.0, 0.0), seconds=0.1)
     return calibration
 
 
-def find_throttle(
-    bench: Workbench, dialogue: Dialogue, calibration: Calibration, us0: float | None, us_hover: float | None
-) -> Calibration:
+def find_throttle(bench: Workbench, dialogue: Dialogue, calibration: Calibration) -> Calibration:
     """Let the user raise the throttle of the tethered vehicle in small steps to find both points."""
     found: dict[str, float] = {}
-    for name, given in (("us0", us0), ("hover", us_hover)):
-        if given is not None:
-            found[name] = given
-    if len(found) < 2:
-        dialogue.line("Tether the vehicle, keep clear of the rotors, then press return.")
+    dialogue.line("Tether the vehicle, keep clear of the rotors, then press return.")
     low_us = us = calibration.throttle.low_us
     while missing := [name for name in ("us0", "hover") if name not in found]:
         points = " and ".join(f"'{name}'" for name in missing)

@@ -1,6 +1,5 @@
 """Replaying a flight log: `replay`."""
 
-import json
 import os
 import signal
 import threading
@@ -12,6 +11,7 @@ import typer
 from rcopterx.bus.realtime import ONE_THREAD
 from rcopterx.commands.fleet_option import EXIT_FAILED, failure, user_errors
 from rcopterx.commands.output import JsonOption, print_document
+from rcopterx.commands.parsing import settings_of
 
 if TYPE_CHECKING:
     from rcopterx.flights.flights import Flight
@@ -54,7 +54,7 @@ def replay(
         if agent is None:
             _republish(found, speed)
             return
-        _compare(found, agent, changes_of(changes or []), as_json)
+        _compare(found, agent, settings_of(changes or (), "--with"), as_json)
 
 
 def chosen_flight(name: str) -> "Flight":
@@ -65,20 +65,6 @@ def chosen_flight(name: str) -> "Flight":
         return found_flight(name, default_directory())
     except NoFlightError as error:
         raise typer.BadParameter(str(error), param_hint="FLIGHT") from None
-
-
-def changes_of(words: list[str]) -> dict[str, Any]:
-    """Settings from words like `horizon=30`; values are JSON or text."""
-    changes = {}
-    for word in words:
-        name, equals, value = word.partition("=")
-        if not equals or not name:
-            raise typer.BadParameter(f"{word!r} is not NAME=VALUE", param_hint="--with")
-        try:
-            changes[name] = json.loads(value)
-        except ValueError:
-            changes[name] = value
-    return changes
 
 
 def _republish(flight: "Flight", speed: float) -> None:

@@ -1,14 +1,12 @@
 """Commands to a running fleet."""
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet, vehicles_beginning
-
-if TYPE_CHECKING:
-    from rcopterx.bus.message import Setting
+from rcopterx.commands.parsing import settings_of, three
 
 Vehicles = Annotated[
     list[str] | None,
@@ -160,16 +158,10 @@ def tune(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Change controller, estimator, weights, limits or horizon in flight: tune h2 horizon=30."""
-    of_controller: dict[str, Setting] = {}
-    of_estimator: dict[str, Setting] = {}
-    for text in settings or ():
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"{text!r} must look like horizon=30", param_hint="[NAME=VALUE]...")
-        if name.startswith("estimator."):
-            of_estimator[name.removeprefix("estimator.")] = _setting(value)
-        else:
-            of_controller[name] = _setting(value)
+    named = settings_of(settings or (), "[NAME=VALUE]...")
+    of_estimator = {name: value for name, value in named.items() if name.startswith("estimator.")}
+    of_controller = {name: value for name, value in named.items() if name not in of_estimator}
+    of_estimator = {name.removeprefix("estimator."): value for name, value in of_estimator.items()}
     if not (settings or controller or estimator):
         raise typer.BadParameter("nothing to change: give settings, --controller or --estimator")
     with running_fleet(fleet, [vehicle]) as running:
@@ -219,30 +211,3 @@ def reset(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
         for name in vehicles or running.file.vehicles:
             running[name].reset()
         typer.echo("reset")
-
-
-def three(text: str) -> tuple[float, float, float]:
-    """Parse three numbers: 0.5,0,-0.2."""
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError:
-        raise typer.BadParameter(f"{text!r}: three numbers separated by commas are needed") from None
-    return x, y, z
-
-
-def _setting(text: str) -> "Setting":
-    """Parse the value of a setting: 30, 0.5, true, none, 1,2,3 or a word."""
-    words: dict[str, Setting] = {"true": True, "false": False, "none": None}
-    if text.lower() in words:
-        return words[text.lower()]
-    if "," in text:
-        parts = [_setting(part.strip()) for part in text.split(",")]
-        if all(isinstance(part, int | float) for part in parts):
-            return tuple(float(part) for part in parts if isinstance(part, int | float))
-        return text
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text

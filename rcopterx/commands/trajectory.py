@@ -2,13 +2,16 @@
 
 import csv
 import math
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet
-from rcopterx.commands.steer import Vehicle, three
+from rcopterx.commands.output import PlotOption, check_plot, write_plot
+from rcopterx.commands.parsing import three
+from rcopterx.commands.steer import Vehicle
 
 if TYPE_CHECKING:
     from rcopterx.control.references.paths import FlightPath
@@ -33,13 +36,13 @@ def trajectory(
     turns: Annotated[float, typer.Option(metavar="N", help="Turns; negative for clockwise.")] = 1.0,
     heading: Annotated[str, typer.Option(help="One of fixed, along, center.")] = "fixed",
     wait: Annotated[bool, typer.Option("--wait", help="Return when the trajectory has ended.")] = False,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Draw the trajectory (svg, png, pdf) instead of flying it."),
-    ] = None,
+    plot: PlotOption = None,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Fly a trajectory with a vehicle that leads; its followers keep their offsets."""
+    """Fly a trajectory with a vehicle that leads; its followers keep their offsets.
+
+    With --plot it is drawn instead of flown.
+    """
     from rcopterx.control.references.path_shapes import circle, figure_eight, spiral, through
     from rcopterx.control.references.paths import PathError
 
@@ -59,8 +62,9 @@ def trajectory(
     except PathError as error:
         raise typer.BadParameter(str(error)) from None
     if plot is not None:
-        _draw(path, plot)
-        typer.echo(f"{plot}: {path.duration_s:.1f} s")
+        check_plot(plot)
+        write_plot(partial(_draw, path), plot)
+        typer.echo(f"{path.duration_s:.1f} s")
         return
     with running_fleet(fleet, [vehicle]) as running:
         typer.echo(f"{vehicle}: {running[vehicle].fly(path, wait)}")
@@ -90,17 +94,13 @@ def _waypoints(file: Path | None) -> list[list[float]]:
     return table
 
 
-def _draw(path: "FlightPath", file: Path) -> None:
+def _draw(path: "FlightPath", figure: Any) -> None:
     """Path from above, and its speed over time."""
     import numpy as np
 
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise typer.BadParameter("--plot needs matplotlib: pip install 'rcopterx[figures]'") from None
     times = np.arange(0.0, path.duration_s, 0.02)
     samples = path.sample(times)
-    figure = Figure(figsize=(9, 4), layout="constrained")
+    figure.set_size_inches(9, 4)
     above, course = figure.subplots(1, 2)
     above.plot(samples[:, 0], samples[:, 1])
     above.plot(*samples[0, :2], "o")
@@ -109,7 +109,4 @@ def _draw(path: "FlightPath", file: Path) -> None:
     course.plot(times, samples[:, 2], label="z [m]")
     course.set(xlabel="time [s]")
     course.legend()
-    try:
-        figure.savefig(file)
-    except (OSError, ValueError) as error:
-        raise typer.BadParameter(f"{file}: {error}", param_hint="--plot") from None
+    figure.tight_layout()

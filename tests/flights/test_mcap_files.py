@@ -86,10 +86,9 @@ def test_a_mended_file_is_complete_and_holds_everything_that_was_left(path: Path
     path.write_bytes(written([[message(1)], [message(2)]], finish=False)[:-60])
     contents = contents_of(path)
     assert not contents.complete
-    target = path.with_suffix(".mended")
-    assert mend(path, target, SCHEMAS).messages == 1
-    assert contents_of(target) == Contents(contents.metadata, contents.attachments, complete=True)
-    reader = make_reader(BytesIO(target.read_bytes()), validate_crcs=True)
+    assert mend(path, SCHEMAS).messages == 1
+    assert contents_of(path) == Contents(contents.metadata, contents.attachments, complete=True)
+    reader = make_reader(BytesIO(path.read_bytes()), validate_crcs=True)
     assert [found.data for _, _, found in reader.iter_messages()] == [b"payload 1"]
 
 

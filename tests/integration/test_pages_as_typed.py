@@ -10,8 +10,6 @@ from reader_support import ROOT, cells_of, lines_of, reader
 INSTALLS, RADIO = "installs what is in no copy of the repository", "wants a radio module and a hand on it"
 HOURS, DAEMON = "takes half an hour and more", "wants a container daemon"
 COMPUTER, OTHERS = "changes this computer, as root", "wants another computer"
-SIGNS = "rcopterx calibrate h2 --step signs --pitch ok --roll ok --yaw reversed --fleet lab.toml"
-THROTTLE = "rcopterx calibrate h2 --step throttle --us0 1150 --us-hover 1555 --fleet lab.toml"
 DOCKER = "docker run --rm -it --network host --cap-add SYS_NICE --ulimit rtprio=40"
 BRIDGE_TO_ROS = "python examples/ros2_bridge/ros2_bridge.py --fleet trio --ros tcp/192.168.1.20:7447"
 EXPERIMENTS = "tests/experiments/test_experiment_command.py"
@@ -77,8 +75,6 @@ NOT_TYPED = {
     "rcopterx range-check h2 --seconds 60 --fleet lab.toml": (RADIO, RADIOS),
     "rcopterx calibrate h1 -f lab.toml": (RADIO, RADIOS),
     "rcopterx calibrate h2 --fleet lab.toml": (RADIO, RADIOS),
-    SIGNS: (RADIO, RADIOS),
-    THROTTLE: (RADIO, RADIOS),
     "rcopterx bench solver --json --plot docs/figures/solver.svg": (
         "wants the libraries of other solvers",
         "tests/benchmarks/test_solver_benchmark.py",

@@ -152,7 +152,7 @@ def test_hover_trim_is_measured_in_flight_and_written_to_the_file(launch: Launch
     flying.fleet.take_off(["h2"], height_m=0.8, timeout_s=40)
     flying.fleet.wait_for_arrival(["h2"])
     in_flight = subprocess.run(
-        [*words[:5], "--pitch", "reversed", "--fleet", str(copy)], capture_output=True, text=True, check=False
+        [*words[:5], "--fleet", str(copy)], capture_output=True, text=True, check=False
     )
     assert in_flight.returncode == 1
     assert "land the fleet" in in_flight.stderr

@@ -38,7 +38,7 @@ def test_flights_are_listed_for_people_and_for_programs(directory: Path) -> None
 
 
 def test_no_flights_are_said_with_where_they_were_looked_for(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["flights", "--directory", str(tmp_path)])
+    result = CliRunner().invoke(app, ["flights"], env={"RCOPTERX_FLIGHTS": str(tmp_path)})
     assert result.exit_code == 0
     assert f"no flights in {tmp_path}" in result.output
 

@@ -73,7 +73,7 @@ def test_a_recorded_flight_is_fitted_drawn_and_written(flight: Path, file: Path)
 
 def test_a_dry_run_prints_and_writes_nothing(flight: Path, file: Path) -> None:
     before = file.read_text()
-    code, out, err = identify("h1", "--from", flight, "-f", file, "--dry-run", "--json", "--positions-only")
+    code, out, err = identify("h1", "--from", flight, "-f", file, "--dry-run", "--json")
     assert code == 0, err
     document = json.loads(out)
     assert document["vehicle"] == "h1"

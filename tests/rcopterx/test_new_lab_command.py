@@ -19,8 +19,15 @@ from rcopterx.fleet.reading import load_fleet, parse_fleet
 from rcopterx.transmitter_gateway import adapters
 from rcopterx.transmitter_gateway.adapters import Adapter, plugged_in
 
-TWO = ("--vehicle", "h1=heli1=/dev/ttyUSB0", "--vehicle", "h2=heli2=/dev/ttyUSB1")
-VOLUME = ("--min", "-1,-1,0", "--max", "1,1,2")
+NO_TRACKER = "127.0.0.1:1\n"
+TWO = "heli1,heli2\n/dev/ttyUSB0\n/dev/ttyUSB1\n"
+VOLUME = "-1,-1,0\n1,1,2\n"
+ANSWERS = NO_TRACKER + TWO + VOLUME
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rcopterx.commands.new_lab.LOOK_S", 0.3)
 
 
 def new_lab(*arguments: str | Path, answers: str = "") -> Result:
@@ -51,7 +58,7 @@ def test_subjects_and_adapters_are_offered_and_return_takes_them(
     ports(serial_port("/dev/ttyUSB1"), serial_port("/dev/ttyUSB0"), serial_port("/dev/ttyS0", vid=None))
     with running_tracker("heli1", "heli2") as server:
         address = f"{server.address[0]}:{server.address[1]}"
-        result = new_lab(tmp_path / "lab.toml", "--tracker", address, answers="\n" * 5)
+        result = new_lab(tmp_path / "lab.toml", answers=address + "\n" * 6)
     assert result.exit_code == 0, result.output
     for found in ("heli1", "heli2", "/dev/ttyUSB0", "/dev/ttyUSB1", "FT232R"):
         assert found in result.stderr
@@ -65,12 +72,11 @@ def test_subjects_and_adapters_are_offered_and_return_takes_them(
 
 
 def test_a_tracker_that_does_not_answer_is_told_and_names_can_be_typed(
-    tmp_path: Path, ports: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, ports: Callable[..., None]
 ) -> None:
     ports()
-    monkeypatch.setattr("rcopterx.commands.new_lab.LOOK_S", 0.3)
-    answers = "heli7\n/dev/ttyACM0\n\n\n"
-    result = new_lab(tmp_path / "lab.toml", "--tracker", "127.0.0.1:1", answers=answers)
+    answers = NO_TRACKER + "heli7\n/dev/ttyACM0\n\n\n"
+    result = new_lab(tmp_path / "lab.toml", answers=answers)
     assert result.exit_code == 0, result.output
     assert "Connection refused; type the names" in result.stderr
     assert "serial adapters: none" in result.stderr
@@ -78,11 +84,8 @@ def test_a_tracker_that_does_not_answer_is_told_and_names_can_be_typed(
     assert (fleet.vehicles["h1"].subject, fleet.vehicles["h1"].transmitter.port) == ("heli7", "/dev/ttyACM0")
 
 
-def test_an_answer_that_cannot_be_read_is_asked_for_again(
-    tmp_path: Path, ports: Callable[..., None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_answer_that_cannot_be_read_is_asked_for_again(tmp_path: Path, ports: Callable[..., None]) -> None:
     ports()
-    monkeypatch.setattr("rcopterx.commands.new_lab.LOOK_S", 0.3)
     answers = "127.0.0.1\n127.0.0.1:1\nheli7\n/dev/ttyACM0\n-1,-1\n-1,-1,0\nwide\n1,1,2\n"
     result = new_lab(tmp_path / "lab.toml", answers=answers)
     assert result.exit_code == 0, result.output
@@ -93,12 +96,12 @@ def test_an_answer_that_cannot_be_read_is_asked_for_again(
 
 def test_the_commands_of_its_first_lines_can_be_copied(tmp_path: Path) -> None:
     path = tmp_path / "lab.toml"
-    new_lab(path, "--tracker", "10.0.0.1:801", *TWO, *VOLUME)
+    new_lab(path, answers=ANSWERS)
     assert f"#     rcopterx bind h1 -f {path}\n" in path.read_text(encoding="utf-8")
 
 
-def test_options_answer_everything(tmp_path: Path) -> None:
-    result = new_lab(tmp_path / "lab.toml", "--tracker", "10.0.0.1:801", *TWO, *VOLUME)
+def test_answers_from_a_pipe_are_enough(tmp_path: Path) -> None:
+    result = new_lab(tmp_path / "lab.toml", answers=ANSWERS)
     assert result.exit_code == 0, result.output
     fleet = load_fleet(tmp_path / "lab.toml")
     assert fleet.name == "lab"
@@ -106,7 +109,7 @@ def test_options_answer_everything(tmp_path: Path) -> None:
 
 
 def test_what_is_commented_out_makes_a_formation(tmp_path: Path) -> None:
-    new_lab(tmp_path / "lab.toml", "--tracker", "10.0.0.1:801", *TWO, *VOLUME)
+    new_lab(tmp_path / "lab.toml", answers=ANSWERS)
     text = (tmp_path / "lab.toml").read_text(encoding="utf-8")
     fleet = parse_fleet(re.sub(r"^# (follow|low_power)", r"\1", text, flags=re.MULTILINE))
     assert [link.leader for link in fleet.vehicles["h2"].follow] == ["h1"]
@@ -115,27 +118,24 @@ def test_what_is_commented_out_makes_a_formation(tmp_path: Path) -> None:
 def test_a_file_that_is_there_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "lab.toml"
     path.write_text("mine")
-    result = new_lab(path, "--tracker", "10.0.0.1:801", *TWO, *VOLUME)
+    result = new_lab(path, answers=ANSWERS)
     assert result.exit_code == 2
     assert "is not overwritten" in result.stderr
     assert path.read_text() == "mine"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "reason"),
+    ("arguments", "answers", "reason"),
     [
-        (("--tracker", "10.0.0.1", *TWO, *VOLUME), "must be HOST:PORT"),
-        (("--tracker", "10.0.0.1:801", "--vehicle", "h1=heli1", *VOLUME), "is not NAME=SUBJECT=PORT"),
-        (("--tracker", "10.0.0.1:801", *TWO, "--min", "1,1,1", "--max", "0,0,0"), "volume"),
-        (("--tracker", "10.0.0.1:801", *TWO, *VOLUME, "--protocol", "pigeon"), "protocol"),
-        (("--tracker", "10.0.0.1:801", "--vehicle", "H 1=heli1=/dev/ttyUSB0", *VOLUME), "H 1"),
-        (("--tracker", "10.0.0.1:801", *TWO), "no answer to 'Lower corner"),
+        ((), NO_TRACKER + TWO + "1,1,1\n0,0,0\n", "volume"),
+        (("--protocol", "pigeon"), ANSWERS, "protocol"),
+        ((), NO_TRACKER + TWO, "no answer to 'Lower corner"),
     ],
 )
 def test_answers_that_cannot_be_used_are_told_and_nothing_is_written(
-    arguments: tuple[str, ...], reason: str, tmp_path: Path
+    arguments: tuple[str, ...], answers: str, reason: str, tmp_path: Path
 ) -> None:
-    result = new_lab(tmp_path / "lab.toml", *arguments)
+    result = new_lab(tmp_path / "lab.toml", *arguments, answers=answers)
     assert result.exit_code == 2, result.output
     assert reason in result.stderr
     assert not (tmp_path / "lab.toml").exists()

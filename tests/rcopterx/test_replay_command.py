@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.commands.replay import changes_of
+from rcopterx.commands.parsing import settings_of
 
 FLIGHT = str(Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap")
 
@@ -30,7 +30,7 @@ def test_an_agent_that_does_the_same_again_ends_well(monkeypatch: pytest.MonkeyP
     [
         ([FLIGHT, "--agent", "h9"], "no such vehicle, the flight has h1, h2"),
         (["nowhere"], "neither a file nor a flight 'nowhere'"),
-        ([FLIGHT, "--agent", "h1", "--with", "horizon"], "'horizon' is not NAME=VALUE"),
+        ([FLIGHT, "--agent", "h1", "--with", "horizon"], "'horizon' must look like"),
         ([FLIGHT, "--agent", "h1", "--with", "controller=magic"], "no controller is called 'magic'"),
     ],
 )
@@ -41,6 +41,8 @@ def test_what_cannot_be_replayed_is_said(words: list[str], said: str) -> None:
 
 
 def test_values_are_numbers_lists_or_words() -> None:
-    assert changes_of(["horizon=30", "weights=[1, 2.5]", "controller=lqr", "name=a=b"]) == {
-        "horizon": 30, "weights": [1, 2.5], "controller": "lqr", "name": "a=b",
+    words = ["horizon=30", "limit=.5", "weights=1,2.5", "controller=lqr", "name=a=b", "tilt=False", "x=none"]
+    assert settings_of(words, "--with") == {
+        "horizon": 30, "limit": 0.5, "weights": (1.0, 2.5), "controller": "lqr", "name": "a=b",
+        "tilt": False, "x": None,
     }  # fmt: skip

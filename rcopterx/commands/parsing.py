@@ -1,0 +1,57 @@
+"""Numbers and settings on the command line."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from rcopterx.bus.message import Setting
+
+
+def three(text: str) -> tuple[float, float, float]:
+    """Parse three numbers: 0.5,0,-0.2."""
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r}: three numbers separated by commas are needed") from None
+    return x, y, z
+
+
+def different_numbers(text: str, option: str, lowest: int = 0, highest: int | None = None) -> tuple[int, ...]:
+    """Parse different whole numbers in a range, separated by commas; `option` is for the error message."""
+    try:
+        numbers = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    inside = all(lowest <= number and (highest is None or number <= highest) for number in numbers)
+    if not numbers or not inside or len(set(numbers)) < len(numbers):
+        span = f"from {lowest} on" if highest is None else f"from {lowest} to {highest}"
+        raise typer.BadParameter(
+            f"{text!r}: allowed are different whole numbers {span}, separated by commas", param_hint=option
+        )
+    return numbers
+
+
+def settings_of(words: Iterable[str], option: str) -> "dict[str, Setting]":
+    """Parse settings like horizon=30; `option` is for the error message."""
+    settings = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals or not name:
+            raise typer.BadParameter(f"{word!r} must look like horizon=30", param_hint=option)
+        settings[name] = _setting(value)
+    return settings
+
+
+def _setting(text: str) -> "Setting":
+    """Parse the value of a setting: 30, 0.5, true, none, 1,2,3 or a word."""
+    words: dict[str, Setting] = {"true": True, "false": False, "none": None}
+    if text.lower() in words:
+        return words[text.lower()]
+    try:
+        if "," in text:
+            return tuple(float(part) for part in text.split(","))
+        return float(text) if not text.lstrip("+-").isdecimal() else int(text)
+    except ValueError:
+        return text
