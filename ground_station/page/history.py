@@ -1,6 +1,7 @@
 """The last minute of every vehicle, for trails and plots."""
 
 import math
+from collections import deque
 from typing import Final
 
 import numpy as np
@@ -23,9 +24,8 @@ class History:
     """Samples of one vehicle; unknown values are NaN."""
 
     def __init__(self) -> None:
-        self._rows = np.full((round(KEPT_S / SAMPLE_S), 1 + len(COLUMNS)), math.nan)
-        self._next = 0
-        self._count = 0
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=round(KEPT_S / SAMPLE_S))
+        """Time and quantities of each sample."""
         self.newest_s = -math.inf
         """Of the newest sample."""
 
@@ -43,25 +43,20 @@ class History:
         reference = plan.reference[:3] if flown and plan is not None and plan.reference else _UNKNOWN
         error_mm = math.nan if state.error_m is None else 1000.0 * state.error_m
         solve_ms = math.nan if agent is None else agent.diagnostics.solve_ms_p50
-        row = (now_s, *place, *reference, error_mm, solve_ms, *(sticks or 4 * (math.nan,)))
-        self._rows[self._next] = row
-        self._next = (self._next + 1) % len(self._rows)
-        self._count = min(self._count + 1, len(self._rows))
+        self._rows.append((now_s, *place, *reference, error_mm, solve_ms, *(sticks or 4 * (math.nan,))))
 
     def column(self, name: str) -> Array:
         """Samples of one quantity of `COLUMNS`, oldest first."""
-        return np.asarray(self._ordered()[:, 1 + COLUMNS.index(name)])
+        at = 1 + COLUMNS.index(name)
+        return np.array([row[at] for row in self._rows])
 
     @property
     def times_s(self) -> Array:
         """Times of the samples, oldest first."""
-        return np.asarray(self._ordered()[:, 0])
+        return np.array([time_s for time_s, *_ in self._rows])
 
     def trail_m(self, seconds: float) -> Array:
         """Positions of the last seconds, shape (n, 3), without gaps."""
-        rows = self._ordered()
-        recent = rows[rows[:, 0] >= self.newest_s - seconds][:, 1:4]
+        from_s = self.newest_s - seconds
+        recent = np.array([row[1:4] for row in self._rows if row[0] >= from_s]).reshape(-1, 3)
         return np.asarray(recent[np.isfinite(recent).all(axis=1)])
-
-    def _ordered(self) -> Array:
-        return np.roll(self._rows, -self._next, axis=0)[len(self._rows) - self._count :]

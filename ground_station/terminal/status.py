@@ -1,27 +1,13 @@
 """The state of a fleet as a JSON document, as `rcopterx status --json` and `check --json` print it."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any, Final
+from typing import Any
 
 import msgspec
 
-from rcopterx.bus.host_messages import LauncherStatus
+from rcopterx.bus.message import Message
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
-
-SUBJECT_FIELDS: Final = ("subject", "vehicle", "listed", "ambiguous")
-LAUNCHER_FIELDS: Final = ("restarts", "hung", "spare_ready", "watchdog", "forgiven", "flies")
-AGENT_FIELDS: Final = (
-    "following", "assigned", "following_mode", "path_left_s", "set_point", "position_m", "velocity_m_s",
-    "yaw_rad",
-)  # fmt: skip
-DIAGNOSTICS_FIELDS: Final = (
-    "controller", "estimator", "horizon", "effort_factor", "ticks", "missed_ticks", "fallbacks",
-    "avoiding_ticks", "closest_plan_m", "estimator_events", "rejected", "realtime", "process", "remarks",
-)  # fmt: skip
-TRANSMITTER_FIELDS: Final = (
-    "state", "reason", "link", "module", "ready", "lease", "bridging", "counters", "rejected", "realtime",
-)  # fmt: skip
 
 
 def fleet_status(fleet: Fleet) -> dict[str, Any]:
@@ -37,7 +23,7 @@ def fleet_status(fleet: Fleet) -> dict[str, Any]:
         "problems": problems,
         "notes": fleet.notes(),
         "tracker": _tracker(fleet),
-        "hosts": {host: _processes(status) for host, status in fleet.launchers().items()},
+        "hosts": {host: _fields(status) for host, status in fleet.launchers().items()},
         "vehicles": {vehicle.name: vehicle_status(vehicle.state) for vehicle in fleet},
     }
 
@@ -56,11 +42,9 @@ def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
     return {"fleet": fleet.file.name, "ready": not problems, "problems": problems, "notes": notes}
 
 
-def _fields(source: object, names: tuple[str, ...]) -> dict[str, Any]:
-    """Attributes of a message as they are in a JSON document."""
-    fields: dict[str, Any] = msgspec.json.decode(
-        msgspec.json.encode({name: getattr(source, name) for name in names})
-    )
+def _fields(message: Message) -> dict[str, Any]:
+    """All fields of a message as they are in a JSON document."""
+    fields: dict[str, Any] = msgspec.to_builtins(message)
     return fields
 
 
@@ -69,20 +53,11 @@ def _tracker(fleet: Fleet) -> dict[str, Any] | None:
     if received is None:
         return None
     status = received.message
-    return _fields(status, ("state", "address", "frame", "latency_s", "counters", "recording")) | {
+    return _fields(status) | {
         "doing": status.trying,
         "rate_hz": round(1 / status.period_s, 3) if status.period_s else None,
         "age_s": _rounded(fleet.session.clock() - received.arrived_s),
-        "subjects": [
-            _fields(subject, SUBJECT_FIELDS) | {"occluded_s": _rounded(subject.occluded_s)}
-            for subject in status.subjects
-        ],
     }
-
-
-def _processes(status: LauncherStatus) -> dict[str, Any]:
-    longest_s = {name: _rounded(silence_s) for name, silence_s in status.longest_silence_s.items()}
-    return _fields(status, LAUNCHER_FIELDS) | {"longest_silence_s": longest_s}
 
 
 def vehicle_status(state: VehicleState) -> dict[str, Any]:
@@ -100,30 +75,23 @@ def vehicle_status(state: VehicleState) -> dict[str, Any]:
 
 
 def _agent(state: VehicleState) -> dict[str, Any] | None:
-    agent = state.agent
-    if agent is None:
+    if state.agent is None:
         return None
-    figures = agent.diagnostics
+    fields, figures = _fields(state.agent), state.agent.diagnostics
     return {
+        **fields.pop("diagnostics"),
+        **fields,
         "age_s": _rounded(state.agent_age_s),
         "flown_by": state.flown_by,
         "client": figures.client or None,
-        "plan_age_s": _rounded(figures.plan_age_s),
         "solve_ms": {"p50": figures.solve_ms_p50, "p99": figures.solve_ms_p99, "max": figures.solve_ms_max},
-        **_fields(agent, AGENT_FIELDS),
-        **_fields(figures, DIAGNOSTICS_FIELDS),
     }
 
 
 def _transmitter(state: VehicleState) -> dict[str, Any] | None:
-    transmitter = state.transmitter
-    if transmitter is None:
+    if state.transmitter is None:
         return None
-    return {
-        "age_s": _rounded(state.transmitter_age_s),
-        "command_age_s": _rounded(transmitter.command_age_s),
-        **_fields(transmitter, TRANSMITTER_FIELDS),
-    }
+    return _fields(state.transmitter) | {"age_s": _rounded(state.transmitter_age_s)}
 
 
 def readable(status: Mapping[str, Any], vehicles: Iterable[object] = ()) -> str:
