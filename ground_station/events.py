@@ -68,7 +68,7 @@ class EventFeed:
                 return []
 
     def _vehicle(self, name: str, status: AgentStatus | TransmitterStatus, time_s: float) -> Iterator[Event]:
-        before = self._states.get(name, VehicleState(name, None, None, None, None, None))
+        before = self._states.get(name, VehicleState(name))
         if isinstance(status, AgentStatus):
             first, after = before.agent is None, replace(before, agent=status)
         else:

@@ -1,9 +1,9 @@
 """Vehicles as standard messages of Foxglove."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
 from foxglove.messages import (
     Color,
     CubePrimitive,
@@ -45,41 +45,38 @@ def colour(number: int, alpha: float = 1.0) -> Color:
     return Color(r=red, g=green, b=blue, a=alpha)
 
 
-def transform(name: str, seen: messages.Pose, time_ns: int) -> FrameTransform | None:
-    """Transform from the room to the frame of a vehicle; None while it is not seen."""
-    if seen.position_m is None or seen.quaternion_xyzw is None:
-        return None
+def transform(name: str, place: Place, xyzw: Sequence[float], time_ns: int) -> FrameTransform:
+    """Transform from the room to the frame of a vehicle at a place [m]."""
     return FrameTransform(
         timestamp=stamp(time_ns),
         parent_frame_id=ROOM,
         child_frame_id=name,
-        translation=_vector(seen.position_m),
-        rotation=_quaternion(seen.quaternion_xyzw),
+        translation=_vector(place),
+        rotation=_quaternion(xyzw),
     )
 
 
-def pose(seen: messages.Pose, time_ns: int) -> PoseInFrame | None:
-    """Pose of a vehicle in the room; None while it is not seen."""
-    if seen.position_m is None or seen.quaternion_xyzw is None:
-        return None
-    at = Pose(position=_vector(seen.position_m), orientation=_quaternion(seen.quaternion_xyzw))
+def in_room(at: Pose, time_ns: int) -> PoseInFrame:
+    """A pose in the room."""
     return PoseInFrame(timestamp=stamp(time_ns), frame_id=ROOM, pose=at)
 
 
-def reference(plan: messages.Plan, time_ns: int) -> PoseInFrame | None:
-    """Reference of a plan in the room; None without one."""
+def pose(place: Place, xyzw: Sequence[float] = (0.0, 0.0, 0.0, 1.0)) -> Pose:
+    """A pose by its place [m] and quaternion."""
+    return Pose(position=_vector(place), orientation=_quaternion(xyzw))
+
+
+def reference(plan: messages.Plan) -> Pose | None:
+    """Reference of a plan; None without one."""
     if plan.reference is None:
         return None
-    yaw_rad = plan.reference[3]
-    turned = (0.0, 0.0, float(np.sin(yaw_rad / 2)), float(np.cos(yaw_rad / 2)))
-    at = Pose(position=_vector(plan.reference), orientation=_quaternion(turned))
-    return PoseInFrame(timestamp=stamp(time_ns), frame_id=ROOM, pose=at)
+    half_rad = plan.reference[3] / 2
+    return pose(plan.reference, (0.0, 0.0, math.sin(half_rad), math.cos(half_rad)))
 
 
 def vehicle(name: str, number: int, time_ns: int) -> SceneEntity:
     """Rotor disc and name of a vehicle, in its own frame."""
-    above = Pose(position=_vector((0.0, 0.0, 0.05)), orientation=_quaternion((0.0, 0.0, 0.0, 1.0)))
-    over = Pose(position=_vector((0.0, 0.0, 0.2)), orientation=_quaternion((0.0, 0.0, 0.0, 1.0)))
+    above, over = pose((0.0, 0.0, 0.05)), pose((0.0, 0.0, 0.2))
     nose = [Point3(), Point3(x=0.15)]
     return SceneEntity(
         timestamp=stamp(time_ns),
@@ -107,9 +104,10 @@ def plan_entity(
     lines += [_line([_point(shown[0]), _point(place)], number, 0.005) for place in leaders]
     balls = []
     if plan.reference is not None:
-        at = Pose(position=_vector(plan.reference), orientation=_quaternion((0.0, 0.0, 0.0, 1.0)))
         balls.append(
-            SpherePrimitive(pose=at, size=Vector3(x=0.06, y=0.06, z=0.06), color=colour(number, 0.4))
+            SpherePrimitive(
+                pose=pose(plan.reference), size=Vector3(x=0.06, y=0.06, z=0.06), color=colour(number, 0.4)
+            )
         )
     return SceneEntity(timestamp=stamp(time_ns), frame_id=ROOM, id=f"{name} plan", lines=lines, spheres=balls)
 
@@ -118,8 +116,7 @@ def volume(low_m: Place, high_m: Place, time_ns: int) -> SceneEntity:
     """The flight volume as a faint box."""
     middle = [(low + high) / 2 for low, high in zip(low_m, high_m, strict=True)]
     size = [high - low for low, high in zip(low_m, high_m, strict=True)]
-    at = Pose(position=_vector(middle), orientation=_quaternion((0.0, 0.0, 0.0, 1.0)))
-    box = CubePrimitive(pose=at, size=_vector(size), color=Color(r=0.5, g=0.5, b=0.5, a=0.06))
+    box = CubePrimitive(pose=pose(middle), size=_vector(size), color=Color(r=0.5, g=0.5, b=0.5, a=0.06))
     return SceneEntity(timestamp=stamp(time_ns), frame_id=ROOM, id="flight volume", cubes=[box])
 
 

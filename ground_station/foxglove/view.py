@@ -92,12 +92,14 @@ class FoxgloveView:
         return True
 
     def _pose(self, name: str, seen: Pose, time_ns: int) -> None:
-        moved, pose = drawing.transform(name, seen, time_ns), drawing.pose(seen, time_ns)
-        if moved is None or pose is None or seen.position_m is None:
+        if seen.position_m is None or seen.quaternion_xyzw is None:
             return
         self._places[name] = seen.position_m
+        moved = drawing.transform(name, seen.position_m, seen.quaternion_xyzw, time_ns)
         self._transforms.log(FrameTransforms(transforms=[moved]), log_time=time_ns)
-        self._poses[name].log(pose, log_time=time_ns)
+        self._poses[name].log(
+            drawing.in_room(drawing.pose(seen.position_m, seen.quaternion_xyzw), time_ns), log_time=time_ns
+        )
         if self._due(name, time_ns, REPEAT_NS):
             low, high = self._fleet.volume.min_m, self._fleet.volume.max_m
             entities = [
@@ -106,9 +108,9 @@ class FoxgloveView:
             self._scene.log(SceneUpdate(entities=entities), log_time=time_ns)
 
     def _plan(self, name: str, plan: Plan, time_ns: int) -> None:
-        reference = drawing.reference(plan, time_ns)
+        reference = drawing.reference(plan)
         if reference is not None:
-            self._references[name].log(reference, log_time=time_ns)
+            self._references[name].log(drawing.in_room(reference, time_ns), log_time=time_ns)
         error_m = error_of(plan)
         if error_m is not None:
             self._flight[name].log({"error_mm": 1000 * error_m}, log_time=time_ns)

@@ -8,8 +8,8 @@ import viser
 
 from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.ground_station.geometry import on_level
+from rcopterx.ground_station.page.browser import add_kill_button
 from rcopterx.ground_station.page.formations import SHAPES
-from rcopterx.ground_station.page.kill_button import add_kill_button
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.page.texts import vehicle_table
 from rcopterx.ground_station.page.weights import GROUPS, weights_of

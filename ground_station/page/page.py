@@ -7,7 +7,7 @@ import viser
 
 from rcopterx.bus import channels
 from rcopterx.ground_station.events import Timeline
-from rcopterx.ground_station.page.browser_script import limit_drawing
+from rcopterx.ground_station.page.browser import limit_drawing
 from rcopterx.ground_station.page.controls import (
     VehicleControls,
     Waypoints,

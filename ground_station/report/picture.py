@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rcopterx.ground_station.colours import hex_colour
 from rcopterx.ground_station.events import Event
@@ -66,7 +67,8 @@ def draw_flight(
     first.set_title("flown (solid) and reference (dashed)")
     errors = figure.add_subplot(grid[3, :2], sharex=first)
     for name in names:
-        _draw_error(errors, figures, name, colours[name])
+        frames, errors_m = figures.tracking_errors(name)
+        _plot(errors, figures, _start(figures, name), (frames, 1000 * errors_m), colours[name], lw=0.9)
     for event in events:
         errors.axvline(event.time_s, color="red" if event.alarming else "0.8", lw=0.6, zorder=0)
     errors.set_ylabel("error [mm]")
@@ -78,12 +80,17 @@ def draw_flight(
     figure.tight_layout()
 
 
-def _times(frames: Array, figures: FlightFigures, start: int) -> Array:
-    return np.asarray((frames - start) * figures.frame_period_s())
-
-
-def _thinned(values: Array) -> Array:
-    return values[:: max(1, len(values) // POINTS)]
+def _plot(
+    axes: Any,
+    figures: FlightFigures,
+    start: int,
+    series: tuple[NDArray[Any], Array],
+    colour: str,
+    **style: Any,
+) -> None:
+    """Draw values by frames over the time since the frame `start`."""
+    frames, values = (part[:: max(1, len(part) // POINTS)] for part in series)
+    axes.plot((frames - start) * figures.frame_period_s(), values, colour, **style)
 
 
 def _start(figures: FlightFigures, name: str) -> int:
@@ -92,25 +99,11 @@ def _start(figures: FlightFigures, name: str) -> int:
 
 
 def _draw_coordinate(axes: Any, figures: FlightFigures, name: str, row: int, colour: str) -> None:
-    frames, flown = figures.flown(name)
     start = _start(figures, name)
-    axes.plot(
-        _thinned(_times(frames.astype(float), figures, start)),
-        _thinned(flown[:, row]),
-        colour,
-        lw=1,
-        label=name,
-    )
+    frames, flown = figures.flown(name)
+    _plot(axes, figures, start, (frames, flown[:, row]), colour, lw=1, label=name)
     wanted_frames, wanted = figures.references(name)
-    axes.plot(
-        _thinned(_times(wanted_frames, figures, start)), _thinned(wanted[:, row]), colour, lw=0.8, ls="--"
-    )
-
-
-def _draw_error(axes: Any, figures: FlightFigures, name: str, colour: str) -> None:
-    frames, errors_m = figures.tracking_errors(name)
-    times = _times(frames, figures, _start(figures, name))
-    axes.plot(_thinned(times), _thinned(1000 * errors_m), colour, lw=0.9)
+    _plot(axes, figures, start, (wanted_frames, wanted[:, row]), colour, lw=0.8, ls="--")
 
 
 def _draw_from_above(
@@ -118,7 +111,7 @@ def _draw_from_above(
 ) -> None:
     for name in names:
         _, flown = figures.flown(name)
-        thin = _thinned(flown)
+        thin = flown[:: max(1, len(flown) // POINTS)]
         axes.plot(thin[:, 0], thin[:, 1], colours[name], lw=1, label=name)
         if len(flown):
             axes.plot(flown[-1, 0], flown[-1, 1], "o", color=colours[name], ms=5)
@@ -161,15 +154,13 @@ def _draw_formation(pairs: Sequence[tuple[str, str]], figures: FlightFigures, fi
     leader = pairs[0][1]
     start = _start(figures, leader)
     frames, flown = figures.flown(leader)
-    _draw_four(rows[0], _times(frames.astype(float), figures, start), _without_jumps(flown), "-")
-    wanted_frames, wanted = figures.references(leader)
-    _draw_four(rows[0], _times(wanted_frames, figures, start), wanted, "--")
+    _draw_four(rows[0], figures, start, (frames, _without_jumps(flown)), "-")
+    _draw_four(rows[0], figures, start, figures.references(leader), "--")
     rows[0].set_ylabel(leader)
     for axes, (follower, followed) in zip(rows[1:], pairs, strict=True):
         frames, apart, meant = figures.offsets_m(follower, followed)
-        times = _times(frames.astype(float), figures, start)
-        _draw_four(axes, times, apart, "-")
-        _draw_four(axes, times, meant, "--")
+        _draw_four(axes, figures, start, (frames, apart), "-")
+        _draw_four(axes, figures, start, (frames, meant), "--")
         axes.set_ylabel(f"{followed} to {follower}")
     for axes in rows:
         axes.grid(alpha=0.3)
@@ -179,10 +170,13 @@ def _draw_formation(pairs: Sequence[tuple[str, str]], figures: FlightFigures, fi
     figure.tight_layout()
 
 
-def _draw_four(axes: Any, times: Array, values: Array, style: str) -> None:
+def _draw_four(
+    axes: Any, figures: FlightFigures, start: int, series: tuple[NDArray[Any], Array], style: str
+) -> None:
     """Position and heading in the colours and scales of the paper."""
+    frames, values = series
     for column, (colour, scale) in enumerate(COORDINATES.values()):
-        axes.plot(_thinned(times), scale * _thinned(values[:, column]), colour, ls=style, lw=0.9)
+        _plot(axes, figures, start, (frames, scale * values[:, column]), colour, ls=style, lw=0.9)
 
 
 def _without_jumps(values: Array) -> Array:

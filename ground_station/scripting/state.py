@@ -35,11 +35,11 @@ class VehicleState:
     """
 
     name: str
-    agent: AgentStatus | None
-    transmitter: TransmitterStatus | None
-    agent_age_s: float | None
-    transmitter_age_s: float | None
-    pose_age_s: float | None
+    agent: AgentStatus | None = None
+    transmitter: TransmitterStatus | None = None
+    agent_age_s: float | None = None
+    transmitter_age_s: float | None = None
+    pose_age_s: float | None = None
     seen_age_s: float | None = None
     plan: Plan | None = None
     seen_at_m: tuple[float, float, float] | None = None

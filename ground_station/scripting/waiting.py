@@ -60,7 +60,7 @@ class Notifier:
             if condition():
                 return True
             if stop is not None and stop.is_set():
-                raise StoppedError("stopped while waiting")
+                raise StoppedError("interrupted")
             left_s = deadline_s - self._clock()
             if left_s <= 0:
                 return False

@@ -22,16 +22,11 @@ def experiment(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of an experiment, see --list.")] = "",
     as_json: JsonOption = False,
     plot: PlotOption = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=0,
-            help="First seed; each flight uses the next one. Default: 0, for drawn helicopters 100.",
-        ),
-    ] = None,
     seeds: Annotated[
-        str | None, typer.Option(metavar="N,N,...", help="Seeds of the laboratory, one flight each.")
+        str | None,
+        typer.Option(
+            metavar="N,N,...", help="Seeds, one flight each. Default: from 0, for drawn helicopters from 100."
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help=QUICK_HELP)] = False,
     processes: Annotated[
@@ -89,7 +84,7 @@ def experiment(
         try:
             context = {"experiment": name, "conditions": preset, "quick": quick}
             kept = None if resume is None else KeptFlights(resume, context)
-            flown = numbers or chosen.seeds(preset, seed)[: QUICK_SEEDS if quick else None]
+            flown = numbers or chosen.seeds(preset)[: QUICK_SEEDS if quick else None]
             options = Options(flown, quick, processes, preset, kept, levels)
             result = chosen.fly(options, lambda label, done: progress.show(label, f", {100 * done:.0f} %"))
             progress.say("flown")

@@ -12,7 +12,7 @@ import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
 from rcopterx.commands.launch import Interrupts, interruptible
-from rcopterx.commands.output import Progress
+from rcopterx.commands.output import Progress, print_document
 
 if TYPE_CHECKING:
     from rcopterx.experiments.faults.fault_flight import FaultFlight
@@ -131,10 +131,7 @@ def fly_faults(names: Sequence[str], runs: int, options: FlightOptions) -> None:
                 reports.append(worst_of([_fly_row(row, holder, head) for head in heads]))
         finally:
             _write(reports, options.report)
-    if options.as_json:
-        typer.echo(json.dumps(reports, indent=2))
-    else:
-        typer.echo("\n".join(map(_line, reports)))
+    print_document(reports, options.as_json, lambda rows: "\n".join(map(_line, rows)))
     if any(report["verdict"] == "failed" for report in reports):
         raise typer.Exit(EXIT_FAILED)
 
@@ -142,47 +139,34 @@ def fly_faults(names: Sequence[str], runs: int, options: FlightOptions) -> None:
 def fly_chaos(seconds: float, seed: int, busy: int, options: FlightOptions) -> None:
     """Inject random faults that all vehicles shall survive; exit code 1 if one did not."""
     from rcopterx.experiments.faults.chaos import Chaos
-    from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
+    from rcopterx.ground_station.scripting.waiting import NotReachedError, stopped_by
 
     with user_errors(), fleet_holder(options) as holder:
         place = holder.fault_range(Progress(f"chaos {seed}").say)
         if place.fleet.launcher is None:
             raise NotReachedError("chaos ends processes, so it needs a fleet of its own: add --up")
-        try:
-            with stopped_by(holder.interrupts.event):
-                result = Chaos(place, seed, seconds, busy).fly()
-        except StoppedError:
-            raise NotReachedError("interrupted") from None
+        with stopped_by(holder.interrupts.event):
+            result = Chaos(place, seed, seconds, busy).fly()
     if options.report is not None:
         path = options.report / f"chaos-{seed}.json"
         path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
         typer.echo(f"report: {path}", err=True)
-    typer.echo(json.dumps(result, indent=2) if options.as_json else _chaos_lines(result))
+    print_document(result, options.as_json)
     if result["verdict"] != "passed":
         raise typer.Exit(EXIT_FAILED)
 
 
-def _chaos_lines(result: dict[str, Any]) -> str:
-    head = f"{result['verdict']}: chaos {result['seed']}, {result['seconds']} s, {result['faults']} faults"
-    lines = [head if result["problem"] is None else f"{head}: {result['problem']}"]
-    lines += [f"  {name}: {json.dumps(vehicle)}" for name, vehicle in result["vehicles"].items()]
-    return "\n".join(lines)
-
-
 def _fly_row(row: "FaultFlight", holder: FleetHolder, head: str) -> dict[str, Any]:
     from rcopterx.experiments.faults.reports import not_flown
-    from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
+    from rcopterx.ground_station.scripting.waiting import stopped_by
 
     say = Progress(head).say
-    try:
-        place = holder.fault_range(say)
-        if row.launched and place.fleet.launcher is None:
-            say("not flown: it needs a fleet of its own: add --up")
-            return not_flown(row, "add --up")
-        with stopped_by(holder.interrupts.event):
-            report = place.saying(say).fly(row)
-    except StoppedError:
-        raise NotReachedError("interrupted") from None
+    place = holder.fault_range(say)
+    if row.launched and place.fleet.launcher is None:
+        say("not flown: it needs a fleet of its own: add --up")
+        return not_flown(row, "add --up")
+    with stopped_by(holder.interrupts.event):
+        report = place.saying(say).fly(row)
     say(report["verdict"])
     if not place.survives(row, report):
         holder.close()

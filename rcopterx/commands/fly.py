@@ -14,7 +14,7 @@ import typer
 from rcopterx.commands.fault_flights import FlightOptions, fly_chaos, fly_faults, list_faults
 from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
 from rcopterx.commands.launch import RecordOption, interruptible
-from rcopterx.commands.output import JsonOption, Progress
+from rcopterx.commands.output import JsonOption, Progress, print_document
 
 if TYPE_CHECKING:
     from rcopterx.experiments.flight import Manoeuvre
@@ -161,7 +161,7 @@ def _fly_row(
     from rcopterx.experiments.flight import fly as fly_manoeuvre
     from rcopterx.experiments.flight import not_flown, reason_not_to_fly, report_of
     from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
-    from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
+    from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
 
     reason = reason_not_to_fly(row, fleet)
     if reason is not None:
@@ -181,9 +181,9 @@ def _fly_row(
         with stopped_by(stop):
             fleet.wait_ready()
         flown = fly_manoeuvre(row, fleet, progress.say, wait, stop)
-    except StoppedError:
-        results.add(not_flown(row, "failed", "interrupted"))
-        raise NotReachedError("interrupted") from None
+    except StoppedError as error:
+        results.add(not_flown(row, "failed", str(error)))
+        raise
     except FLIGHT_ERRORS as error:
         progress.say(f"failed: {error}")
         results.add(not_flown(row, "failed", str(error)))
@@ -237,12 +237,10 @@ class Results:
 
     def print(self, as_json: bool) -> None:
         """Print the reports."""
-        if as_json:
-            typer.echo(json.dumps(self._reports if self._several else self._reports[0], indent=2))
-        elif self._several:
-            typer.echo("\n".join(_line(report) for report in self._reports))
+        if self._several:
+            print_document(self._reports, as_json, lambda rows: "\n".join(map(_line, rows)))
         else:
-            typer.echo(_readable(self._reports[0]))
+            print_document(self._reports[0], as_json, _readable)
 
 
 def _line(report: dict[str, Any]) -> str:

@@ -15,7 +15,7 @@ from rcopterx.commands.fleet_option import (
     user_errors,
     wanted_fleet,
 )
-from rcopterx.commands.output import print_table
+from rcopterx.commands.output import Progress, print_table
 
 if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rcopterx.simulator.tracker_replay import TrackerReplay
 
 POLL_S = 0.1
+LOOPBACK = "127.0.0.1"
 REALTIME_PRIORITY = 20
 """Of a replay, where the operating system permits it, so that bytes are not late."""
 
@@ -37,7 +38,6 @@ def replay_tracker(
     port: Annotated[
         int, typer.Option(metavar="PORT", min=0, max=65535, help="TCP port to listen on; 0 takes a free one.")
     ] = 18801,
-    address: Annotated[str, typer.Option(metavar="ADDRESS", help="Address to listen on.")] = "127.0.0.1",
     speed: Annotated[
         float, typer.Option(metavar="FACTOR", help="Speed: 1 is real time, 2 twice as fast.")
     ] = 1.0,
@@ -47,16 +47,23 @@ def replay_tracker(
 
     Each client that connects gets the next recorded connection. Ends after the last one.
     """
-    with user_errors(), _replay(file, address, port, speed) as replay, suppress(KeyboardInterrupt):
+    with user_errors(), _replay(file, port, speed) as replay, suppress(KeyboardInterrupt):
         request_realtime(REALTIME_PRIORITY)
         host, bound = replay.address
         count = replay.progress.connections
         connections = f"{count} connection{'s' if count > 1 else ''}"
         typer.echo(f"{file}: {connections}; connect to {host}:{bound}", err=True)
-        _play(replay, loop)
+        progress = Progress(str(file))
+        while loop or not replay.finished:
+            replay.poll(POLL_S)
+            now = replay.progress
+            label = (
+                f"connection {now.connection} of {now.connections}" if now.connection else "no connection yet"
+            )
+            progress.show(label, f", {now.played_s:.1f} of {now.total_s:.1f} s")
 
 
-def _replay(file: Path, address: str, port: int, speed: float) -> "TrackerReplay":
+def _replay(file: Path, port: int, speed: float) -> "TrackerReplay":
     from rcopterx.fleet.schema import FleetError
     from rcopterx.simulator.tracker_replay import TrackerReplay
     from rcopterx.vicon_gateway.recording import connections, read_records
@@ -64,29 +71,9 @@ def _replay(file: Path, address: str, port: int, speed: float) -> "TrackerReplay
     try:
         with file.open("rb") as source:
             recorded = connections(read_records(source))
-        return TrackerReplay(recorded, address, port, speed=speed)
+        return TrackerReplay(recorded, LOOPBACK, port, speed=speed)
     except ValueError as error:
         raise FleetError(f"{file}: {error}") from None
-
-
-def _play(replay: "TrackerReplay", loop: bool) -> None:
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[time]}")
-    with Progress(*columns) as bar:
-        task = bar.add_task("", total=1.0, time="")
-        while loop or not replay.finished:
-            replay.poll(POLL_S)
-            now = replay.progress
-            bar.update(
-                task,
-                description=f"connection {now.connection} of {now.connections}"
-                if now.connection
-                else "no connection yet",
-                completed=now.played_s,
-                total=now.total_s or 1.0,
-                time=f"{now.played_s:.1f} of {now.total_s:.1f} s",
-            )
 
 
 def inject(

@@ -8,7 +8,6 @@ import typer
 from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, fleet_file, user_errors
 
 Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet file.")]
-
 Gateway = Annotated[str, typer.Argument(metavar="GATEWAY", help="Gateway of the fleet file.")]
 
 
@@ -54,12 +53,7 @@ def tracker(
         run(file, host, record_raw)
 
 
-def transmitters(
-    gateway: Annotated[
-        str, typer.Argument(metavar="GATEWAY", help="Gateway of the fleet file.")
-    ] = "transmitters",
-    fleet: FleetOption = DEFAULT_FLEET,
-) -> None:
+def transmitters(gateway: Gateway = "transmitters", fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Run a transmitter gateway: commands to radio modules, with the safety arbiter."""
     from rcopterx.deploy.hosts.run_directory import run_directory
     from rcopterx.deploy.hosts.vehicle_states import begin_states

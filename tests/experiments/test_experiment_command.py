@@ -59,8 +59,6 @@ def test_hover_prints_its_document_and_draws_its_figure(
             "experiment",
             "hover",
             "--quick",
-            "--seed",
-            "1",
             "--seeds",
             "2",
             "--json",
@@ -77,7 +75,6 @@ def test_hover_prints_its_document_and_draws_its_figure(
         assert {"rms_mm", "mean_square_mm2"} == set(row["x"]) == set(row["y"]) == set(row["z"])
         assert {"rms_rad", "mean_square_rad2"} == set(row["yaw"])
     assert "seed 2" in result.stderr
-    assert "seed 1" not in result.stderr
     assert figure.read_text(encoding="utf-8").startswith("<?xml")
 
 
@@ -103,18 +100,17 @@ def without_flights(flights: list[Options]) -> dict[str, Experiment[Any]]:
     }
 
 
-def test_seed_chooses_the_first_of_consecutive_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_seeds_are_consecutive_or_those_named(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Options] = []
     monkeypatch.setattr("rcopterx.experiments.catalogue.EXPERIMENTS", without_flights(seen))
     for arguments in (
         ["chain"],
-        ["chain", "--seed", "3"],
         ["preview", "--seeds", "9,4", "--quick", "--conditions", "laboratory"],
         ["family", "--quick"],
     ):
         assert runner.invoke(app, ["experiment", *arguments]).exit_code == 0
-    assert [options.seeds for options in seen] == [(0, 1, 2), (3, 4, 5), (9, 4), (100, 101)]
-    assert [options.quick for options in seen] == [False, False, True, True]
+    assert [options.seeds for options in seen] == [(0, 1, 2), (9, 4), (100, 101)]
+    assert [options.quick for options in seen] == [False, True, True]
 
 
 def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
@@ -132,7 +128,7 @@ def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
         "hover_helicopters.svg",
         "hover_laboratory.svg",
     ]
-    alone = runner.invoke(app, [*arguments, "--conditions", "helicopter", "--seed", "0"])
+    alone = runner.invoke(app, [*arguments, "--conditions", "helicopter"])
     assert json.loads(alone.stdout) == {"case": {"seeds": [0, 1, 2]}}
     assert (tmp_path / "hover.svg").exists()
 

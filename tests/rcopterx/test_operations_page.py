@@ -31,7 +31,7 @@ def test_every_problem_that_a_check_can_name_is_explained() -> None:
     twice = SubjectState(subject="heli2", vehicle="h2", ambiguous=True)
     tracker = TrackerStatus(state="up", trying="", address="", subjects=(subject, twice))
     named = tracker_problems(None, None, []) + tracker_problems(tracker, 0.0, ["h2"])
-    named += VehicleState("h2", None, None, None, None, None).problems()
+    named += VehicleState("h2").problems()
     for state, ready in (("disarmed", False), ("killed", True)):
         transmitter = TransmitterStatus(state=state, reason="", link="up", module="", ready=ready)
         named += VehicleState("h2", None, transmitter, None, 0.0, None).problems()[1:]

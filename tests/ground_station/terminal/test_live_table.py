@@ -14,7 +14,7 @@ from rcopterx.ground_station.terminal.live_table import COLUMNS, FULL_WIDTH, fit
 Vehicles = dict[str, ScriptedVehicle]
 
 
-UNHEARD = VehicleState("h4", None, None, None, None, None)
+UNHEARD = VehicleState("h4")
 
 
 @pytest.mark.parametrize("width", [3, 10, 40, 80, 100, 150, 200, FULL_WIDTH, 400])
