@@ -9,7 +9,7 @@ import functools
 import threading
 from collections.abc import Callable, Coroutine, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager
+from contextlib import AbstractAsyncContextManager, AbstractContextManager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
@@ -119,11 +119,11 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
     """A running fleet for asyncio; see `Fleet`. Use it with `async with`.
 
     Every vehicle lands when an exception leaves the block, also for cancellation and Ctrl-C. `connect` and
-    `launched` make a fleet; `entered` is the context manager that yields the synchronous one.
+    `launched` make a fleet; `opened` returns the context manager of the synchronous one.
     """
 
-    def __init__(self, entered: AbstractContextManager[Fleet]) -> None:
-        self._entered = entered
+    def __init__(self, opened: Callable[[], AbstractContextManager[Fleet]]) -> None:
+        self._opened = opened
         self._threads = ThreadPoolExecutor(THREADS, "fleet")
         self._vehicles: dict[str, AsyncVehicle] = {}
 
@@ -132,15 +132,16 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
         cls, path: str | Path | None = None, host: str | None = None, timeout_s: float = 3.0
     ) -> "AsyncFleet":
         """Join the fleet that is up on this computer, or the running one of a fleet file or shipped fleet."""
-        return cls(_joined(path, host, timeout_s))
+        return cls(lambda: Fleet.connect(path, host, timeout_s))
 
     @classmethod
     def launched(cls, path: str | Path, host: str | None = None) -> "AsyncFleet":
         """Start the processes of a fleet as well; see `launched`."""
-        return cls(launched(path, host))
+        return cls(lambda: launched(path, host))
 
     async def __aenter__(self) -> "AsyncFleet":
         loop = asyncio.get_running_loop()
+        self._entered = await loop.run_in_executor(self._threads, self._opened)
         self._wrapped = await loop.run_in_executor(self._threads, self._entered.__enter__)
         self._vehicles = {vehicle.name: AsyncVehicle(vehicle, self._threads) for vehicle in self._wrapped}
         return self
@@ -192,9 +193,3 @@ class AsyncFleet(Wrapped[Fleet], AbstractAsyncContextManager["AsyncFleet"]):
     wait_for_phase = awaited(Fleet.wait_for_phase)
     wait_for_formation = awaited(Fleet.wait_for_formation)
     wait_for_arrival = awaited(Fleet.wait_for_arrival)
-
-
-@contextmanager
-def _joined(path: str | Path | None, host: str | None, timeout_s: float) -> Iterator[Fleet]:
-    with Fleet.connect(path, host, timeout_s) as fleet:
-        yield fleet

@@ -23,7 +23,6 @@ from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.regroup import (
     RegroupError,
-    change_lines,
     formation_leader,
     regroup,
     role,
@@ -106,13 +105,11 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """All vehicles, in the order of the fleet file."""
         return iter(self._vehicles.values())
 
-    def swap(
-        self, first: str, second: str, announce: Callable[[list[str]], object] | None = None
-    ) -> list[str]:
+    def swap(self, first: str, second: str) -> list[str]:
         """Exchange the roles of two flying vehicles at one frame; all vehicles keep their places in space.
 
-        Vehicles that follow one of them follow the other one afterwards. `announce` is called with a line for
-        every change of leaders before any of them is made. Returns a line for each vehicle with new leaders.
+        Vehicles that follow one of them follow the other one afterwards. Returns a line for each vehicle with
+        new leaders.
 
         Raises
         ------
@@ -124,21 +121,19 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         try:
             change, where = swapped(statuses, first, second)
             before = {name: statuses[name].assigned for name in change}
-            if announce is not None:
-                announce(change_lines(change, before))
             regroup(self, change, where, before)
         except RegroupError as error:
             raise RefusedError(str(error)) from None
         return [f"{name} {role(links)}" for name, links in change.items()]
 
-    def promote(self, name: str, announce: Callable[[list[str]], object] | None = None) -> list[str]:
+    def promote(self, name: str) -> list[str]:
         """Make a flying vehicle the leader of its whole formation, as `swap` with the present one."""
         self.wait_for_status()
         try:
             head = formation_leader(self.statuses(), name)
         except RegroupError as error:
             raise RefusedError(str(error)) from None
-        return self.swap(head, name, announce)
+        return self.swap(head, name)
 
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles that are not armed yet and wait until their agents know."""

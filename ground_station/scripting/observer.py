@@ -136,14 +136,11 @@ class Observer:
 
             self._latency = LatencyWatch(self.session, offset)
 
-    def watch_motion(self) -> None:
+    def watch_motion(self) -> Motion:
         """Subscribe to every pose and plan, so that states include them: for pages that draw.
 
         They are a hundred messages a second of each vehicle, from every host to this one.
         """
-        self._motion_watch()
-
-    def _motion_watch(self) -> Motion:
         with self._watching:
             if self._motion is None:
                 poses = self.session.subscribe_all(channels.POSE)
@@ -153,7 +150,7 @@ class Observer:
 
     def _moving_state_of(self, name: str, complete: Callable[[VehicleState], bool]) -> VehicleState:
         """State of a vehicle with its motion; waits until it is complete if the subscription is new."""
-        left_s = self._motion_watch().since_s + FIRST_MOTION_S - self.session.clock()
+        left_s = self.watch_motion().since_s + FIRST_MOTION_S - self.session.clock()
         if left_s > 0:
             self._notifier.wait_until(lambda: complete(self.state_of(name)), left_s)
         return self.state_of(name)
@@ -238,7 +235,7 @@ class Observer:
     def followers(self, name: str) -> list[str]:
         """Vehicles that follow a vehicle now, by plans that are newer than this call."""
         from_s = self.session.clock() + UNDER_WAY_S
-        inboxes = self._motion_watch().plans.inboxes
+        inboxes = self.watch_motion().plans.inboxes
 
         def new_plans() -> dict[str, Plan]:
             return {

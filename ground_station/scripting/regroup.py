@@ -66,11 +66,6 @@ def role(links: Sequence[LeaderLink]) -> str:
     return f"follows {', '.join(link.leader for link in links)}" if links else "leads"
 
 
-def change_lines(change: Change, before: Change) -> list[str]:
-    """A line for each vehicle that gets other leaders: its next and its present role."""
-    return [f"{name} {role(links)}; now it {role(before[name])}" for name, links in change.items()]
-
-
 def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
     """The leader of the whole formation in which a vehicle flies.
 

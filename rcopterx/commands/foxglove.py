@@ -1,9 +1,7 @@
 """A running fleet in Foxglove or PlotJuggler: `foxglove`."""
 
-import json
 from contextlib import suppress
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Annotated, Final
 
 import typer
@@ -19,25 +17,18 @@ def foxglove(
     port: Annotated[
         int, typer.Option(metavar="PORT", min=1, max=65535, help="Port of the WebSocket server.")
     ] = PORT,
-    layout: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Only write a layout of Foxglove for this fleet."),
-    ] = None,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Serve a running fleet to Foxglove or PlotJuggler on this computer until Ctrl-C."""
     if find_spec("foxglove") is None:
         raise failure(f"this needs the SDK of Foxglove: {INSTALL}")
-    from rcopterx.ground_station.foxglove.layout import layout_of
     from rcopterx.ground_station.foxglove.live import FoxgloveServer
 
-    with running_fleet(fleet) as running:
-        if layout is not None:
-            text = json.dumps(layout_of(list(running.file.vehicles)), indent=2)
-            layout.write_text(text, encoding="utf-8")
-            typer.echo(f"layout: {layout}")
-            return
-        with FoxgloveServer(running.file, running.session, port) as server, suppress(KeyboardInterrupt):
-            typer.echo(f"{server.address}  (open it in Foxglove; Ctrl-C ends the server, the fleet flies on)")
-            while True:
-                server.serve(WAIT_S)
+    with (
+        running_fleet(fleet) as running,
+        FoxgloveServer(running.file, running.session, port) as server,
+        suppress(KeyboardInterrupt),
+    ):
+        typer.echo(f"{server.address}  (open it in Foxglove; Ctrl-C ends the server, the fleet flies on)")
+        while True:
+            server.serve(WAIT_S)

@@ -80,16 +80,9 @@ def inject(
     fault: Annotated[str | None, typer.Argument(metavar="FAULT", help="Fault to inject, see --list.")] = None,
     fields: Annotated[
         list[str] | None,
-        typer.Argument(metavar="FIELD=VALUE", help="Other fields of the fault, for instance frames=20."),
-    ] = None,
-    subject: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Subject of the Tracker, or vehicle of the fleet.")
-    ] = None,
-    other: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The second subject or vehicle, if a fault has two.")
-    ] = None,
-    seconds: Annotated[
-        float | None, typer.Option(metavar="SECONDS", min=0, help="Duration. Default: until 'recover'.")
+        typer.Argument(
+            metavar="FIELD=VALUE", help="Fields of the fault, for instance subject=h2 duration_s=0.2."
+        ),
     ] = None,
     scenario: Annotated[
         Path | None, typer.Option(metavar="FILE", help="TOML file with faults and their times.")
@@ -111,9 +104,8 @@ def inject(
         file, _ = wanted_fleet(fleet)
         if file.simulator is None:
             raise FleetError(f"{file.name} flies hardware: there is no simulator for faults")
-        options = {"subject": subject, "other": other, "duration_s": seconds}
         try:
-            lines = _wanted(file, fault, fields or [], options, scenario)
+            lines = _wanted(file, fault, fields or [], scenario)
         except ScenarioError as error:
             raise FleetError(str(error)) from None
     with running_fleet(fleet) as running:
@@ -129,7 +121,6 @@ def _wanted(
     file: "FleetFile",
     fault: str | None,
     fields: Sequence[str],
-    options: dict[str, str | float | None],
     scenario: Path | None,
 ) -> tuple["TimedFault", ...]:
     """Faults of the command line; names of vehicles are replaced by their subjects where needed."""
@@ -142,11 +133,7 @@ def _wanted(
         return read_scenario(scenario)
     if fault is None:
         raise ScenarioError("a fault is missing, see --list")
-    values = dict(field_from(text) for text in fields) | {
-        name: value for name, value in options.items() if value is not None
-    }
-    if fault in ("break_radio", "break_vehicle") and "subject" in values:
-        values["vehicle"] = values.pop("subject")
+    values = dict(field_from(text) for text in fields)
     subjects = {vehicle.subject for vehicle in file.vehicles.values()}
     for name in ("subject", "other"):
         named = values.get(name)

@@ -115,15 +115,13 @@ def swap(
 ) -> None:
     """Exchange the roles of two vehicles, for instance leader and follower; all keep their places."""
     with running_fleet(fleet, [first, second]) as running:
-        running.swap(first, second, _announce)
-        typer.echo("done")
+        typer.echo("\n".join(running.swap(first, second)))
 
 
 def promote(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
     """Make a vehicle the leader of its whole formation; all keep their places."""
     with running_fleet(fleet, [vehicle]) as running:
-        running.promote(vehicle, _announce)
-        typer.echo("done")
+        typer.echo("\n".join(running.promote(vehicle)))
 
 
 def move(
@@ -136,11 +134,6 @@ def move(
         running.wait_for_status([vehicle])
         running[vehicle].move(to)
         typer.echo(f"the agent of {vehicle} runs on {to}")
-
-
-def _announce(changes: list[str]) -> None:
-    """Print a change of roles before it happens."""
-    typer.echo("\n".join(changes))
 
 
 def tune(

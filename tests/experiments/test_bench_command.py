@@ -34,7 +34,7 @@ def test_bench_prints_the_document(asked: list[tuple[Any, ...]]) -> None:
     assert result.exit_code == 0, result.output
     assert asked == [((10, 50), 7, 3)]
     assert json.loads(result.stdout)["horizons"]["50"]["cascade"]["max_ms"] == 3.0
-    assert "bench solver: timing" in result.stderr
+    assert result.stderr.startswith("bench solver: ")
 
 
 def test_bench_measures_the_horizons_of_the_papers_figure(asked: list[tuple[Any, ...]]) -> None:

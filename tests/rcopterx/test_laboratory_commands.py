@@ -87,7 +87,7 @@ def test_recording_is_played_to_who_connects_and_the_command_ends(tmp_path: Path
         with DataStreamClient("127.0.0.1", int(found[1]), limits=PATIENT) as client:
             wait_for(lambda: client.next_frame(0.01) is None and _heard(client) > 15, "not played")
             assert process.wait(DEADLINE_S) == 0
-        assert "connection 1 of 1" in (process.stdout.read() if process.stdout else "")
+        assert "connection 1 of 1" in process.stderr.read()
     finally:
         process.kill()
         process.wait()
@@ -141,12 +141,12 @@ def up(bus_address: BusAddress, tmp_path: Path) -> str:
 @pytest.mark.parametrize(
     ("words", "fault"),
     [
-        (("silence", "--seconds", "0.5"), Silence(duration_s=0.5)),
-        (("occlude", "--subject", "heli1"), Occlude("heli1")),
-        (("occlude", "--subject", "h2", "--seconds", "1"), Occlude("heli2", duration_s=1.0)),
-        (("swap-subjects", "--subject", "h1", "--other", "heli2"), SwapSubjects("heli1", "heli2")),
-        (("add_subject", "--subject", "ghost", "position_m=[0,1,2]"), AddSubject("ghost", (0.0, 1.0, 2.0))),
-        (("break_radio", "--subject", "h2", "condition=off"), BreakRadio("h2", "off")),
+        (("silence", "duration_s=0.5"), Silence(duration_s=0.5)),
+        (("occlude", "subject=heli1"), Occlude("heli1")),
+        (("occlude", "subject=h2", "duration_s=1"), Occlude("heli2", duration_s=1.0)),
+        (("swap-subjects", "subject=h1", "other=heli2"), SwapSubjects("heli1", "heli2")),
+        (("add_subject", "subject=ghost", "position_m=[0,1,2]"), AddSubject("ghost", (0.0, 1.0, 2.0))),
+        (("break_radio", "vehicle=h2", "condition=off"), BreakRadio("h2", "off")),
     ],
 )
 def test_fault_of_the_command_line_reaches_the_simulator(
@@ -173,7 +173,7 @@ def test_scenario_file_reaches_the_simulator_as_a_whole(
 
 def test_refusal_of_the_simulator_is_told(up: str, simulator: ScriptedSimulator) -> None:
     simulator.refusal = "no subject 'heli9'; tracked are 'heli1', 'heli2'"
-    result = run("inject", "occlude", "--subject", "heli9", "-f", up)
+    result = run("inject", "occlude", "subject=heli9", "-f", up)
     assert (result.exit_code, result.stderr) == (1, f"error: refused: {simulator.refusal}\n")
 
 
@@ -183,9 +183,9 @@ def test_refusal_of_the_simulator_is_told(up: str, simulator: ScriptedSimulator)
         ((), "a fault is missing, see --list"),
         (("explode",), "unknown fault 'explode', known are close, reset, wrong_magic"),
         (("occlude",), "occlude: object missing required field `subject`"),
-        (("close", "--seconds", "1"), "close: unknown field 'duration_s', allowed are none"),
+        (("close", "duration_s=1"), "close: unknown field 'duration_s', allowed are none"),
         (("burst", "frames"), "'frames': must be FIELD=VALUE"),
-        (("set_quality", "--subject", "h1", "quality=2"), "set_quality: expected `float` <= 1.0"),
+        (("set_quality", "subject=h1", "quality=2"), "set_quality: expected `float` <= 1.0"),
         (("close", "--scenario", "x.toml"), "either a fault or --scenario"),
         (("--scenario", "nowhere.toml"), "nowhere.toml: cannot be read: No such file or directory"),
     ],

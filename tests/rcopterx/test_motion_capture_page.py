@@ -23,7 +23,6 @@ COMMANDS = [
     if row
     for command in re.findall(r"`([^`]+)`", row.split("|")[2])
 ]
-OPTIONS = {"--subject": "subject", "--other": "other", "--seconds": "duration_s"}
 
 
 def test_every_fault_is_in_the_table() -> None:
@@ -33,13 +32,7 @@ def test_every_fault_is_in_the_table() -> None:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_command_of_the_table_is_a_fault(command: str) -> None:
     kind, *words = shlex.split(command)
-    values: dict[str, object] = {}
-    while words:
-        word = words.pop(0)
-        values |= {OPTIONS[word]: words.pop(0)} if word in OPTIONS else dict([field_from(word)])
-    if kind in ("break_radio", "break_vehicle"):
-        values["vehicle"] = values.pop("subject")
-    fault_from(kind, values)
+    fault_from(kind, dict(field_from(word) for word in words))
 
 
 def blocks(language: str) -> list[str]:
