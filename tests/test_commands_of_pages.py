@@ -17,8 +17,8 @@ from rcopterx.command_line import app
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / ".github").rglob("*.md")])
-HISTORY = ("CHANGELOG.md",)
-"""Pages that name commands of earlier versions."""
+HISTORY = ("CHANGELOG.md", "commands.md")
+"""Pages that name commands of earlier versions, and the generated usage of all commands."""
 BLOCK = re.compile(r"^ *```(?:sh|console|bash)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 UNMARKED = re.compile(r"^```\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`((?:rcopterx|make|pytest|python) [^`]+)`")

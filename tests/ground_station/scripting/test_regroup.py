@@ -16,7 +16,6 @@ from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Reply, Request,
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.ground_station.scripting.regroup import (
     RegroupError,
-    change_lines,
     formation_leader,
     regroup,
     swapped,
@@ -223,14 +222,3 @@ def test_the_head_of_a_formation_is_found_and_ambiguity_told() -> None:
     two = {"h1": status(()), "h2": status(()), "h3": status((link("h1", 1.0), link("h2", 1.0)))}
     with pytest.raises(RegroupError, match="several leaders at the head: h3 follows h1; h3 follows h2"):
         formation_leader(two, "h3")
-
-
-def test_a_change_is_told_with_what_was_before() -> None:
-    change, _ = swapped(STATUSES, "h1", "h3")
-    lines = change_lines(change, {name: STATUSES[name].assigned for name in change})
-    assert lines == [
-        "h3 leads; now it follows h1",
-        "h1 follows h3; now it leads",
-        "h2 follows h3; now it follows h1",
-        "h4 follows h1; now it follows h3",
-    ]
