@@ -9,6 +9,7 @@ from rcopterx.agents.guards.time_limit import Overtime
 from rcopterx.bus import channels
 from rcopterx.bus.codec import RejectedError, decode, encode
 from rcopterx.bus.log_messages import AgentSteps, AnsweredRequest, RoundedEstimate
+from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Command, Lease, Plan
 from rcopterx.bus.stepping import REQUEST
 from rcopterx.fleet.schema import FleetFile
@@ -76,61 +77,50 @@ class RecordedAgent:
 def recorded_agent(parts: Sequence[Path], vehicle: str) -> RecordedAgent:
     """Read the agent of a vehicle from the files of a flight, in order; raises FlightLogError."""
     contents = Contents()
-    own = _OwnMessages(vehicle)
-    for path in parts:
-        for message in messages_of(path, contents):
-            own.take(message.topic, message.payload)
+    own = _own_messages(parts, vehicle, contents)
     fleet = fleet_of(parts)
     if vehicle not in fleet.vehicles:
         raise FlightLogError(f"{vehicle}: no such vehicle, the flight has {', '.join(fleet.vehicles)}")
     if not own.steps:
         raise FlightLogError(f"{vehicle}: the flight log has no steps of its agent")
-    payloads = _payloads(parts, own)
-    lives = _lives(own, payloads)
+    lives = _lives(own, _payloads(parts, own))
     return RecordedAgent(vehicle, fleet, contents.metadata.get(METADATA, {}), lives)
 
 
+@dataclass
 class _OwnMessages:
     """Messages of an agent, and requests to it."""
 
-    def __init__(self, vehicle: str) -> None:
-        self.lease_topic = f"{vehicle}/{channels.LEASE.topic}"
-        self._topics = {
-            f"{vehicle}/{channel.topic}": take
-            for channel, take in (
-                (channels.AGENT_STEPS, self._steps),
-                (channels.ANSWERED, self._answered),
-                (channels.COMMAND, self._command),
-                (channels.PLAN, self._plan),
-            )
-        }
-        self.steps: list[AgentSteps] = []
-        self.requests: dict[tuple[str, int], bytes] = {}
-        self.commands: dict[tuple[int, int], bytes] = {}
-        self.plans: dict[Frame, list[bytes]] = {}
+    lease_topic: str
+    steps: list[AgentSteps] = field(default_factory=list)
+    requests: dict[tuple[str, int], bytes] = field(default_factory=dict)
+    commands: dict[tuple[int, int], bytes] = field(default_factory=dict)
+    plans: dict[Frame, list[bytes]] = field(default_factory=dict)
 
-    def take(self, topic: str, payload: bytes) -> None:
-        take = self._topics.get(topic)
-        if take is not None:
-            try:
-                take(payload)
-            except RejectedError as error:
-                raise FlightLogError(f"{topic}: of another version: {error}") from None
+    def add(self, message: Message, payload: bytes) -> None:
+        match message:
+            case AgentSteps():
+                self.steps.append(message)
+            case AnsweredRequest():
+                self.requests[f"{REQUEST}/{message.verb}", zlib.crc32(message.request)] = message.request
+            case Command():
+                self.commands[message.lease, message.sequence] = payload
+            case Plan():
+                self.plans.setdefault((message.epoch, message.frame), []).append(payload)
 
-    def _steps(self, payload: bytes) -> None:
-        self.steps.append(decode(payload, AgentSteps))
 
-    def _answered(self, payload: bytes) -> None:
-        answered = decode(payload, AnsweredRequest)
-        self.requests[f"{REQUEST}/{answered.verb}", zlib.crc32(answered.request)] = answered.request
-
-    def _command(self, payload: bytes) -> None:
-        command = decode(payload, Command)
-        self.commands[command.lease, command.sequence] = payload
-
-    def _plan(self, payload: bytes) -> None:
-        plan = decode(payload, Plan)
-        self.plans.setdefault((plan.epoch, plan.frame), []).append(payload)
+def _own_messages(parts: Sequence[Path], vehicle: str, contents: Contents) -> _OwnMessages:
+    own = _OwnMessages(f"{vehicle}/{channels.LEASE.topic}")
+    needed = (channels.AGENT_STEPS, channels.ANSWERED, channels.COMMAND, channels.PLAN)
+    kinds = {f"{vehicle}/{channel.topic}": channel.message for channel in needed}
+    for path in parts:
+        for topic, payload, *_ in messages_of(path, contents):
+            if topic in kinds:
+                try:
+                    own.add(decode(payload, kinds[topic]), payload)
+                except RejectedError as error:
+                    raise FlightLogError(f"{topic}: of another version: {error}") from None
+    return own
 
 
 def _payloads(parts: Iterable[Path], own: _OwnMessages) -> dict[tuple[str, int], bytes]:

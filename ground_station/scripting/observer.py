@@ -327,13 +327,13 @@ class Observer:
         NotReachedError
             They were not within `timeout_s`; says what is missing of each.
         """
-
-        def problem(state: VehicleState) -> str:
-            if names is None and not state.assigned:
-                return ""
-            return formation_problem(state, tolerance_m)
-
-        self._wait_for_places(names, problem, timeout_s, "no formation")
+        self._wait_for_places(
+            names,
+            lambda state: formation_problem(state, tolerance_m),
+            timeout_s,
+            "no formation",
+            followers=True,
+        )
 
     def wait_for_arrival(
         self, names: Iterable[str] | None = None, tolerance_m: float = 0.1, timeout_s: float = 15.0
@@ -345,18 +345,22 @@ class Observer:
         NotReachedError
             They were not within `timeout_s`; says how far each one is away.
         """
-
-        def problem(state: VehicleState) -> str:
-            if names is None and state.assigned:
-                return ""
-            return arrival_problem(state, tolerance_m)
-
-        self._wait_for_places(names, problem, timeout_s, "not there")
+        self._wait_for_places(
+            names, lambda state: arrival_problem(state, tolerance_m), timeout_s, "not there", followers=False
+        )
 
     def _wait_for_places(
-        self, names: Iterable[str] | None, problem: Callable[[VehicleState], str], timeout_s: float, what: str
+        self,
+        names: Iterable[str] | None,
+        problem: Callable[[VehicleState], str],
+        timeout_s: float,
+        what: str,
+        followers: bool,
     ) -> None:
-        """Wait until states that were reported after this call show no problem of any vehicle."""
+        """Wait until states that were reported after this call show no problem of any vehicle.
+
+        Without names these are all followers, or all vehicles that do not follow.
+        """
         wanted = self.present() if names is None else list(names)
         from_s = self.session.clock() + UNDER_WAY_S
 
@@ -364,7 +368,7 @@ class Observer:
             state = self.state_of(name)
             if state.agent_age_s is None or self.session.clock() - state.agent_age_s < from_s:
                 return f"{name}: agent not responding"
-            return problem(state)
+            return "" if names is None and bool(state.assigned) != followers else problem(state)
 
         self._wait_for_none(lambda: [line for name in wanted if (line := problem_of(name))], timeout_s, what)
 

@@ -11,7 +11,7 @@ import typer
 
 from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, failure, user_errors
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, check_plot, print_document, write_plot
-from rcopterx.commands.parsing import different_numbers
+from rcopterx.commands.parsing import check_known, different_numbers
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -19,18 +19,13 @@ RoundsOption = Annotated[int, typer.Option(metavar="N", min=1, help="Measurement
 SecondsOption = Annotated[float, typer.Option(metavar="S", min=1, max=3600, help="Duration of each flight.")]
 HorizonOption = Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")]
 
+CUTS_S = (0.1, 0.3, 1.0, 3.0)
 COLUMNS = ("mean_ms", "p99_ms", "p999_ms", "max_ms", "error")
 
 
 @app.callback()
 def bench() -> None:
     """Measure speed, side by side with peers."""
-
-
-def _path(fleet: str) -> Path:
-    from rcopterx.fleet.shipped import fleet_path
-
-    return fleet_path(fleet)
 
 
 @contextmanager
@@ -88,9 +83,10 @@ def restart(
 ) -> None:
     """Kill agents, router and Vicon gateway in flight, and time how soon the vehicles are flown again."""
     from rcopterx.benchmarks.restart import run
+    from rcopterx.fleet.shipped import fleet_path
 
     with _errors():
-        print_document(run(_path(fleet), rounds, Progress("bench restart").say), as_json)
+        print_document(run(fleet_path(fleet), rounds, Progress("bench restart").say), as_json)
 
 
 @app.command()
@@ -137,8 +133,7 @@ def cost(
     from rcopterx.benchmarks.cost import TRIALS, run, table
 
     names = only.split(",")
-    if unknown := [name for name in names if name not in TRIALS]:
-        raise typer.BadParameter(f"{unknown[0]}: there are {', '.join(TRIALS)}", param_hint="--only")
+    check_known(names, TRIALS, "trial", "--only")
     with _errors():
         document = run(against, names, rounds, Progress("bench cost").say)
     print_document(document, as_json, lambda found: "\n".join(table(found)))
@@ -148,16 +143,12 @@ def cost(
 def links(
     as_json: JsonOption = False,
     rounds: RoundsOption = 5,
-    cuts: Annotated[
-        str, typer.Option("--cuts-ms", metavar="MS,MS,...", help="Lengths of the cuts, in milliseconds.")
-    ] = "100,300,1000,3000",
 ) -> None:
     """Cut the link of two hosts, and time how soon both directions carry data again. Needs root."""
     from rcopterx.benchmarks.links import run
 
-    cuts_s = [cut_ms / 1e3 for cut_ms in different_numbers(cuts, "--cuts-ms", lowest=1, highest=60_000)]
     with _errors():
-        document = run(cuts_s, rounds, Progress("bench links").say)
+        document = run(CUTS_S, rounds, Progress("bench links").say)
     print_document(document, as_json, _link_lines)
 
 

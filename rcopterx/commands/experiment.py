@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, check_plot, print_document, write_plot
-from rcopterx.commands.parsing import different_numbers
+from rcopterx.commands.parsing import check_known, different_numbers
 from rcopterx.simulator.conditions import PRESETS
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from rcopterx.experiments.runner import Experiment
 
 QUICK_SEEDS = 2
-QUICK_HELP = "Short flights, as a test; their figures mean little."
 
 
 def experiment(
@@ -23,12 +22,9 @@ def experiment(
     as_json: JsonOption = False,
     plot: PlotOption = None,
     seeds: Annotated[
-        str | None,
-        typer.Option(
-            metavar="N,N,...", help="Seeds, one flight each. Default: from 0, for drawn helicopters from 100."
-        ),
+        str | None, typer.Option(metavar="N,N,...", help="Seeds, one flight each. Default: consecutive ones.")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help=QUICK_HELP)] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Short flights, as a test.")] = False,
     processes: Annotated[
         int, typer.Option(metavar="N", min=1, help="Processor cores to use; results do not depend on it.")
     ] = 1,
@@ -64,21 +60,13 @@ def experiment(
         for row in EXPERIMENTS.values():
             typer.echo(f"{row.name:12} {row.title}")
         return
-    if name not in EXPERIMENTS:
-        raise typer.BadParameter(
-            f"unknown experiment {name!r}, known are {', '.join(EXPERIMENTS)}", param_hint="NAME"
-        )
-    if conditions is not None and conditions not in PRESETS:
-        raise typer.BadParameter(
-            f"unknown preset {conditions!r}, known are {', '.join(PRESETS)}", param_hint="--conditions"
-        )
+    check_known([name], EXPERIMENTS, "experiment", "NAME")
     chosen = EXPERIMENTS[name]
     presets = list(chosen.flights) if conditions is None else [conditions]
+    check_known(presets, PRESETS, "preset", "--conditions")
     numbers = None if seeds is None else different_numbers(seeds, "--seeds")
-    levels = knowledge_levels(knowledge, chosen)
-    check_plot(plot)
-    if plot is not None and chosen.draw is None:
-        raise typer.BadParameter(f"{name} has no figure", param_hint="--plot")
+    levels = _levels(knowledge, chosen)
+    _check_figure(chosen, plot)
     documents, progress = {}, Progress(name)
     for preset in presets:
         try:
@@ -94,11 +82,16 @@ def experiment(
         if plot is not None and chosen.draw is not None:
             path = plot if len(presets) == 1 else plot.with_stem(f"{plot.stem}_{preset}")
             write_plot(partial(chosen.draw, result), path)
-    document = documents if len(presets) > 1 else documents[presets[0]]
-    print_document(document, as_json)
+    print_document(documents if len(presets) > 1 else documents[presets[0]], as_json)
 
 
-def knowledge_levels(chosen: str | None, row: "Experiment[Any]") -> "tuple[Knowledge, ...]":
+def _check_figure(row: "Experiment[Any]", plot: Path | None) -> None:
+    check_plot(plot)
+    if plot is not None and row.draw is None:
+        raise typer.BadParameter(f"{row.name} has no figure", param_hint="--plot")
+
+
+def _levels(chosen: str | None, row: "Experiment[Any]") -> "tuple[Knowledge, ...]":
     """Levels of knowledge that the command names, in the usual order; all by default."""
     from rcopterx.experiments.knowledge import LEVELS
 
@@ -107,7 +100,5 @@ def knowledge_levels(chosen: str | None, row: "Experiment[Any]") -> "tuple[Knowl
     if not row.compares_knowledge:
         raise typer.BadParameter(f"{row.name} does not compare it", param_hint="--knowledge")
     names = [name.strip() for name in chosen.split(",")]
-    if unknown := [name for name in names if name not in LEVELS]:
-        known = ", ".join(LEVELS)
-        raise typer.BadParameter(f"unknown {unknown[0]!r}, known are {known}", param_hint="--knowledge")
+    check_known(names, LEVELS, "level", "--knowledge")
     return tuple(level for level in LEVELS if level in names)

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rcopterx.commands.fault_flights import FlightOptions, fly_chaos, fly_faults, list_faults
-from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
+from rcopterx.commands.fleet_option import EXIT_FAILED, RunningFleetOption, running_fleet, user_errors
 from rcopterx.commands.launch import RecordOption, interruptible
 from rcopterx.commands.output import JsonOption, Progress, print_document
+from rcopterx.commands.parsing import check_known
 
 if TYPE_CHECKING:
     from rcopterx.experiments.flight import Manoeuvre
@@ -30,17 +31,13 @@ def fly(
         list[str] | None,
         typer.Argument(metavar="NAME", help="Manoeuvres, or with --faults faults; see --list."),
     ] = None,
-    fleet: Annotated[
-        str | None,
+    fleet: RunningFleetOption = None,
+    start: Annotated[
+        bool,
         typer.Option(
-            "--fleet",
-            "-f",
-            metavar="FLEET",
-            help="Fleet file (TOML), or name of a shipped one. Default: the fleet that is up on this "
-            "computer; with --up the fleet of the manoeuvre.",
+            "--up", help="Start a fleet first, by default that of the manoeuvre; stop it at the end."
         ),
-    ] = None,
-    start: Annotated[bool, typer.Option("--up", help="Start the fleet first, stop it afterwards.")] = False,
+    ] = False,
     every: Annotated[bool, typer.Option("--all", help="Fly every manoeuvre that the fleet can fly.")] = False,
     faults: Annotated[
         bool,
@@ -120,11 +117,7 @@ def _chosen(names: Sequence[str], every: bool) -> list["Manoeuvre"]:
         return list(MANOEUVRES.values())
     if not names:
         raise typer.BadParameter("name a manoeuvre, or say --all or --faults", param_hint="NAME")
-    for name in names:
-        if name not in MANOEUVRES:
-            raise typer.BadParameter(
-                f"unknown manoeuvre {name!r}, known are {', '.join(MANOEUVRES)}", param_hint="NAME"
-            )
+    check_known(names, MANOEUVRES, "manoeuvre", "NAME")
     return [MANOEUVRES[name] for name in names]
 
 

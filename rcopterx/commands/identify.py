@@ -34,17 +34,10 @@ def identify(
         float, typer.Option(metavar="SECONDS", min=20, max=300, help="Duration of the excitation.")
     ] = 70.0,
     strength: Annotated[
-        float,
-        typer.Option(metavar="FRACTION", min=0.1, max=2, help="Fraction of the usual excitation."),
+        float, typer.Option(metavar="FRACTION", min=0.1, max=2, help="Fraction of the usual excitation.")
     ] = 1.0,
     reach: Annotated[
-        float,
-        typer.Option(
-            metavar="METRES",
-            min=0.1,
-            max=2,
-            help="Largest distance from the set point; beyond it the excitation stops.",
-        ),
+        float, typer.Option(metavar="METRES", min=0.1, max=2, help="Largest distance from the set point.")
     ] = 0.4,
     from_file: Annotated[
         Path | None, typer.Option("--from", metavar="FILE", help="Fit a recorded flight instead of flying.")
@@ -67,7 +60,6 @@ def identify(
     from rcopterx.control.identification import fit
     from rcopterx.control.identification.recording import load_recording
     from rcopterx.fleet.vehicle_models import model_of
-    from rcopterx.ground_station.identification.identification import excited_flight
 
     say = partial(typer.echo, err=as_json)
     with user_errors():
@@ -76,20 +68,8 @@ def identify(
         known_vehicles(file.vehicles, [vehicle])
         known = model_of(file, vehicle)
     try:
-        if from_file is not None:
-            recording = load_recording(from_file)
-        else:
-            with running_fleet(fleet) as running:
-                running.wait_for_status([vehicle])
-                say(f"{vehicle}: excitation for {seconds:g} s")
-                recording = excited_flight(
-                    running,
-                    vehicle,
-                    seconds,
-                    strength,
-                    reach,
-                    lambda left_s: say(f"{vehicle}: {left_s:.0f} s left"),
-                )
+        excitation = (seconds, strength, reach)
+        recording = load_recording(from_file) if from_file else _flown(vehicle, fleet, excitation, say)
         if save is not None:
             recording.save(save)
             say(f"recording: {save}")
@@ -103,6 +83,19 @@ def identify(
         raise failure(*(f"{vehicle}: {problem}" for problem in found.problems))
     if path is not None:
         _write(path, vehicle, found.model, say)
+
+
+def _flown(
+    vehicle: str, fleet: str | None, excitation: tuple[float, float, float], say: Callable[[str], None]
+) -> "FlightRecording":
+    from rcopterx.ground_station.identification.identification import excited_flight
+
+    with running_fleet(fleet) as running:
+        running.wait_for_status([vehicle])
+        say(f"{vehicle}: excitation for {excitation[0]:g} s")
+        return excited_flight(
+            running, vehicle, *excitation, lambda left_s: say(f"{vehicle}: {left_s:.0f} s left")
+        )
 
 
 def _own_file(fleet: str | None) -> Path:

@@ -1,6 +1,6 @@
 """Numbers and settings on the command line."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import TYPE_CHECKING
 
 import typer
@@ -16,6 +16,14 @@ def three(text: str) -> tuple[float, float, float]:
     except ValueError:
         raise typer.BadParameter(f"{text!r}: three numbers separated by commas are needed") from None
     return x, y, z
+
+
+def check_known(names: Iterable[str], known: Collection[str], what: str, option: str) -> None:
+    """Raise a usage error for the first unknown name; `what` and `option` are for its message."""
+    for name in names:
+        if name not in known:
+            message = f"unknown {what} {name!r}, known are {', '.join(known)}"
+            raise typer.BadParameter(message, param_hint=option)
 
 
 def different_numbers(text: str, option: str, lowest: int = 0, highest: int | None = None) -> tuple[int, ...]:

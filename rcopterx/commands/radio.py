@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands.fleet_option import FleetOption
+from rcopterx.commands.parsing import check_known
 
 Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]
 STEPS = ("signs", "throttle", "trim")
@@ -79,9 +80,7 @@ def calibrate(
     The steps signs and throttle need the fleet down; trim needs the vehicle hovering.
     """
     steps = step or ["signs", "throttle"]
-    for name in steps:
-        if name not in STEPS:
-            raise typer.BadParameter(f"{name!r}: allowed are {', '.join(STEPS)}", param_hint="--step")
+    check_known(steps, STEPS, "step", "--step")
     from rcopterx.commands.fleet_option import user_errors
     from rcopterx.commands.radio_bench import (
         Dialogue,

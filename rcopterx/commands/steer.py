@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet, vehicles_beginning
-from rcopterx.commands.parsing import settings_of, three
+from rcopterx.commands.parsing import check_known, settings_of, three
 
 Vehicles = Annotated[
     list[str] | None,
@@ -92,8 +92,7 @@ def follow(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Follow the plan of another vehicle, in flight or on the floor."""
-    if frame not in ("inertial", "heading"):
-        raise typer.BadParameter(f"{frame!r}: allowed are inertial, heading", param_hint="--frame")
+    check_known([frame], ("inertial", "heading"), "frame", "--frame")
     if vehicle == leader:
         raise typer.BadParameter(f"{vehicle} cannot follow itself, name another vehicle", param_hint="LEADER")
     offset_m = three(offset)

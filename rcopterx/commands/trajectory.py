@@ -10,7 +10,7 @@ import typer
 
 from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet
 from rcopterx.commands.output import PlotOption, check_plot, write_plot
-from rcopterx.commands.parsing import three
+from rcopterx.commands.parsing import check_known, three
 from rcopterx.commands.steer import Vehicle
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def trajectory(
     from rcopterx.control.references.path_shapes import circle, figure_eight, spiral, through
     from rcopterx.control.references.paths import PathError
 
+    check_known([shape], SHAPES, "shape", "SHAPE")
     middle = three(center)
     try:
         if shape == "circle":
@@ -55,10 +56,8 @@ def trajectory(
         elif shape == "spiral":
             ends = (radius, radius if end_radius is None else end_radius)
             path = spiral(middle, ends, climb, period, turns, heading)
-        elif shape == "waypoints":
-            path = through(_waypoints(file))
         else:
-            raise typer.BadParameter(f"{shape!r}: allowed are {', '.join(SHAPES)}", param_hint="SHAPE")
+            path = through(_waypoints(file))
     except PathError as error:
         raise typer.BadParameter(str(error)) from None
     if plot is not None:

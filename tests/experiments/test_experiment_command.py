@@ -139,7 +139,10 @@ def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
         (["tea"], "known are hover, formation, preview, chain"),
         (["hover", "--seeds", "1,x"], "different whole numbers"),
         (["hover", "--seeds", "1,1"], "different whole numbers"),
-        (["family", "--knowledge", "default,guessed"], "unknown 'guessed', known are default, identified"),
+        (
+            ["family", "--knowledge", "default,guessed"],
+            "unknown level 'guessed', known are default, identified",
+        ),
         (["hover", "--knowledge", "exact"], "hover does not compare it"),
         (["family", "--resume", "/nowhere/flights.jsonl"], "No such file or directory"),
         (["hover", "--plot", "figure.doc"], "allowed endings"),

@@ -100,7 +100,7 @@ def test_manoeuvres_are_listed() -> None:
         (("takeoff", "--height", "0"), "--height"),
         (("takeoff", "--height", "high"), "Invalid value for '--height'"),
         (("demo", "--seconds", "0"), "--seconds"),
-        (("follow", "h2", "h1", "--frame", "body"), "'body': allowed are inertial, heading"),
+        (("follow", "h2", "h1", "--frame", "body"), "unknown frame 'body', known are inertial, heading"),
         (("arm", "--colour", "red"), "No such option"),
         (("agent",), "Missing argument 'VEHICLE'"),
         (("disarm",), "name the vehicles, or give --all"),

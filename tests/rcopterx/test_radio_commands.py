@@ -270,7 +270,7 @@ def test_dialogue_that_breaks_off_changes_nothing_and_ends_on_throttle_low(
     ("words", "message"),
     [
         (("calibrate", "h9"), "h9"),
-        (("calibrate", "h2", "--step", "blades"), "allowed are signs, throttle, trim"),
+        (("calibrate", "h2", "--step", "blades"), "unknown step 'blades'"),
     ],
 )
 def test_wrong_options_are_refused(laboratory: Laboratory, words: tuple[str, ...], message: str) -> None:
