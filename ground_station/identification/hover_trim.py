@@ -6,14 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from rcopterx.bus import channels
+from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.observer import Observer
 
 STEADY = 0.02
 """Mean input below which a vehicle counts as trimmed."""
 MOST_SPREAD = 0.2
 FEWEST_PER_S = 20
-READ_S = 0.2
-"""Between two reads of the inbox, which holds five seconds of messages."""
 
 
 class HoverError(RuntimeError):
@@ -25,17 +24,11 @@ def measured_hover(observer: Observer, vehicle: str, seconds: float) -> tuple[fl
     observer.wait_for_status([vehicle])
     if observer.state_of(vehicle).phase != "flying":
         raise HoverError(f"hover first; it is {observer.state_of(vehicle).phase}")
-    inbox = observer.session.subscribe(channels.APPLIED, vehicle, depth=256)
-    end_s = time.monotonic() + seconds
-    states: list[str] = []
-    inputs: list[Sequence[float]] = []
-    while time.monotonic() < end_s:
-        time.sleep(READ_S)
-        for received in inbox.drain():
-            states.append(received.message.state)
-            inputs.append(received.message.input)
-    inbox.close()
-    return mean_of_hover(states, inputs, seconds)
+    recorder = Recorder(observer.session, only=(channels.APPLIED,))
+    recorder.start()
+    time.sleep(seconds)
+    applied = [message for message, _ in recorder.stop().messages(channels.APPLIED, vehicle)]
+    return mean_of_hover([one.state for one in applied], [one.input for one in applied], seconds)
 
 
 def mean_of_hover(

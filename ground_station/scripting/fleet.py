@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -12,12 +13,10 @@ from rcopterx.agents.formation.placement import Room, take_off_problem
 from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Kill
-from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.fleet.arbiter_limits import limits_of
 from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import load_fleet
-from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.shipped import fleet_path
 from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 from rcopterx.ground_station.scripting.observer import Observer
@@ -54,17 +53,12 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
     Parameters and errors are those of `Observer`.
     """
 
-    def __init__(
-        self,
-        file: FleetFile,
-        host: str | None = None,
-        timeout_s: float = 3.0,
-        clock: Callable[[], float] = monotonic_s,
-    ) -> None:
-        super().__init__(file, host, timeout_s, clock)
-        self.launcher: Launcher | None = None
-        """Launcher of this host's processes, if this program started them (`launched`)."""
-        self._vehicles = {name: Vehicle(self, name) for name in file.vehicles}
+    launcher: "Launcher | None" = None
+    """Launcher of this host's processes, if this program started them (`launched`)."""
+
+    @cached_property
+    def _vehicles(self) -> dict[str, Vehicle]:
+        return {name: Vehicle(self, name) for name in self.file.vehicles}
 
     @classmethod
     def connect(

@@ -1,12 +1,12 @@
 """`deploy`: software, fleet file, certificates and systemd unit for every host, over ssh."""
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, user_errors
+from rcopterx.commands.parsing import check_known
 
 
 def deploy(
@@ -40,7 +40,8 @@ def deploy(
     with user_errors():
         file = fleet_file(fleet)
         text = fleet_path(fleet).read_bytes()
-        for host in _chosen(file.hosts, only or ()):
+        check_known(only or (), file.hosts, "host", "--host")
+        for host in only or file.hosts:
             address = file.hosts[host].address
             run = on(address if user is None else f"{user}@{address}")
             changed = False
@@ -56,12 +57,3 @@ def deploy(
                 typer.echo(f"{host}: while nothing flies: sudo systemctl restart {unit_name(file)}")
     if failed:
         raise typer.Exit(EXIT_FAILED)
-
-
-def _chosen(hosts: Mapping[str, object], only: Sequence[str]) -> list[str]:
-    from rcopterx.fleet.schema import FleetError
-
-    for host in only:
-        if host not in hosts:
-            raise FleetError(f"--host: unknown host {host!r}, known are {', '.join(hosts)}")
-    return [host for host in hosts if not only or host in only]

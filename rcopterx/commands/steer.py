@@ -14,6 +14,10 @@ Vehicles = Annotated[
 ]
 Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE", autocompletion=vehicles_beginning)]
 
+HeightOption = Annotated[
+    float, typer.Option(metavar="METRES", min=0.2, help="Take-off height above the floor in metres.")
+]
+
 
 def arm(vehicles: Vehicles = None, fleet: RunningFleetOption = None) -> None:
     """Arm vehicles: let their agents command the transmitters. Rotors stay still until take-off."""
@@ -48,9 +52,7 @@ def disarm(
 
 def takeoff(
     vehicles: Vehicles = None,
-    height: Annotated[
-        float, typer.Option(metavar="METRES", min=0.2, help="Height above the floor in metres.")
-    ] = 1.0,
+    height: HeightOption = 1.0,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Arm, take off, and wait until the vehicles fly."""
@@ -163,9 +165,7 @@ def tune(
 
 def join(
     vehicle: Vehicle,
-    height: Annotated[
-        float, typer.Option(metavar="METRES", min=0.2, help="Take-off height above the floor in metres.")
-    ] = 1.0,
+    height: HeightOption = 1.0,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Take off with a vehicle that was left out and join its formation; the others fly on."""

@@ -149,7 +149,7 @@ def test_the_status_tells_whom_a_vehicle_follows(
     wait_for(lambda: fleet.state_of("h2").leaders == ("h1",), "the leader is not known")
     status = fleet_status(fleet)
     (link,) = status["vehicles"]["h2"]["agent"]["following"]
-    assert (link["leader"], link["offset_m"], link["frame"]) == ("h1", (1.0, 0.0, 0.0), "inertial")
+    assert (link["leader"], link["offset_m"], link["frame"]) == ("h1", [1.0, 0.0, 0.0], "inertial")
     assert "h2: ground, transmitter disarmed, flown by paper, follows h1" in readable(status, fleet)
 
 
