@@ -6,6 +6,7 @@ those of arrival in this process, which runs on the same host.
 
 import os
 import signal
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,16 +18,19 @@ import numpy as np
 from rcopterx.benchmarks.processes import Show
 from rcopterx.bus import channels
 from rcopterx.deploy.hosts.launcher import Launcher
+from rcopterx.deploy.hosts.run_directory import states_directory
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.ground_station.scripting.waiting import NotReachedError
+from rcopterx.transmitter_gateway.state_page import BOOT_ID, StatePage
 
 SETTLE_S = 3.0
 WATCH_S = 4.0
 SPARE_LIMIT_S = 30.0
+POLL_S = 0.002
 HEIGHT_M = 1.0
 
 
@@ -87,6 +91,7 @@ def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
         raise NotReachedError(f"{victim.process} does not run")
     killed_s = fleet.session.clock()
     os.kill(pid, signal.SIGKILL)
+    silent_ms = without_frames_ms(states_directory(launcher.directory), victim.vehicles, killed_s)
     _wait(fleet, WATCH_S)
     fleet.wait_until(
         lambda: all(fleet.state_of(name).phase == "flying" for name in fleet.file.vehicles),
@@ -99,6 +104,7 @@ def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
     figures = FlightFigures(recording, list(fleet.file.vehicles))
     tables = {name: figures.vehicle(name) for name in fleet.file.vehicles}
     return {
+        "without_frames_ms": silent_ms,
         "flown_again_ms": max(flown_again_ms(recording, name, killed_s) for name in victim.vehicles),
         "deviation_mm": deviation_mm(recording, victim.vehicles, killed_s),
         "deviation_before_mm": deviation_mm(recording, victim.vehicles, killed_s, before=True),
@@ -114,6 +120,21 @@ def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
 def _wait(fleet: Fleet, seconds: float) -> None:
     with suppress(NotReachedError):
         fleet.wait_until(lambda: False, seconds, "")
+
+
+def without_frames_ms(states: Path, names: Sequence[str], killed_s: float) -> float:
+    """From the kill until a serial frame has been written to every vehicle, from their state pages."""
+    boot, written_s = BOOT_ID.read_bytes(), dict.fromkeys(names, killed_s)
+    limit_s = time.monotonic() + WATCH_S
+    while min(written_s.values()) <= killed_s:
+        if time.monotonic() > limit_s:
+            raise NotReachedError("no serial frames are written any more")
+        for name in names:
+            last = StatePage(bytearray((states / name).read_bytes()), boot).last
+            if written_s[name] <= killed_s and last is not None:
+                written_s[name] = last.written_s
+        time.sleep(POLL_S)
+    return round(1000 * (max(written_s.values()) - killed_s), 1)
 
 
 def flown_again_ms(recording: Recording, name: str, killed_s: float) -> float:

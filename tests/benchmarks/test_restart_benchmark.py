@@ -1,9 +1,12 @@
 """Promises of the restart benchmark: its figures are those of the flight it recorded."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from msgspec import structs
 
-from rcopterx.benchmarks.restart import deviation_mm, flown_again_ms, summary
+from rcopterx.benchmarks.restart import deviation_mm, flown_again_ms, summary, without_frames_ms
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
@@ -11,6 +14,7 @@ from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.ground_station.report.recorder import Record, Recording
 from rcopterx.ground_station.scripting.waiting import NotReachedError
+from rcopterx.transmitter_gateway.state_page import NOT_FLYING, open_page
 
 
 def record(unit: str, topic: str, message: Message, arrived_s: float) -> Record:
@@ -49,6 +53,15 @@ def test_only_a_command_from_a_pose_after_the_kill_flies_again() -> None:
     assert flown_again_ms(recording, "h1", 10.0) == pytest.approx(60.0)
     with pytest.raises(NotReachedError, match="h1 is not flown any more"):
         flown_again_ms(Recording([pose(1, 9.9), applied(1, 10.1)]), "h1", 10.0)
+
+
+def test_time_without_frames_lasts_until_every_vehicle_has_got_one(tmp_path: Path) -> None:
+    for name, written_s in (("h1", 10.04), ("h2", 10.09)):
+        page = open_page(tmp_path / "states" / name)
+        page.save(structs.replace(NOT_FLYING, written_s=written_s))
+        page.close()
+    assert without_frames_ms(tmp_path / "states", ["h1", "h2"], 10.0) == pytest.approx(90.0)
+    assert without_frames_ms(tmp_path / "states", ["h1"], 10.0) == pytest.approx(40.0)
 
 
 def test_deviations_count_from_the_middle_of_the_places_before_the_kill() -> None:
