@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 import weakref
+from _thread import start_new_thread
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -107,9 +108,11 @@ class ForkedProcess:
     def _reap(self, options: int) -> int | None:
         with self._reaping:
             if self.returncode is None:
-                pid, status = os.waitpid(self.pid, options)
-                if pid:
-                    self.returncode = os.waitstatus_to_exitcode(status)
+                result = os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT | options)
+                if result is not None:
+                    status = result.si_status
+                    self.returncode = status if result.si_code == os.CLD_EXITED else -status
+                    start_new_thread(_remove, (self.pid,))
             return self.returncode
 
 
@@ -271,6 +274,16 @@ class ForkServer:
             self._process.wait()
             self._process = None
         self._ready = False
+
+
+def _remove(pid: int) -> None:
+    """Remove an ended process, in a thread of its own.
+
+    While other threads of that process clear what programs have read of them in `/proc`, the kernel spins
+    here, and at real-time priority it would keep them from that for up to a second.
+    """
+    leave_realtime()
+    os.waitpid(pid, 0)
 
 
 def _adopt_orphans() -> None:

@@ -2,11 +2,13 @@
 
 import json
 import os
+import select
 import selectors
 import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -18,7 +20,9 @@ from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 import rcopterx.deploy.processes.forking
 from rcopterx.bus.heartbeat import HeartbeatPage
+from rcopterx.bus.realtime import request_realtime
 from rcopterx.deploy.processes.forking import RETRY_S, START_LIMIT_S, ForkedProcess, ForkServer
+from rcopterx.deploy.watchdog.processor_time import threads_of
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.snapshot import write_snapshot
 
@@ -167,6 +171,43 @@ def test_the_descriptor_of_a_process_shows_its_end_also_after_another_thread_has
             assert pool.submit(process.wait).result() == 3
         assert selector.select(DEADLINE_S)
     assert process.wait(0.0) == 3
+
+
+THREADS = """
+import threading, time
+for _ in range(12):
+    threading.Thread(target=time.sleep, args=(600,), daemon=True).start()
+print(flush=True)
+time.sleep(600)
+"""
+
+
+def test_a_real_time_thread_learns_at_once_that_a_process_of_many_threads_has_ended() -> None:
+    """Also after it has read the times of these threads from `/proc`, which the kernel must then clear."""
+
+    def longest_wait_s() -> float:
+        assert request_realtime(28, children=False)
+        longest_s = 0.0
+        for _ in range(8):
+            program = subprocess.Popen([sys.executable, "-S", "-c", THREADS], stdout=subprocess.PIPE)
+            page = HeartbeatPage()
+            page.handed_over()
+            process = ForkedProcess(program.pid, page)
+            assert program.stdout is not None
+            program.stdout.readline()
+            assert len(threads_of(process.pid)) == 13
+            process.kill()
+            select.select([process.descriptor], [], [])
+            from_s = time.monotonic()
+            program.returncode = process.wait()
+            longest_s = max(longest_s, time.monotonic() - from_s)
+            program.stdout.close()
+        return longest_s
+
+    if not request_realtime_in_child():
+        pytest.skip("no right to real-time priorities")
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(longest_wait_s).result() < 0.04
 
 
 def test_what_was_started_outlives_the_fork_server_and_another_one_starts_the_next(
