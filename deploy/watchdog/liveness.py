@@ -4,13 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from rcopterx.bus.heartbeat import HeartbeatPage
-from rcopterx.deploy.watchdog.processor_time import (
-    Threads,
-    excuse_of,
-    main_thread_of,
-    pressure_s,
-    threads_of,
-)
+from rcopterx.deploy.watchdog.processor_time import Threads, excuse_of, pressure_s, threads_of
 from rcopterx.deploy.watchdog.watchdog import Duty, Hung, Observation, Watchdog
 
 
@@ -38,9 +32,8 @@ class Liveness:
         pressure_before_s, self._pressure_s = self._pressure_s, pressure_s()
         pressed_s = min(elapsed_s, self._pressure_s - pressure_before_s)
         before, suspects = self._threads, self._watchdog.suspects
-        self._threads = {
-            pid: threads_of(pid) if pid in suspects else main_thread_of(pid) for pid in processes
-        }
+        # Not those of all processes: each read may pass the interpreter on to a thread that is slow.
+        self._threads = {pid: threads_of(pid) if pid in suspects else {} for pid in processes}
         observations = {
             pid: Observation(
                 name=process.name,

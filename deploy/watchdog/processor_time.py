@@ -42,12 +42,6 @@ def threads_of(process: int, proc: str = "/proc") -> Threads:
     return {thread: time for thread, time in times.items() if time is not None}
 
 
-def main_thread_of(process: int, proc: str = "/proc") -> Threads:
-    """Read the main thread of a process only, which costs a twentieth."""
-    time = _time_of(process, process, proc)
-    return {} if time is None else {process: time}
-
-
 def pressure_s(proc: str = "/proc") -> float:
     """Return for how long any process of this computer has waited for a processor; 0 where unknown."""
     try:

@@ -19,7 +19,7 @@ TIMELY_S: Final = 0.03
 LATE_S: Final = 0.1
 """A check that comes later than this after the last one is counted as late."""
 SUSPECT: Final = 0.2
-"""Share of the limit from which on all threads of a silent process are read."""
+"""Share of the limit from which on the processor time of a silent process is read."""
 LATE: Final = 0.4
 """Share of the limit from which on a silent process is late."""
 PRESSED_SHARE: Final = 0.5
@@ -205,7 +205,7 @@ class Watchdog:
 
     @property
     def suspects(self) -> set[int]:
-        """Processes whose threads are all to be read at the next check."""
+        """Processes whose processor time is to be read at the next check."""
         return {process for process, watch in self._watches.items() if watch.silent_for(SUSPECT)}
 
     def silent_s(self, process: int) -> float:

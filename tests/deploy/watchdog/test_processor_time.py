@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.deploy.watchdog.processor_time import (
-    ThreadTime,
-    excuse_of,
-    main_thread_of,
-    pressure_s,
-    threads_of,
-)
+from rcopterx.deploy.watchdog.processor_time import ThreadTime, excuse_of, pressure_s, threads_of
 from rcopterx.deploy.watchdog.watchdog import Excuse
 
 MAIN, HELPER = 70, 71
@@ -30,7 +24,6 @@ def test_this_process_has_a_main_thread_that_runs() -> None:
 def test_nothing_is_known_of_a_process_that_has_ended(tmp_path: Path) -> None:
     assert threads_of(1, str(tmp_path)) == {}
     (tmp_path / "1" / "task" / "1").mkdir(parents=True)
-    assert main_thread_of(1, str(tmp_path)) == {}
     assert threads_of(1, str(tmp_path)) == {}
 
 
@@ -39,7 +32,7 @@ def test_the_name_of_a_program_may_contain_anything(tmp_path: Path) -> None:
     task.mkdir(parents=True)
     (task / "stat").write_text("7 (a) R (b) T 1 7 7 0 -1\n")
     (task / "schedstat").write_text("1500000000 250000000 12\n")
-    assert main_thread_of(7, str(tmp_path)) == threads_of(7, str(tmp_path)) == {7: ThreadTime("T", 1.5, 0.25)}
+    assert threads_of(7, str(tmp_path)) == {7: ThreadTime("T", 1.5, 0.25)}
 
 
 @pytest.mark.parametrize(
