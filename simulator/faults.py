@@ -13,7 +13,7 @@ from msgspec.structs import asdict
 from rcopterx.bus.message import Place, Seconds, Stick, Three
 from rcopterx.bus.requests import InjectedFault
 
-RadioCondition = Annotated[str, Meta(pattern="^(unplugged|off|refusing)$")]
+RadioCondition = Annotated[str, Meta(pattern="^(unplugged|adapter|off|refusing)$")]
 StickName = Annotated[str, Meta(pattern="^(pitch|roll|thrust|yaw)$")]
 Subject = Annotated[str, Meta(min_length=1, max_length=400)]
 MAX_FRAME_ID: Final = 0xFFFFFFFE
@@ -186,7 +186,7 @@ class VehicleFault(LastingFault, frozen=True):
 
 
 class BreakRadio(VehicleFault, frozen=True, tag="break_radio"):
-    """Break a vehicle's radio module: cable pulled, no power, or a firmware without DSM2."""
+    """Break a vehicle's radio: cable pulled, adapter gone, no power, or a firmware without DSM2."""
 
     condition: RadioCondition = "unplugged"
 

@@ -176,11 +176,11 @@ class RadioPty:
         """Output of the receiver to the vehicle at `now_s`."""
         return self.link.output(now_s)
 
-    def unplug(self) -> None:
-        """Pull the cable, which also feeds the module: the device vanishes for its users."""
+    def unplug(self, *, powered: bool = False) -> None:
+        """Pull the cable: the device vanishes for its users; `powered` if the module has power of its own."""
         if not self.is_open:
             return
-        self._powered = False
+        self._powered = powered
         target = os.ttyname(self._slave)
         os.close(self._master)
         os.close(self._slave)
@@ -189,7 +189,7 @@ class RadioPty:
             self.path.unlink()
 
     def replug(self, now_s: float) -> None:
-        """Plug the cable in again; the module was without power and boots."""
+        """Plug the cable in again; a module that was without power boots."""
         if not self.is_open:
             self._open()
             self.switch_on(now_s)

@@ -45,14 +45,15 @@ def condition_refused(radio: RadioPty, condition: str) -> str | None:
 def set_condition(radio: RadioPty, condition: str, now_s: float) -> None:
     """Break or repair the radio module behind a pseudo-terminal while the laboratory runs.
 
-    `condition` is `ready`; `unplugged`: the cable is pulled; `off`: the adapter is there, the module has no
+    `condition` is `ready`; `unplugged`: the cable, which also feeds the module, is pulled; `adapter`: the
+    adapter is gone, the module has power; `off`: the adapter is there, the module has no
     power; `refusing`: a Multiprotocol module whose firmware has no DSM2.
     """
     module = radio.link.module
     if isinstance(module, MultiModule):
         module.knows_dsm2 = condition != "refusing"
-    if condition == "unplugged":
-        radio.unplug()
+    if condition in ("unplugged", "adapter"):
+        radio.unplug(powered=condition == "adapter")
         return
     radio.replug(now_s)
     if condition == "off":

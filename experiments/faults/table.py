@@ -240,19 +240,26 @@ POSE_ROWS: Final = (
     ),
 )
 
-RADIO_ROWS: Final = tuple(
-    FaultFlight(
-        f"radio-{name}",
-        title,
-        (_inject("break_radio", "h2", condition=condition),),
-        Promise.UNPROTECTED,
-        ("h2",),
-    )
-    for name, title, condition in (
-        ("cable", "The cable of h2's radio module is pulled", "unplugged"),
-        ("power", "The radio module of h2 has no power", "off"),
-        ("no-dsm2", "The radio module of h2 refuses its protocol", "refusing"),
-    )
+RADIO_ROWS: Final = (
+    *(
+        FaultFlight(
+            f"radio-{name}",
+            title,
+            (_inject("break_radio", "h2", condition=condition),),
+            Promise.UNPROTECTED,
+            ("h2",),
+        )
+        for name, title, condition in (
+            ("cable", "The cable of h2's radio module is pulled", "unplugged"),
+            ("power", "The radio module of h2 has no power", "off"),
+            ("no-dsm2", "The radio module of h2 refuses its protocol", "refusing"),
+        )
+    ),
+    _survived(
+        "radio-adapter-0.2-s",
+        "The serial adapter of h2 is gone for 0.2 s, its module keeps its power",
+        _inject("break_radio", "h2", 0.2, condition="adapter"),
+    ),
 )
 
 

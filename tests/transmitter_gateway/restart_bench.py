@@ -111,14 +111,10 @@ class Restart:
         self.memory = bytearray(PAGE_BYTES)
 
     def lose_adapter(self) -> None:
-        """Let the adapter vanish; the last frame has arrived."""
-        self.radio.unplug()
-        self.radio.link.advance(self.now_s + 0.01)
+        """Let the adapter vanish, but not the module's power; the last frame has arrived."""
+        self.radio.unplug(powered=True)
+        self.radio.service(self.now_s + 0.01)
         self.throttle_us()
-
-    def mend(self) -> None:
-        """Let the adapter return; the module has kept its power."""
-        self.radio = RadioPty(self.path, self.radio.link)
 
     def throttle_us(self) -> list[float]:
         """Throttles that have arrived since the last call."""

@@ -17,7 +17,7 @@ def away(bench: Restart, seconds: float, thrust: float | None = 0.55) -> None:
     """Let the adapter fail in flight, and return with a module that has kept its power."""
     bench.lose_adapter()
     bench.run(seconds, thrust)
-    bench.mend()
+    bench.radio.replug(bench.now_s)
 
 
 @pytest.mark.parametrize("seconds", [0.04, 0.1, 0.4])
@@ -78,7 +78,7 @@ def test_vehicle_that_is_on_the_floor_when_its_port_returns_is_disarmed(restart:
     restart.lose_adapter()
     restart.sinks_m_s = 2.0
     restart.run(0.5)
-    restart.mend()
+    restart.radio.replug(restart.now_s)
     restart.run(1.0)
     assert restart.state is State.DISARMED
     assert restart.transmitter.arbiter.reason == "serial link lost: it may stand on the floor"
@@ -102,7 +102,7 @@ def test_kill_while_the_port_is_away_is_written_when_it_returns(restart: Restart
     restart.run(0.1)
     restart.request(Action.KILL)
     restart.run(0.1)
-    restart.mend()
+    restart.radio.replug(restart.now_s)
     restart.run(0.5)
     assert restart.state is State.KILLED
     assert set(map(round, restart.throttle_us())) == {LOW_US}
@@ -115,7 +115,7 @@ def test_successor_of_a_gateway_whose_port_was_away_judges_by_the_last_written_f
     restart.fly()
     restart.lose_adapter()
     restart.run(0.3)
-    restart.mend()
+    restart.radio.replug(restart.now_s)
     restart.die(silence_s)
     restart.run(0.5)
     assert restart.state is state
