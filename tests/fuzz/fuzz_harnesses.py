@@ -1,12 +1,15 @@
 """One harness for each reader of bytes from outside: every input gives a result or the documented error."""
 
+import struct
 import tempfile
+import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 import msgspec
+from mcap.opcode import Opcode
 
 from rcopterx.bus import channels, requests
 from rcopterx.bus.codec import RejectedError, decode, encode
@@ -16,6 +19,7 @@ from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.flights.flights import Flight
 from rcopterx.flights.listing import mend, summary_of
 from rcopterx.flights.mcap_reading import Contents, FlightLogError, messages_of
+from rcopterx.flights.mcap_writing import MAGIC
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
 from rcopterx.transmitter_gateway.protocols.registry import PROTOCOL_NAMES, create_protocol
 from rcopterx.vicon_gateway.datastream import DataStreamSession
@@ -23,6 +27,7 @@ from rcopterx.vicon_gateway.wire import WireError
 
 CORPUS: Final = Path(__file__).parent / "corpus"
 """Minimal inputs in a directory for each harness."""
+MEMORY: Final = Path("/dev/shm")
 PIECE_BYTES: Final = 61
 """Streams arrive in pieces of other lengths than their packets."""
 MESSAGES: Final[tuple[type[Message], ...]] = tuple(
@@ -73,8 +78,11 @@ def module(data: bytes) -> None:
 
 
 def flight_log(data: bytes) -> None:
-    """Read a flight log, and mend it."""
-    with tempfile.TemporaryDirectory() as directory:
+    """Read a flight log and mend it; without the magic of a log, the input is the content of a chunk."""
+    if not data.startswith(MAGIC):
+        body = struct.pack("<QQQIIQ", 0, 0, len(data), zlib.crc32(data), 0, len(data)) + data
+        data = MAGIC + struct.pack("<BQ", Opcode.CHUNK, len(body)) + body
+    with tempfile.TemporaryDirectory(dir=MEMORY) as directory:
         path = Path(directory) / "flight.mcap"
         path.write_bytes(data)
         summary_of(Flight("lab", (path,)))
