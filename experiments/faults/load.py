@@ -14,6 +14,7 @@ BURST_EVERY_S: Final = 4.0
 CHECK_S: Final = 0.1
 SPINNER: Final = """
 import os, sys, time
+os.setpriority(os.PRIO_PROCESS, 0, 0)
 parent, busy_s, every_s = os.getppid(), *map(float, sys.argv[1:])
 while os.getppid() == parent:
     now_s = time.monotonic()

@@ -96,11 +96,12 @@ class Pair(Injector):
     @contextmanager
     def _inject(self, bench: Bench) -> Iterator[None]:
         process = self.second.process
-        before = bench.pid(process) if process == self.first.process else None
+        before = bench.pid(process)
+        earlier = (None, before) if process == self.first.process else (None,)
         with ThreadPoolExecutor(max_workers=1) as pool:
             first = pool.submit(_happen, self.first, bench)
             bench.wait(self.apart_s)
-            bench.wait_for(lambda: bench.supervisor.pid(process) not in (None, before), SUCCESSOR_S)
+            bench.wait_for(lambda: bench.supervisor.pid(process) not in earlier, SUCCESSOR_S)
             _happen(self.second, bench)
             first.result()
         yield
