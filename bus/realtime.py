@@ -65,7 +65,15 @@ def _limit_spinning() -> None:
 
 def prepare_loop() -> None:
     """Shorten thread switches and disable garbage collection; to be called after start-up."""
+    share_interpreter()
+    gc.disable()
+
+
+def share_interpreter() -> None:
+    """Shorten for how long one thread may keep others from running; to be called after start-up.
+
+    Switches become frequent, and garbage collection examines only objects that are created later.
+    """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     gc.collect()
     gc.freeze()
-    gc.disable()

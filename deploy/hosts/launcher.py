@@ -1,15 +1,16 @@
 """Starts the part of a fleet that belongs to one host, after checking that it can be started."""
 
+import os
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from functools import partial
 from typing import Final, TypeVar
 
-from rcopterx.bus.realtime import request_realtime
+from rcopterx.bus.realtime import request_realtime, share_interpreter
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.compiling.cache import compile_all
 from rcopterx.deploy.fleet_check import check_in_process
@@ -21,7 +22,7 @@ from rcopterx.deploy.hosts.resources import check_certificate, check_resources, 
 from rcopterx.deploy.hosts.run_directory import flight_path, run_directory, snapshot_path
 from rcopterx.deploy.hosts.vehicle_states import begin_states, remove_states
 from rcopterx.deploy.processes.attempts import Attempts
-from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.deploy.processes.forking import URGENT_NICE, ForkServer
 from rcopterx.deploy.processes.prepared import modules_of
 from rcopterx.deploy.processes.process_log import append
 from rcopterx.deploy.processes.supervisor import Supervisor
@@ -169,6 +170,10 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._forks.close()
             raise
         write_snapshot(self._fleet, self._snapshot)
+        # The supervisor runs in the interpreter of this program and waits for its other threads.
+        share_interpreter()
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, URGENT_NICE)
         self._begin_flight()
         self._thread.start()
         try:

@@ -56,6 +56,17 @@ def test_a_real_time_process_that_sleeps_in_between_may_work_longer_than_that() 
     assert ended("sleeps") == 0
 
 
+def test_a_program_that_shares_its_interpreter_collects_no_garbage_of_before() -> None:
+    program = """
+import gc, sys
+from rcopterx.bus.realtime import SWITCH_INTERVAL_S, share_interpreter
+share_interpreter()
+assert gc.isenabled() and gc.get_freeze_count() > 1000
+assert sys.getswitchinterval() == SWITCH_INTERVAL_S
+"""
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
 @contextmanager
 def in_realtime(processors: set[int]) -> Iterator[tuple[int, list[str]]]:
     """Run a process with several threads that requests a priority; give its id and what it printed."""
