@@ -231,11 +231,10 @@ def run(vehicles: Sequence[str], fleet: str | None) -> int:
     if fleet is None:
         fleets, only = fleets_to_kill(), None
     else:
-        # A named file must be read and checked first, which takes longer.
-        from rcopterx.named_fleet import FleetError, fleet_of
+        from rcopterx.fleet.schema import FleetError
 
         try:
-            named = fleet_of(fleet)
+            named = _named(fleet)
         except FleetError as error:
             print(f"error: {error}", file=sys.stderr)
             return EXIT_USAGE
@@ -247,3 +246,26 @@ def run(vehicles: Sequence[str], fleet: str | None) -> int:
     for line in lines:
         print(line, file=sys.stderr if line.startswith("error:") else sys.stdout)
     return EXIT_FAILED if any(line.startswith("error:") for line in lines) else 0
+
+
+def _named(name: str) -> RunningFleet:
+    """Routers and vehicles of a fleet file or a shipped fleet; raises FleetError."""
+    # A named file must be read and checked first, which takes longer.
+    from rcopterx.deploy.certificates.files import shown
+    from rcopterx.deploy.roles.addresses import router_endpoints
+    from rcopterx.fleet.reading import load_fleet
+    from rcopterx.fleet.shipped import fleet_path
+
+    file = load_fleet(fleet_path(name))
+    host, *others = file.hosts
+    return RunningFleet(
+        fleet=file.name,
+        digest="",
+        namespace=file.bus.namespace,
+        host=host,
+        endpoints=router_endpoints(file, host),
+        others=[file.endpoint(other) for other in others],
+        vehicles=list(file.vehicles),
+        snapshot="",
+        credentials=shown(file, host),
+    )

@@ -1,6 +1,5 @@
 """Runs the real agent on the inputs of a recorded one, and compares what both did."""
 
-import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -62,7 +61,6 @@ class Comparison:
     unmatched: int = 0
     """Commands of only one of both agents."""
     flown_s: float = 0.0
-    took_s: float = 0.0
     first: Difference | None = None
     notes: list[str] = field(default_factory=list)
 
@@ -85,7 +83,6 @@ def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) ->
     """
     result = Comparison(recorded.vehicle)
     errors: list[np.ndarray[Any, np.dtype[np.float64]]] = []
-    started_s = time.perf_counter()
     for life in recorded.lives:
         if not life.from_start:
             result.notes.append("the recording begins after the start of the agent")
@@ -97,7 +94,6 @@ def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) ->
         result.missing_inputs += compared.missing
         if life.steps:
             result.flown_s += life.steps[-1].time_s - life.steps[0].time_s
-    result.took_s = time.perf_counter() - started_s
     if errors:
         result.rms_input = tuple(np.sqrt(np.mean(np.square(errors), axis=0)).tolist())
     return result

@@ -13,6 +13,7 @@ from rcopterx.bus.requests import (
     KillVehicle,
     Land,
     Lead,
+    Reply,
     Request,
     ResetKill,
     StartVehicle,
@@ -238,16 +239,12 @@ class Vehicle:
             raise
 
     def _request_host(self, host: str, request: Request) -> str:
-        reply = self._fleet.session.request(
-            host, request, timeout_s=HOST_PATIENCE_S, patience_s=HOST_PATIENCE_S
-        )
-        if not reply.accepted:
-            raise RefusedError(f"{self.name}: {reply.reason}")
-        return reply.reason
+        return self._accepted(self._fleet.session.request(host, request, HOST_PATIENCE_S, HOST_PATIENCE_S))
 
-    def _request(self, request: Request, timeout_s: float | None = None) -> str:
-        limit_s = ANSWER_S if timeout_s is None else timeout_s
-        reply = self._fleet.session.request(self.name, request, limit_s)
+    def _request(self, request: Request, timeout_s: float = ANSWER_S) -> str:
+        return self._accepted(self._fleet.session.request(self.name, request, timeout_s))
+
+    def _accepted(self, reply: Reply) -> str:
         if not reply.accepted:
             raise RefusedError(f"{self.name}: {reply.reason}")
         return reply.reason

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from glob import escape, glob
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -38,33 +38,19 @@ def vehicles_beginning(incomplete: str) -> list[str]:
     return sorted(name for name in names if name.startswith(incomplete))
 
 
+FLEET_HELP = "Fleet file (TOML), or name of a shipped one."
+
+
+def _fleet_option(text: str) -> Any:
+    return typer.Option("--fleet", "-f", metavar="FLEET", help=text, autocompletion=fleets_beginning)
+
+
 FleetArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="FLEET",
-        help="Fleet file (TOML), or the name of a shipped one.",
-        autocompletion=fleets_beginning,
-    ),
+    str, typer.Argument(metavar="FLEET", help=FLEET_HELP, autocompletion=fleets_beginning)
 ]
-FleetOption = Annotated[
-    str,
-    typer.Option(
-        "--fleet",
-        "-f",
-        metavar="FLEET",
-        help="Fleet file (TOML), or name of a shipped one.",
-        autocompletion=fleets_beginning,
-    ),
-]
+FleetOption = Annotated[str, _fleet_option(FLEET_HELP)]
 RunningFleetOption = Annotated[
-    str | None,
-    typer.Option(
-        "--fleet",
-        "-f",
-        metavar="FLEET",
-        help="Fleet file (TOML), or name of a shipped one. Default: the fleet that is up on this computer.",
-        autocompletion=fleets_beginning,
-    ),
+    str | None, _fleet_option(f"{FLEET_HELP} Default: the fleet that is up on this computer.")
 ]
 HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host of the fleet file this is.")]
 

@@ -17,7 +17,7 @@ from rcopterx.commands.fleet_option import (
     user_errors,
     wanted_fleet,
 )
-from rcopterx.commands.output import JsonOption, PlotOption, check_plot, write_plot
+from rcopterx.commands.output import JsonOption, PlotOption, check_plot, print_changes, write_plot
 
 if TYPE_CHECKING:
     from rcopterx.control.identification.fit import Identification
@@ -59,6 +59,7 @@ def identify(
     check_plot(plot)
     from rcopterx.control.identification import fit
     from rcopterx.control.identification.recording import load_recording
+    from rcopterx.fleet.editing import write_model
     from rcopterx.fleet.vehicle_models import model_of
 
     say = partial(typer.echo, err=as_json)
@@ -82,7 +83,9 @@ def identify(
     if found.problems:
         raise failure(*(f"{vehicle}: {problem}" for problem in found.problems))
     if path is not None:
-        _write(path, vehicle, found.model, say)
+        with user_errors():
+            print_changes(vehicle, write_model(path, vehicle, found.model), err=as_json)
+        say(f"{vehicle}: the model is in {path}; land and start the fleet again to fly with it")
 
 
 def _flown(
@@ -140,16 +143,6 @@ def document_of(vehicle: str, found: "Identification") -> dict[str, Any]:
         "problems": list(found.problems),
         "model": asdict(found.model),
     }
-
-
-def _write(path: Path, vehicle: str, model: "Model", say: Callable[[str], None]) -> None:
-    from rcopterx.fleet.editing import write_model
-
-    with user_errors():
-        lines = write_model(path, vehicle, model)
-    for line in lines or ["nothing to change"]:
-        say(f"{vehicle}: {line}")
-    say(f"{vehicle}: the model is in {path}; land and start the fleet again to fly with it")
 
 
 def _draw(recording: "FlightRecording", known: "Model", found: "Identification", figure: Any) -> None:

@@ -52,6 +52,12 @@ def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     Console().print(table, highlight=False)
 
 
+def print_changes(vehicle: str, lines: Sequence[str], err: bool = False) -> None:
+    """Print the changes of a fleet file."""
+    for line in lines or ["nothing to change"]:
+        typer.echo(f"{vehicle}: {line}", err=err)
+
+
 class Progress:
     """Progress on standard error: a line for each step, and on a terminal a line that is rewritten."""
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import typer
 
 from rcopterx.commands.fleet_option import failure, known_vehicles, running_fleet, user_errors
+from rcopterx.commands.output import print_changes
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.transmitters import gateway_settings
 from rcopterx.fleet.editing import write_calibration
@@ -122,9 +123,7 @@ def own_model_match(file: FleetFile, vehicle: str) -> int:
 
 def save(path: Path, vehicle: str, calibration: Calibration) -> None:
     """Write a calibration into the fleet file and print the changes."""
-    lines = write_calibration(path, vehicle, calibration)
-    for line in lines or ["nothing to change"]:
-        typer.echo(f"{vehicle}: {line}")
+    print_changes(vehicle, write_calibration(path, vehicle, calibration))
 
 
 def check_signs(bench: Workbench, dialogue: Dialogue, calibration: Calibration) -> Calibration:

@@ -106,13 +106,11 @@ def _rule(same: bool, changes: dict[str, Any]) -> str:
 
 def _lines(result: "Comparison", rule: str) -> list[str]:
     rms = ", ".join(f"{value:.3g}" for value in result.rms_input)
-    factor = result.flown_s / result.took_s if result.took_s else 0.0
     lines = [
         f"{result.vehicle}: {result.periods} control periods in {result.flown_s:.1f} s, "
         f"{result.identical} the same to the last bit ({rule})",
         f"  sticks (pitch, roll, thrust, yaw): rms {rms}; largest {result.largest_input:.3g}",
         f"  plans: largest {result.largest_plan:.3g} m or m/s",
-        f"  replayed {factor:.1f} times as fast as flown",
     ]
     lines += [f"  note: {note}" for note in result.notes]
     if result.first is not None:

@@ -21,7 +21,7 @@ def test_an_agent_that_does_the_same_again_ends_well(monkeypatch: pytest.MonkeyP
     shown = CliRunner().invoke(app, ["replay", FLIGHT, "--agent", "h2", "--with", "controller=pid"])
     assert "(flown with controller=pid)" in shown.stdout
     assert shown.exit_code == 0
-    for word in ("control periods", "first difference after", "solution", "times as fast as flown"):
+    for word in ("control periods", "first difference after", "solution"):
         assert word in shown.stdout
 
 
