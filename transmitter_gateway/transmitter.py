@@ -62,8 +62,7 @@ class Transmitter:
     ) -> None:
         self.vehicle = vehicle
         self.arbiter = Arbiter(vehicle, limits, calibration.throttle.u_hover, calibration.slew_per_s)
-        self.protocol = protocol
-        self.port = port
+        self.protocol, self.port = protocol, port
         self._calibration = calibration
         self._low_power = low_power
         if low_power and "low_power" not in protocol.offers:
@@ -72,8 +71,7 @@ class Transmitter:
             for throttle_low in (False, True):
                 protocol.check(calibration.pulses_us(extreme, throttle_low=throttle_low))
         self._output = ArbiterOutput(State.DISARMED, "started")
-        self._pending = False
-        self._due_now = False
+        self._pending = self._due_now = False
         self._attempt_s = -math.inf
         self._binding = Binding(at_power_up=protocol.binds_at_power_up)
         self._range_check = False
@@ -362,6 +360,8 @@ class Transmitter:
         module = self.protocol.status(now_s)
         self._binding.follow(module, now_s)
         state, problem = self.arbiter.state, None
+        if state not in FLYING:
+            self._returned_s = -math.inf
         if not self.port.is_open and not (state in FLYING and now_s < self._too_late_s):
             problem = self.port.problem
         doubtful = state is State.ARMED and now_s < self._returned_s + REPOWERED_S

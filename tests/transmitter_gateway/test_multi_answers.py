@@ -127,6 +127,15 @@ def test_module_that_was_ready_for_an_earlier_process_is_ready_until_it_says_oth
     assert silent.status(0.0).ready
 
 
+def test_status_that_was_made_before_the_first_frame_arrived_changes_nothing() -> None:
+    protocol = MultiProtocol()
+    protocol.link_resumed(0.0)
+    protocol.receive(with_flags(0x46), 0.02)
+    assert protocol.status(0.03).ready
+    protocol.receive(with_flags(0x46), 0.52)
+    assert "receives no valid frames" in protocol.status(0.53).text
+
+
 def test_port_never_opened_is_said() -> None:
     assert MultiProtocol().status(0.0).text == "port not open"
 

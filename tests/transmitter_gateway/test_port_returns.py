@@ -2,8 +2,11 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from restart_bench import Restart
 
 from rcopterx.simulator.radio_receiver import ReceiverState
@@ -150,6 +153,21 @@ def test_fallen_vehicle_gets_no_thrust_when_its_module_has_lost_power_and_is_rec
     assert set(map(round, slow.throttle_us())) == {LOW_US}
 
 
+def test_vehicle_that_was_disarmed_on_the_floor_after_its_port_returned_can_be_armed_at_once(
+    restart: Restart,
+) -> None:
+    restart.fly()
+    away(restart, 0.1)
+    restart.sinks_m_s = 2.0
+    restart.run(0.7)
+    assert restart.state is State.DISARMED
+    assert restart.transmitter.arbiter.reason == "serial link lost: it may stand on the floor"
+    restart.run(1.0, thrust=0.0)
+    assert restart.request(Action.ARM).accepted
+    restart.run(0.5, thrust=0.0)
+    assert restart.state is State.ARMED
+
+
 def test_vehicle_that_flies_low_long_after_its_port_returned_stays_armed(restart: Restart) -> None:
     restart.fly()
     away(restart, 0.1)
@@ -157,3 +175,43 @@ def test_vehicle_that_flies_low_long_after_its_port_returned_stays_armed(restart
     restart.sinks_m_s = 1.0
     restart.run(1.0)
     assert restart.state is State.ARMED
+
+
+SILENCES = st.lists(
+    st.tuples(st.sampled_from([0.0, 0.06, 0.2, 0.4, 0.8]), st.sampled_from([0.0, 0.06, 0.2, 0.8])),
+    min_size=1,
+    max_size=3,
+)
+REOPENED_S = 0.17
+"""Longest time from the return of an adapter until it is opened."""
+
+
+@settings(max_examples=5, deadline=None)
+@given(silences=SILENCES)
+def test_vehicle_is_flown_on_after_short_silences_and_gets_no_thrust_after_a_long_one(
+    silences: list[tuple[float, float]],
+) -> None:
+    """Each silence: the adapter is away, then the gateway is killed and replaced after a while."""
+    with TemporaryDirectory() as directory:
+        bench = Restart(Path(directory) / "h1")
+        bench.fly()
+        for away_s, dead_s in silences:
+            bench.lose_adapter()
+            bench.run(away_s)
+            bench.radio.replug(bench.now_s)
+            if dead_s:
+                bench.die(dead_s)
+            bench.run(0.5)
+            throttles_us = bench.throttle_us()
+            if max(away_s, dead_s) > 0.7:
+                assert bench.state is State.DISARMED
+            elif away_s + dead_s + REOPENED_S < 0.7 and bench.state is not State.DISARMED:
+                assert bench.state is State.ARMED
+                assert min(throttles_us) > 1480
+            if bench.state is State.DISARMED:
+                assert set(map(round, throttles_us)) == {LOW_US}
+                break
+        bench.run(1.0)
+        assert bench.state in (State.ARMED, State.DISARMED)
+        bench.transmitter.close()
+        bench.radio.close()

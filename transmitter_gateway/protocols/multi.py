@@ -35,6 +35,8 @@ COUNTS_PER_US = 820 / 400
 LINE = SerialLine(100_000, parity="E", stop_bits=2)
 SHORTEST_GAP_S = 1e-3
 MODULE_SILENT_S = 2.0
+FIRST_FRAME_S = 0.1
+"""From opening the port until the module has certainly received a frame, on a busy computer."""
 
 
 def count_of(pulse_us: float) -> int:
@@ -252,9 +254,12 @@ class MultiProtocol(RadioProtocol):
     def receive(self, data: bytes, now_s: float) -> None:
         """Parse answers and keep the newest status."""
         for answer in self._parser.feed(data):
-            if isinstance(answer, MultiStatus):
+            if isinstance(answer, MultiStatus) and (answer.has_input or not self._just_opened(now_s)):
                 self._answered = ModuleStatus(answer.ready, answer.binding, answer.describe())
                 self._answered_s = now_s
+
+    def _just_opened(self, now_s: float) -> bool:
+        return self._opened_s is not None and now_s < self._opened_s + FIRST_FRAME_S
 
     def status(self, now_s: float) -> ModuleStatus:
         """Ready when the module reports it and its last answer is at most 2 s old."""

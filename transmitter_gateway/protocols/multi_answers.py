@@ -33,6 +33,11 @@ class MultiStatus:
         return valid and self.protocol == "DSM" and not self.refuses
 
     @property
+    def has_input(self) -> bool:
+        """True when the module receives frames."""
+        return bool(self.flags & INPUT_PRESENT)
+
+    @property
     def refuses(self) -> bool:
         """True when the build does not have the protocol.
 
@@ -51,7 +56,7 @@ class MultiStatus:
         version = ".".join(str(part) for part in self.version)
         if not self.flags & SERIAL_MODE:
             return f"module {version} is not in serial mode: set its dial to 0"
-        if not self.flags & INPUT_PRESENT:
+        if not self.has_input:
             return f"module {version} receives no valid frames"
         if self.refuses:
             return f"module {version} refuses the protocol (EU builds refuse DSM2)"
