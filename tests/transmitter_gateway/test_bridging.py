@@ -65,7 +65,7 @@ def test_a_short_plan_holds_when_it_is_used_up(count: int, hold_s: float) -> Non
 
 @pytest.mark.parametrize(
     ("period_s", "until_s", "then"),
-    [(0.01, 0.09, State.HOLD), (0.03, 0.2, State.DESCEND), (0.06, 0.2, State.DESCEND)],
+    [(0.01, 0.09, State.HOLD), (0.03, 0.2, State.DESCEND), (0.05, 0.2, State.DESCEND)],
 )
 def test_bridging_lasts_as_long_as_the_plan_at_any_rate(period_s: float, until_s: float, then: State) -> None:
     bench = flying()
