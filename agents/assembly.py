@@ -6,8 +6,7 @@ from typing import Final
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_changes import LeaderChanges
-from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses
-from rcopterx.agents.following.links import followed_leader
+from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader
 from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.following.traffic import Traffic
 from rcopterx.agents.formation.placement import Room
@@ -63,16 +62,12 @@ def build_pilot(settings: AgentSettings) -> Pilot:
     ValueError
         Unknown controller or estimator, or a setting it does not accept.
     """
-    configuration = settings.configuration
-    model, period_s, scale = settings.model, settings.period_s, settings.limit_scale
-    controller = configuration.controller_for(model, period_s, scale)
-    estimator = configuration.estimator_for(model, period_s)
-    default_controller, default_estimator = controller, estimator
-    plain = configuration.with_default_controller()
-    if plain != configuration:
-        default_controller = plain.controller_for(model, period_s, scale)
-    plain = configuration.with_default_estimator()
-    if plain != configuration:
+    configuration, model, period_s = settings.configuration, settings.model, settings.period_s
+    controller = default_controller = configuration.controller_for(model, period_s, settings.limit_scale)
+    estimator = default_estimator = configuration.estimator_for(model, period_s)
+    if (plain := configuration.with_default_controller()) != configuration:
+        default_controller = plain.controller_for(model, period_s, settings.limit_scale)
+    if (plain := configuration.with_default_estimator()) != configuration:
         default_estimator = plain.estimator_for(model, period_s)
     return Pilot(
         model,

@@ -13,12 +13,11 @@ from rcopterx.agents.reporting import Reporter, command_message, plan_message, t
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
-from rcopterx.bus.messages import LeaseBid
+from rcopterx.bus.messages import CommandTiming, LeaseBid
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import Session
 from rcopterx.bus.stepping import StepBus, SteppedSession
-from rcopterx.bus.timing import CommandTiming
 
 ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""
@@ -112,7 +111,6 @@ class Agent:
         if lease.held and not self.serving:
             self.serving, self._serving_since_s = True, now_s
             self._bus.serve(vehicle, parts.requests.verbs)
-            self._bus.announce(vehicle, "agent")
             self._reporter.begin()
 
     def _take_requests(self) -> None:

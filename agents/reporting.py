@@ -8,24 +8,29 @@ from collections.abc import Mapping
 from typing import Final
 
 from rcopterx.agents.assembly import AgentParts
-from rcopterx.agents.following.leader_plans import LeaderPlans
-from rcopterx.agents.following.links import present_link, target_link
+from rcopterx.agents.following.leader_plans import LeaderPlans, present_link, target_link
 from rcopterx.agents.formation.limit_scaling import LimitScaling
 from rcopterx.agents.load.load_relief import Relief
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
-from rcopterx.agents.tuning.configuration import settings_in_message
 from rcopterx.agents.tuning.guard import effort_factors
 from rcopterx.bus import channels
 from rcopterx.bus.message import FloatArray
-from rcopterx.bus.messages import AgentStatus, Command, Diagnostics, LeaderLink, Plan, Pose, SetPoint
+from rcopterx.bus.messages import (
+    AgentStatus,
+    Command,
+    CommandTiming,
+    Diagnostics,
+    LeaderLink,
+    Plan,
+    Pose,
+    SetPoint,
+)
 from rcopterx.bus.rounding import all_rounded, rounded
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Received
-from rcopterx.bus.timing import CommandTiming
 from rcopterx.bus.trajectory_array import TrajectoryArray
-from rcopterx.vehicles.state import YAW, Array, heading_matrix
-from rcopterx.vehicles.tuples import three
+from rcopterx.vehicles.state import YAW, Array, heading_matrix, three
 
 REFERENCE_BITS: Final = 14
 """References are rounded to a sixteenth of a millimetre."""
@@ -207,12 +212,13 @@ def diagnostics_of(
 ) -> Diagnostics:
     """Return the present figures of an agent; `realtime`: it runs in a real-time scheduling class."""
     configuration, times, relief = parts.tuning.configuration, parts.solve.times(), parts.relief
+    flown = configuration.message
     remarks = (*pilot.remarks, parts.tuning.remark, relief.remark, parts.guard.remark)
     return Diagnostics(
-        controller=configuration.controller,
-        estimator=configuration.estimator,
-        controller_settings=settings_in_message(configuration.controller_settings),
-        estimator_settings=settings_in_message(configuration.estimator_settings),
+        controller=flown.controller,
+        estimator=flown.estimator,
+        controller_settings=flown.controller_settings,
+        estimator_settings=flown.estimator_settings,
         horizon=pilot.controller.horizon,
         effort_factor=max(effort_factors(configuration)),
         client=parts.external.client,

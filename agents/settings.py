@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
 from rcopterx.agents.formation.succession import Succession
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
-from rcopterx.agents.tuning.configuration import DEFAULT_CONTROLLER, DEFAULT_ESTIMATOR, Configuration
+from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.interfaces import FULL_LIMITS, LimitScale
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.tuples import Three
+from rcopterx.vehicles.state import Three
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,9 @@ class AgentSettings:
     volume_min_m: Three
     volume_max_m: Three
     """Flight volume, inertial frame; set points outside are refused."""
-    controller: str = DEFAULT_CONTROLLER
-    estimator: str = DEFAULT_ESTIMATOR
-    horizon: int = 50
+    configuration: Configuration = field(default_factory=Configuration)
+    """Controller and estimator at start."""
     period_s: float = 0.02
-    controller_settings: Mapping[str, object] = field(default_factory=dict)
-    estimator_settings: Mapping[str, object] = field(default_factory=dict)
     following: tuple[LeaderLink, ...] = ()
     limit_scale: LimitScale = FULL_LIMITS
     """Share of its limits with which it plans at the start, so that its followers can keep up."""
@@ -48,13 +45,3 @@ class AgentSettings:
     hover_thrust_limits: HoverThrustLimits = DEFAULT_LIMITS
     take_over: bool = False
     """Whether it takes over from an agent that flies the vehicle, once it is warm."""
-
-    @property
-    def configuration(self) -> Configuration:
-        """Controller and estimator at start."""
-        return Configuration(
-            self.controller,
-            self.estimator,
-            {"horizon": self.horizon, **self.controller_settings},
-            self.estimator_settings,
-        )

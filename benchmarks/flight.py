@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.control.interfaces import NO_TILT, Estimate, TiltEstimate
 from rcopterx.control.models.prediction import predict
+from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array

@@ -22,8 +22,7 @@ from rcopterx.benchmarks.scale import fly_legs
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.fleet.reading import load_fleet
-from rcopterx.fleet.shipped import fleet_path
+from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
 

@@ -8,20 +8,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from rcopterx.bus import channels
-from rcopterx.bus.channels import ANSWERED, CHANNELS, KILL, SIMULATOR_UNIT, TRACKER_UNIT, alive_key, key
+from rcopterx.bus.channels import ANSWERED, CHANNELS, KILL, key
 from rcopterx.bus.keys import EVERY_FLEET, ROOT, probe_key, request_key
 from rcopterx.bus.requests import ANYBODY, VERBS
 
-ALIVE_AS: Final = {
-    "agent": ("vehicle", "agent"),
-    "transmitter_gateway": ("vehicle", "transmitter"),
-    "vicon_gateway": (TRACKER_UNIT, "vicon_gateway"),
-    "simulator": (SIMULATOR_UNIT, "simulator"),
-    "recorder": ("host", "recorder"),
-}
-"""Liveliness tokens by role: kind of unit, and last chunk of the key."""
-_LISTENING: Final = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
-_EVERYTHING: Final = ["put", "query", "reply", "declare_queryable", "liveliness_token", *_LISTENING]
+_EVERYTHING: Final = ["put", "query", "reply", "declare_queryable", "declare_subscriber"]
 
 
 @dataclass(frozen=True)
@@ -53,7 +44,7 @@ def access_control(fleet: str, namespace: str | None, subjects: Sequence[Subject
     """Return Zenoh's table `access_control` for a router; it denies what it does not allow."""
     prefix = f"{namespace}/" if namespace else ""
     rules = [_rule("receive", "egress", _EVERYTHING, [f"{prefix}{ROOT}/**"])]
-    rules.append(_rule("subscribe", "ingress", _LISTENING, [f"{prefix}{ROOT}/**"]))
+    rules.append(_rule("subscribe", "ingress", ["declare_subscriber"], [f"{prefix}{ROOT}/**"]))
     policies: list[dict[str, object]] = [
         {"rules": ["receive", "subscribe"], "subjects": [subject.name for subject in subjects]}
     ]
@@ -69,7 +60,6 @@ def access_control(fleet: str, namespace: str | None, subjects: Sequence[Subject
                 (["put"], sorted(published_keys(fleet, subject.seats))),
                 (["reply", "declare_queryable"], sorted(served_keys(fleet, subject.seats))),
                 (["query"], sorted(requested_keys(fleet, subject.seats))),
-                (["liveliness_token"], sorted(announced_keys(fleet, subject.seats))),
             )
             if keys
         ]
@@ -119,16 +109,6 @@ def requested_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
         for verb in VERBS.values()
         if verb.asker == seat.role
         for unit in (("*",) if verb.unit == "host" and seat.host is None else _units(verb.unit, seat))
-    }
-
-
-def announced_keys(fleet: str, seats: Sequence[Seat]) -> set[str]:
-    """Return the keys of the liveliness tokens that these seats may hold."""
-    return {
-        alive_key(fleet, unit, ALIVE_AS[seat.role][1])
-        for seat in seats
-        if seat.role in ALIVE_AS
-        for unit in _units(ALIVE_AS[seat.role][0], seat)
     }
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
 from rcopterx.bus import host_messages, log_messages, messages
+from rcopterx.bus.host_messages import Beat, RouterStatus
 from rcopterx.bus.intent import Intent
 from rcopterx.bus.keys import (
     EVERY_FLEET,
@@ -16,11 +17,9 @@ from rcopterx.bus.keys import (
     SIMULATOR_UNIT,
     TRACKER_UNIT,
     TRANSMITTER_TOPIC,
-    alive_key,
     key,
     request_key,
 )
-from rcopterx.bus.link_messages import Beat, RouterStatus
 from rcopterx.bus.message import SCHEMA_VERSION, Message
 
 __all__ = [
@@ -28,7 +27,7 @@ __all__ = [
     "DATA_HIGH", "DATA_LOW", "EVERY_FLEET", "EXTERNAL_INPUT", "FIXED_UNITS", "FLEET_UNIT", "INTENT",
     "INTERACTIVE_HIGH", "KILL", "LABORATORY", "LAUNCHER", "LAUNCHER_EVENT", "LEASE", "LEASE_BID", "PLAN",
     "POSE", "REAL_TIME", "RECORDER", "ROOT", "ROUTER_STATUS", "SIMULATOR_UNIT", "TRACKER_STATUS",
-    "TRACKER_UNIT", "TRANSMITTER_STATUS", "Channel", "alive_key", "key", "request_key",
+    "TRACKER_UNIT", "TRANSMITTER_STATUS", "Channel", "key", "request_key",
 ]  # fmt: skip
 
 M = TypeVar("M", bound=Message)

@@ -1,6 +1,8 @@
-"""States of the processes that serve a whole host or fleet: Vicon gateway, simulator and launcher."""
+"""States of processes that serve a whole host or fleet: Vicon gateway, simulator, launcher, router."""
 
-from msgspec import Struct, field
+from typing import Annotated
+
+from msgspec import Meta, Struct, field
 
 from rcopterx.bus.message import Clock, Count, Message, Name, Number, Seconds, Text, Three
 
@@ -96,3 +98,52 @@ class LauncherStatus(Message, frozen=True, kw_only=True):
     def crowding(self) -> float:
         """Agents that run here for each vehicle that the computer flies; 0 if that is not known."""
         return 0.0 if self.flies is None else len(self.running) / max(self.flies, 0.5)
+
+
+RouterId = Annotated[str, Meta(pattern="^[0-9a-f]{1,32}$")]
+"""Zenoh's identity of a router process; a new one after every start."""
+
+
+class Echo(Struct, frozen=True, kw_only=True):
+    """The newest beat from a host."""
+
+    router: RouterId
+    sent_s: Clock
+    """`sent_s` of the beat, on the monotonic clock of its sender."""
+    held_s: Seconds
+    """Time since its arrival."""
+
+
+class Beat(Message, frozen=True, kw_only=True):
+    """What routers send each other all the time, with the newest beats that they received."""
+
+    router: RouterId
+    sent_s: Clock
+    """Monotonic clock of its host; meaningless on other hosts."""
+    time_of_day_s: Clock
+    """Time of the same moment since 1970 by the clock of its host."""
+    echoes: dict[Name, Echo]
+    """Newest beat from each other host."""
+
+
+class LinkState(Struct, frozen=True, kw_only=True):
+    """The link to one other host."""
+
+    linked: bool
+    """Beats arrive in both directions."""
+    redials: Count
+    """How often the link was closed because a direction was silent."""
+    late: Count
+    """Beats that arrived more than 0.1 s later than the fastest ones: the link hung."""
+    round_trip_s: Seconds | None = None
+    """Shortest of the last few seconds."""
+    clock_offset_s: Clock | None = None
+    """Time of day of the other host minus that of this one; wrong by at most half the round trip."""
+    monotonic_offset_s: Clock | None = None
+    """The same of the monotonic clocks, to subtract times of two hosts."""
+
+
+class RouterStatus(Message, frozen=True, kw_only=True):
+    """Links of a router to those of the other hosts of the fleet file."""
+
+    links: dict[Name, LinkState]

@@ -25,11 +25,6 @@ def request_key(fleet: str, unit: str, verb: str) -> str:
     return f"{ROOT}/{fleet}/{unit}/request/{verb}"
 
 
-def alive_key(fleet: str, unit: str, role: str) -> str:
-    """Return the key of the liveliness token of a role."""
-    return f"{ROOT}/{fleet}/{unit}/alive/{role}"
-
-
 def probe_key(fleet: str, host: str) -> str:
     """Return the key of the messages by which the router process of a host checks that it routes."""
     return f"{ROOT}/{fleet}/{host}/probe/router"

@@ -10,7 +10,7 @@ import zenoh
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
-from rcopterx.bus.link_messages import RouterStatus
+from rcopterx.bus.host_messages import RouterStatus
 from rcopterx.bus.link_sockets import Dials, close_link, hasten
 from rcopterx.bus.link_watch import LinkWatch, RouterLink
 from rcopterx.bus.subscription import Subscription

@@ -29,12 +29,33 @@ from rcopterx.bus.message import (
     Three,
     Weight,
 )
-from rcopterx.bus.timing import CommandTiming
 from rcopterx.bus.trajectory_array import PLAN_COLUMNS, TrajectoryArray
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+
+class CommandTiming(Struct, frozen=True, kw_only=True):
+    """Times of one command; each is on the monotonic clock of the host named beside it.
+
+    Differences between hosts need the offset of their clocks, which routers measure
+    (`rcopterx.bus.host_messages.LinkState.monotonic_offset_s`).
+    """
+
+    latency_s: Seconds
+    """From capture to the Vicon gateway, as far as the Tracker and the network report it."""
+    gateway_host: Name
+    received_s: Clock
+    """Arrival of the frame at the Vicon gateway, on the clock of `gateway_host`."""
+    agent_host: Name
+    arrived_s: Clock
+    """Arrival of the pose at the agent, on the clock of `agent_host`."""
+    began_s: Clock
+    """Start of the controller: the estimate was ready, and plans of leaders had arrived or were overdue."""
+    ready_s: Clock
+    """End of the controller."""
+
 
 MAX_STAGES = 200
 MAX_NEXT_INPUTS = 90

@@ -1,4 +1,4 @@
-"""A process's connection to the bus: publish, subscribe, send and serve requests, liveliness."""
+"""A process's connection to the bus: publish, subscribe, send and serve requests."""
 
 import time
 import weakref
@@ -17,9 +17,9 @@ from rcopterx.bus.codec import RejectedError, decode, encode
 from rcopterx.bus.endpoints import Credentials, client_config, open_session, reason_of
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
-from rcopterx.bus.publisher import Publisher, number_of
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.rounding import monotonic_s
+from rcopterx.bus.session import Publisher, number_of
 from rcopterx.bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions
 
 M = TypeVar("M", bound=Message)
@@ -147,7 +147,6 @@ class Session:
         self._publishers: dict[tuple[str, str], Publisher] = {}
         self._queryables: list[zenoh.Queryable[None]] = []
         self._taps: list[zenoh.Subscriber[None]] = []
-        self._tokens: list[zenoh.LivelinessToken] = []
         self._incoming: SimpleQueue[Incoming] = SimpleQueue()
         self._zenoh = opened(address, timeout_s)
         # An open session would keep the interpreter from ending: it waits for callbacks.
@@ -195,7 +194,6 @@ class Session:
         depth: int = 1,
         *,
         waking: bool = True,
-        wake: Callable[[], None] | None = None,
         fleet: str | None = None,
         own: bool = True,
         deliver: Deliver = Inbox.store,
@@ -206,8 +204,8 @@ class Session:
         ----------
         depth
             Messages kept until they are read.
-        waking, wake
-            Whether messages wake the loop; a function to call on the receive thread instead.
+        waking
+            Whether messages wake the loop.
         fleet
             Another fleet than the own one.
         own
@@ -216,8 +214,7 @@ class Session:
             Called on the receive thread to put a payload into the inbox.
         """
         full_key = channels.key(fleet or self.address.fleet, unit, channel.topic)
-        if wake is None:
-            wake = self.wake if waking else lambda: None
+        wake = self.wake if waking else lambda: None
         origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
         return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth, origin, deliver)
 
@@ -243,22 +240,6 @@ class Session:
 
         pattern = channels.key(fleet or self.address.fleet, "*", topic)
         self._taps.append(self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False)))
-
-    def announce(self, unit: str, role: str) -> None:
-        """Hold a liveliness token for as long as the session lives."""
-        key = channels.alive_key(self.address.fleet, unit, role)
-        self._tokens.append(self._zenoh.liveliness().declare_token(key))
-
-    def alive_units(self) -> set[tuple[str, str]]:
-        """Return unit and role of every process whose token exists."""
-        pattern = channels.alive_key(self.address.fleet, "*", "*")
-        replies = self._zenoh.liveliness().get(pattern, timeout=0.5)
-        found = set()
-        for reply in replies:
-            if reply.ok is not None:
-                chunks = str(reply.ok.key_expr).split("/")
-                found.add((chunks[2], chunks[4]))
-        return found
 
     def serve(self, unit: str, verbs: list[str]) -> None:
         """Accept requests for a unit; they wait in `pending` until the loop answers them."""

@@ -98,10 +98,6 @@ class StepBus(Protocol):
         """Accept requests."""
         ...
 
-    def announce(self, unit: str, role: str) -> None:
-        """Hold a liveliness token."""
-        ...
-
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """Send a request and wait for the reply; only while the process is set up."""
         ...
@@ -232,10 +228,6 @@ class SteppedSession:
     def serve(self, unit: str, verbs: list[str]) -> None:
         """See `StepBus.serve`."""
         self._session.serve(unit, verbs)
-
-    def announce(self, unit: str, role: str) -> None:
-        """See `StepBus.announce`."""
-        self._session.announce(unit, role)
 
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """See `StepBus.request`."""

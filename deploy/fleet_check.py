@@ -9,8 +9,8 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from rcopterx.deploy.processes.forking import ForkServer
+from rcopterx.fleet.reading import read_snapshot, write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.snapshot import read_snapshot, write_snapshot
 
 MODULE: Final = "rcopterx.deploy.fleet_check"
 EXIT_WRONG: Final = 3
@@ -27,8 +27,8 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
     from rcopterx.deploy.roles.simulator import simulator_settings
     from rcopterx.deploy.roles.tracker import tracker_settings
     from rcopterx.deploy.roles.transmitters import gateway_settings
-    from rcopterx.fleet.arbiter_limits import limits_of
     from rcopterx.fleet.formation_check import check_formation
+    from rcopterx.fleet.vehicle_models import limits_of
 
     for name in fleet.vehicles:
         check_period(fleet, name)

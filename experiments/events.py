@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rcopterx.agents.flight.task import LeaderPlan
-from rcopterx.agents.following.links import followed_leader
+from rcopterx.agents.following.leader_plans import followed_leader
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.set_points import TurnLimits
-from rcopterx.vehicles.tuples import Three
+from rcopterx.vehicles.state import Three
 
 
 @dataclass(frozen=True)

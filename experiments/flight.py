@@ -11,8 +11,7 @@ from typing import Any
 from rcopterx.experiments.checks import Check, remarks_on_latency
 from rcopterx.experiments.paper_sequence import Say, Wait
 from rcopterx.experiments.steps import Step
-from rcopterx.fleet.reading import load_fleet
-from rcopterx.fleet.shipped import fleet_path
+from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.report.statistics import percentiles

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.experiments.events import Event, Follow, GoTo
 from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.record import FlightRecord, rms_and_max_mm
@@ -23,8 +23,7 @@ from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, HORIZON, PAPER, Scheme, compared
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array
-from rcopterx.vehicles.tuples import Three
+from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array, Three
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 LEADER: Final = "h1"

@@ -16,7 +16,7 @@ import numpy as np
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.task import LeaderPlan
-from rcopterx.agents.following.links import target_link
+from rcopterx.agents.following.leader_plans import target_link
 from rcopterx.agents.following.traffic import ellipsoid_scale
 from rcopterx.agents.formation.limit_scaling import limit_scale_of, turn_limits_of
 from rcopterx.agents.formation.topology import leaders_of, places
@@ -24,6 +24,7 @@ from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
+from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
@@ -217,12 +218,13 @@ class Rig:
             model=vehicle.model,
             volume_min_m=(-ROOM_M, -ROOM_M, 0.0),
             volume_max_m=(ROOM_M, ROOM_M, ROOM_M),
-            controller=vehicle.controller,
-            estimator=vehicle.estimator,
-            horizon=vehicle.horizon,
+            configuration=Configuration(
+                vehicle.controller,
+                vehicle.estimator,
+                {"horizon": vehicle.horizon, **vehicle.controller_settings},
+                vehicle.estimator_settings,
+            ),
             period_s=vehicle.period_s,
-            controller_settings=vehicle.controller_settings,
-            estimator_settings=vehicle.estimator_settings,
             following=vehicle.following,
             limit_scale=limit_scale,
             separation=self._options.clearance,

@@ -3,7 +3,6 @@
 import os
 import tempfile
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
-from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,8 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from rcopterx.fleet.radios import calibration_of
-from rcopterx.fleet.reading import load_fleet, parse_fleet
+from rcopterx.fleet.reading import load_fleet, parse_fleet, shipped_fleets
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.shipped import shipped_fleets
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.vehicles.model import Model
@@ -30,7 +28,6 @@ FITTED = (
     "tilt",
     "uncertainty",
 )
-CHANNELS = ("pitch", "roll", "throttle", "yaw")
 
 
 def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> list[str]:
@@ -39,11 +36,11 @@ def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> lis
     Raises `FleetError`: the file cannot be used, or comes with the package; nothing was written.
     """
     path = _own(path)
-    present = calibration_of(load_fleet(path).vehicles[vehicle], vehicle)
+    before = msgspec.to_builtins(calibration_of(load_fleet(path).vehicles[vehicle], vehicle))
+    after = msgspec.to_builtins(calibration)
 
     def edit(table: Any) -> list[str]:
-        changed = [name for name in CHANNELS if getattr(present, name) != getattr(calibration, name)]
-        return [line for name in changed for line in _set_channel(table, name, present, calibration)]
+        return _set_numbers(table, before, after, "", complete=True)
 
     def reads_back(file: FleetFile) -> bool:
         return calibration_of(file.vehicles[vehicle], vehicle) == calibration
@@ -116,8 +113,13 @@ def _rounded(value: Any) -> Any:
 
 
 def _set_numbers(
-    table: MutableMapping[str, Any], before: Mapping[str, Any] | None, after: Mapping[str, Any], where: str
+    table: MutableMapping[str, Any],
+    before: Mapping[str, Any] | None,
+    after: Mapping[str, Any],
+    where: str,
+    complete: bool = False,
 ) -> list[str]:
+    """Set what changes, and everything in new inner tables if they have to be `complete`."""
     lines = []
     for name, new in after.items():
         old = None if before is None else before[name]
@@ -126,6 +128,7 @@ def _set_numbers(
         if isinstance(new, dict):
             if name not in table:
                 table[name] = tomlkit.inline_table()
+                table[name].update(new if complete else {})
             lines += _set_numbers(table[name], old, new, f"{where}{name}.")
         else:
             table[name] = new
@@ -165,25 +168,6 @@ def _table(document: tomlkit.TOMLDocument, keys: Sequence[str], inline: bool) ->
             table[key] = tomlkit.inline_table() if inline else tomlkit.table()
         table = table[key]
     return table
-
-
-def _set_channel(
-    table: MutableMapping[str, Any], channel: str, present: Calibration, wanted: Calibration
-) -> list[str]:
-    before, after = getattr(present, channel), getattr(wanted, channel)
-    if channel not in table:
-        table[channel] = tomlkit.inline_table()
-    lines = []
-    for item in fields(after):
-        old, new = getattr(before, item.name), getattr(after, item.name)
-        # A new table must state what differs from the defaults of its type.
-        if old != new or (
-            item.name not in table[channel] and (item.default is MISSING or new != item.default)
-        ):
-            table[channel][item.name] = new
-        if old != new:
-            lines.append(f"{channel}.{item.name}: {old:g} -> {new:g}")
-    return lines
 
 
 def _replace(path: Path, text: str) -> None:

@@ -13,19 +13,7 @@ TOLERANCE_M = 1e-6
 
 def links_of(fleet: FleetFile) -> dict[str, tuple[LeaderLink, ...]]:
     """Return the leaders of every vehicle."""
-    return {
-        name: tuple(
-            LeaderLink(
-                leader=link.leader,
-                offset_m=link.offset_m,
-                yaw_offset_rad=link.yaw_offset_rad,
-                frame=link.frame,
-                weight=link.weight,
-            )
-            for link in vehicle.follow
-        )
-        for name, vehicle in fleet.vehicles.items()
-    }
+    return {name: tuple(vehicle.follow) for name, vehicle in fleet.vehicles.items()}
 
 
 def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:

@@ -5,6 +5,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,8 +14,8 @@ from msgspec import inspect
 
 from rcopterx.bus.message import Name
 from rcopterx.fleet.consistency import check_consistency
+from rcopterx.fleet.reading import SUFFIX, read_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile, GatewayConfig, HostConfig, VehicleConfig
-from rcopterx.fleet.snapshot import SUFFIX, read_snapshot
 
 T = TypeVar("T")
 
@@ -175,3 +176,24 @@ def _without_none(node: Any) -> Any:
     if not isinstance(node, inspect.UnionType):
         return node
     return next(member for member in node.types if not isinstance(member, inspect.NoneType))
+
+
+def shipped_fleets() -> dict[str, Path]:
+    """Return the fleet files that come with the package, by name."""
+    with as_file(files("rcopterx.deploy") / "fleets") as directory:
+        return {path.stem: path for path in sorted(directory.glob("*.toml"))}
+
+
+def fleet_path(name: str) -> Path:
+    """Return the path of a fleet file, or of a shipped fleet by its name.
+
+    Raises `FleetError`: there is neither such a file nor such a shipped fleet.
+    """
+    path = Path(name)
+    if path.exists():
+        return path
+    shipped = shipped_fleets()
+    # Paths of the source tree also name shipped files, so that examples in the documentation work anywhere.
+    if name in shipped or (path.suffix == ".toml" and path.parent.name == "fleets" and path.stem in shipped):
+        return shipped[path.stem]
+    raise FleetError(f"{name}: no such file; shipped fleets are {', '.join(shipped)}")

@@ -12,8 +12,7 @@ import msgspec
 from msgspec import inspect as types
 
 from rcopterx.bus.reference import field_table, purpose
-from rcopterx.control.controllers.registry import CONTROLLERS
-from rcopterx.control.estimators.registry import ESTIMATORS
+from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.fleet import schema
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta, Struct, field
 
 from rcopterx.bus import channels
-from rcopterx.bus.message import Four, Name, Period, Three, Weight
+from rcopterx.bus.message import Four, Name, Period, Place, Three
+from rcopterx.bus.messages import LeaderLink
 
 Text = Annotated[str, Meta(min_length=1)]
 
@@ -154,19 +155,13 @@ class ControlConfig(Table, frozen=True, kw_only=True):
     leaders above it; at most half a control period."""
 
 
-class LeaderConfig(Table, frozen=True, kw_only=True):
-    """Leader of a vehicle from the start."""
+class LeaderConfig(LeaderLink, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Leader of a vehicle from the start, and the offset to it."""
 
-    leader: Name
-    """Vehicle to follow."""
-    offset_m: Three
+    offset_m: Place
     """Position relative to the leader: x, y, z."""
-    yaw_offset_rad: float = 0.0
-    """Heading relative to the leader's."""
     frame: Literal["inertial", "heading"] = "inertial"
     """Axes of the offset: those of the Tracker, or those that turn with the leader's heading."""
-    weight: Weight = 1.0
-    """Weight of this leader among several."""
 
 
 class LeaderLostConfig(Table, frozen=True, kw_only=True):

@@ -155,7 +155,6 @@ def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) ->
         session.tap(waiting.store, channels.KILL.topic, channels.EVERY_FLEET)
         writer = FlightWriter(settings.flight())
         recorder = Recorder(waiting, writer, settings.wall_ns)
-        session.announce(settings.host, "recorder")
         report_at_s, stopped = 0.0, False
         heartbeat = own_heartbeat()
         while not stop.wait(FLUSH_S):

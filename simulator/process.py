@@ -43,7 +43,6 @@ class Simulator:
         plants = {name: laboratory.plant(name) for name in laboratory.names}
         self._vehicle_faults = VehicleFaults(plants, self._room.radios)
         session.serve(channels.SIMULATOR_UNIT, ["inject"])
-        session.announce(channels.SIMULATOR_UNIT, "simulator")
 
     def run_once(self) -> None:
         """Wait for bytes or for the next due time, and handle them.

@@ -3,12 +3,11 @@
 from collections.abc import Callable
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import Applied, Command, Kill, Lease, LeaseBid, TransmitterStatus
+from rcopterx.bus.messages import Applied, Command, CommandTiming, Kill, Lease, LeaseBid, TransmitterStatus
 from rcopterx.bus.requests import Arm, Disarm, KillVehicle, Reply, ResetKill
 from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
-from rcopterx.bus.timing import CommandTiming
 from rcopterx.transmitter_gateway.inputs import NAMES, Action, ActionRequest, CommandInput, State
 from rcopterx.transmitter_gateway.serial_port import WriteOutcome
 from rcopterx.transmitter_gateway.snapshot import Write
@@ -51,7 +50,6 @@ class Station:
         self._timing: CommandTiming | None = None
         self._last_sequence = 0
         session.serve(self.vehicle, VERBS)
-        session.announce(self.vehicle, "transmitter")
 
     def take_commands(self, clock: Callable[[], float]) -> None:
         """Pass some commands to the arbiter, and write accepted ones at once."""

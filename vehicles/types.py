@@ -5,8 +5,8 @@ from types import MappingProxyType
 from typing import Final
 
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
-from rcopterx.vehicles.quadrotor import QUADROTOR
 from rcopterx.vehicles.tilt import TiltModel
+from rcopterx.vehicles.types import QUADROTOR
 
 COAXIAL_LAG: Final = Model(
     kind="coaxial_lag",

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from rcopterx.vicon_gateway.datastream import DataStreamSession, StreamCounters
 from rcopterx.vicon_gateway.frame import CapturedFrame
-from rcopterx.vicon_gateway.recording import RawRecorder, Sink
+from rcopterx.vicon_gateway.recording import RawRecorder
 from rcopterx.vicon_gateway.wire import WireError
 
 DEFAULT_PORT = 801
@@ -137,7 +137,7 @@ class DataStreamClient(FrameClient):
     """Frames of a Tracker, newest first, for as long as the caller wants.
 
     A host name is looked up in a thread of its own, because the look-up has no time limit. `record_raw`
-    stores all received bytes (`recording`); the caller closes it.
+    writes a recording of all received bytes.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ class DataStreamClient(FrameClient):
         *,
         clock: Callable[[], float] = time.monotonic,
         limits: ClientLimits | None = None,
-        record_raw: Sink | None = None,
+        record_raw: Callable[[bytes], object] | None = None,
     ) -> None:
         self._host, self._port = host, port
         super().__init__(clock, ClientLimits() if limits is None else limits)

@@ -1,51 +1,22 @@
 """Subject names of the Tracker to vehicle names of the fleet."""
 
-import re
 from collections import Counter
 from collections.abc import Mapping
 
 from rcopterx.bus.host_messages import SubjectState
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 
-VEHICLE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
-"""Names that are safe as one part of a bus key."""
-
 
 class SubjectMap:
     """Assigns poses to vehicles and keeps account of all subjects.
 
-    Subject names must match exactly (blanks count). Raises `ValueError` for a vehicle name that is not
-    key-safe, or a vehicle with two subjects.
+    Subject names must match exactly (blanks count).
     """
 
     def __init__(self, vehicle_of_subject: Mapping[str, str]) -> None:
-        for subject, vehicle in vehicle_of_subject.items():
-            if VEHICLE_NAME.fullmatch(vehicle) is None:
-                raise ValueError(
-                    f"vehicle name {vehicle!r} of subject {subject!r}: allowed are up to 32 letters, digits, "
-                    "'_' and '-', beginning with a letter"
-                )
-        for vehicle, number in Counter(vehicle_of_subject.values()).items():
-            if number > 1:
-                raise ValueError(f"vehicle {vehicle!r} has {number} subjects, allowed is one")
         self._vehicles = dict(vehicle_of_subject)
         self._listed: Counter[str] = Counter()
         self._occluded_since_s: dict[str, float] = {}
-
-    @property
-    def unknown(self) -> tuple[str, ...]:
-        """Subjects the Tracker lists and the configuration does not know."""
-        return tuple(name for name in self._listed if name not in self._vehicles)
-
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """Subjects of the configuration that the Tracker does not list."""
-        return tuple(name for name in self._vehicles if name not in self._listed)
-
-    @property
-    def ambiguous(self) -> tuple[str, ...]:
-        """Subjects listed more than once; no pose is delivered for them."""
-        return tuple(name for name, number in self._listed.items() if number > 1)
 
     def update(self, frame: CapturedFrame) -> list[tuple[str, SubjectPose]]:
         """Return (vehicle, pose) of every vehicle that a frame lists, occluded or not."""

@@ -4,7 +4,9 @@ import logging
 import math
 import signal
 import time
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from rcopterx.bus.host_messages import TrackerStatus
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import TIME_BITS, monotonic_s, rounded
-from rcopterx.bus.session import Session
+from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import UnitSubscriptions
 from rcopterx.vicon_gateway.brands import BrandClient, check_library
 from rcopterx.vicon_gateway.client import ClientState, DataStreamClient, FrameClient
@@ -24,7 +26,33 @@ from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 from rcopterx.vicon_gateway.mapping import SubjectMap
 from rcopterx.vicon_gateway.recording import RecordingFile
-from rcopterx.vicon_gateway.settings import TrackerSettings
+
+
+@dataclass(frozen=True)
+class BrandSettings:
+    """A motion capture that is read by the library `motioncapture`; see `brands.BrandClient`."""
+
+    brand: str
+    options: Mapping[str, str]
+    rate_hz: float
+    latency_s: float
+
+
+@dataclass(frozen=True)
+class TrackerSettings:
+    """Motion capture to read: subjects with their vehicles, and where to record the raw stream, if anywhere.
+
+    `brand` is None for a Vicon Tracker, read by our own client. An existing recording is not overwritten.
+    """
+
+    bus: BusAddress
+    host: str
+    port: int
+    subjects: Mapping[str, str]
+    brand: BrandSettings | None = None
+    record_raw: Path | None = None
+    realtime_priority: int = 0
+
 
 _LOG = logging.getLogger(__name__)
 
@@ -77,7 +105,6 @@ class TrackerGateway:
             session.subscribe_all(channels.INTENT, waking=False),
         )
         self._flown_until_s = session.clock() + FLOWN_LIMIT_S
-        session.announce(channels.TRACKER_UNIT, "vicon_gateway")
 
     def step(self) -> None:
         """Wait for the next frame, publish its poses, and now and then the status."""
@@ -212,7 +239,7 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
             signal.signal(number, lambda caught, _: stopping.append(caught))
         realtime = request_realtime(settings.realtime_priority)
         session = stack.enter_context(Session(settings.bus))
-        client = _client(settings, file)
+        client = _client(settings, None if file is None else file.write)
         stack.callback(client.close)
         gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
         heartbeat = own_heartbeat()
@@ -223,7 +250,7 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
         heartbeat.ending()
 
 
-def _client(settings: TrackerSettings, record_raw: RecordingFile | None) -> FrameClient:
+def _client(settings: TrackerSettings, record_raw: Callable[[bytes], object] | None) -> FrameClient:
     brand = settings.brand
     if brand is None:
         return DataStreamClient(settings.host, settings.port, record_raw=record_raw, clock=monotonic_s)

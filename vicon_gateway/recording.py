@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
 from queue import SimpleQueue
-from typing import BinaryIO, NamedTuple, Protocol, Self
+from typing import BinaryIO, NamedTuple, Self
 
 FILE_MAGIC = b"RCXRAW1\n"
 MAX_RECORD_BYTES = 16 * 1024 * 1024
@@ -44,21 +44,11 @@ class RawRecord(NamedTuple):
     data: bytes
 
 
-class Sink(Protocol):
-    """Destination of a recording: a file opened for writing bytes, or an object like one."""
-
-    def write(self, data: bytes, /) -> object:
-        """Take bytes; raises OSError when it cannot."""
-
-    def flush(self) -> object:
-        """Make sure that the bytes taken so far are kept."""
-
-
 class RawRecorder:
-    """Writes a recording; the first failure of the file ends it and is kept in `error`, nothing is raised."""
+    """Writes a recording; the first failure of `write` ends it and is kept in `error`, nothing is raised."""
 
-    def __init__(self, sink: Sink, clock: Callable[[], float]) -> None:
-        self._sink = sink
+    def __init__(self, write: Callable[[bytes], object], clock: Callable[[], float]) -> None:
+        self._write_bytes = write
         self._clock = clock
         self.error: str | None = None
         self.recorded_bytes = 0
@@ -73,23 +63,18 @@ class RawRecorder:
         self._record(RawEvent.RECEIVED, data)
 
     def ended(self, reason: str) -> None:
-        """Note that the connection ended, and flush the file."""
+        """Note that the connection ended."""
         self._record(RawEvent.ENDED, reason.encode())
-        self._guard(self._sink.flush)
 
     def _record(self, event: RawEvent, data: bytes) -> None:
         self._write(_RECORD.pack(self._clock(), event, len(data)) + data)
 
     def _write(self, data: bytes) -> None:
-        self._guard(lambda: self._sink.write(data))
-        if self.error is None:
-            self.recorded_bytes += len(data)
-
-    def _guard(self, action: Callable[[], object]) -> None:
         if self.error is not None:
             return
         try:
-            action()
+            self._write_bytes(data)
+            self.recorded_bytes += len(data)
         except (OSError, ValueError) as error:  # ValueError: the file has been closed
             self.error = f"raw recording stopped: {error}"
 
@@ -199,9 +184,6 @@ class RecordingFile:
             raise OSError(f"the disk of {self.path} is {MAX_WAITING_BYTES} bytes behind")
         self._queued_bytes += len(data)
         self._queue.put(data)
-
-    def flush(self) -> None:
-        """Nothing to do: whatever was written goes to the file as soon as nothing more is waiting."""
 
     def close(self) -> None:
         """Write the queued bytes, for a limited time, and close the file."""

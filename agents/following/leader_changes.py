@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses
-from rcopterx.agents.following.links import followed_leader
+from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader
 from rcopterx.agents.following.regrouping import Regrouping
 from rcopterx.agents.formation.placement import Room, offset_problem, place_problem
 from rcopterx.agents.formation.topology import ancestors, formation_of, in_words, line_between

@@ -4,9 +4,12 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
+import numpy as np
+
 from rcopterx.agents.flight.fleet_clock import FleetClock
-from rcopterx.agents.flight.task import LeaderPlan
-from rcopterx.bus.messages import AgentStatus, Plan
+from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
+from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.references.trajectory import Trajectory
 
@@ -137,3 +140,34 @@ class PeerStatuses:
                 if now_s - received.arrived_s <= limit_s:
                     found[name] = received.message
         return found
+
+
+def followed_leader(following: LeaderLink) -> FollowedLeader:
+    """A link of the guidance from its message."""
+    offset = FormationOffset(
+        np.array(following.offset_m, dtype=np.float64),
+        following.yaw_offset_rad,
+        "heading" if following.frame == "heading" else "inertial",
+    )
+    return FollowedLeader(following.leader, offset, following.weight)
+
+
+def present_link(link: FollowedLeader, time_s: float) -> LeaderLink:
+    """Message of a link with the offset of this moment."""
+    return _following(link, link.offset_at(time_s))
+
+
+def target_link(link: FollowedLeader) -> LeaderLink:
+    """Message of a link with the offset to be reached."""
+    return _following(link, link.target)
+
+
+def _following(link: FollowedLeader, offset: FormationOffset) -> LeaderLink:
+    x, y, z = offset.position_m.tolist()
+    return LeaderLink(
+        leader=link.leader,
+        offset_m=(x, y, z),
+        yaw_offset_rad=offset.yaw_rad,
+        frame=offset.frame,
+        weight=link.weight,
+    )

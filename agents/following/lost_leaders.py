@@ -5,8 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 
 from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
-from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses
-from rcopterx.agents.following.links import followed_leader, target_link
+from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader, target_link
 from rcopterx.agents.formation.succession import (
     Finding,
     FollowingMode,

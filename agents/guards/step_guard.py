@@ -15,8 +15,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from rcopterx.agents.guards.guarded_call import GuardedCall
+from rcopterx.agents.guards.step_guard import hovering_input
 from rcopterx.agents.guards.time_limit import SOLVER_SHARE, STEP_SHARE
-from rcopterx.control.controllers.hovering import hovering_input
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
 from rcopterx.control.models.finite import is_finite
 from rcopterx.control.models.roll_out import predict

@@ -10,8 +10,7 @@ from rcopterx.bus.messages import ControlTask, ExternalInput
 from rcopterx.bus.requests import TakeControl
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.controllers.external import ExternalController
-from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.tuples import four
+from rcopterx.vehicles.state import Array, four
 
 
 class ExternalControl:

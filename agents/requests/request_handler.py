@@ -11,8 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.agents.following.leader_changes import LeaderChanges, reply_of
-from rcopterx.agents.following.leader_plans import PeerStatuses
-from rcopterx.agents.following.links import target_link
+from rcopterx.agents.following.leader_plans import PeerStatuses, target_link
 from rcopterx.agents.formation.limit_scaling import turn_limits_of
 from rcopterx.agents.formation.placement import Room, move_problem, take_off_problem
 from rcopterx.agents.formation.topology import FormationGraph, followers, formation_of, places

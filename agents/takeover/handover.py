@@ -11,14 +11,14 @@ import numpy as np
 from msgspec.structs import replace
 
 from rcopterx.agents.flight.task import FollowedLeader, Task
-from rcopterx.agents.following.links import followed_leader, target_link
+from rcopterx.agents.following.leader_plans import followed_leader, target_link
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.takeover.lease import ControlLease
 from rcopterx.agents.tuning.changes import Tuning
-from rcopterx.agents.tuning.configuration import Configuration, settings_in_message
+from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus import channels
 from rcopterx.bus.intent import FlownBy, Intent, OffsetMove
 from rcopterx.bus.message import FloatArray
@@ -33,8 +33,7 @@ from rcopterx.control.references.set_points import (
     SetPointReference,
     TimedPath,
 )
-from rcopterx.vehicles.state import YAW
-from rcopterx.vehicles.tuples import three
+from rcopterx.vehicles.state import YAW, three
 
 _END_OF_TIME_S: Final = 1e9
 
@@ -61,7 +60,7 @@ def intent_of(
         Present heading with all its turns; None before the vehicle has been seen.
     """
     path = task.source if isinstance(task.source, TimedPath) else None
-    end = task.source.sample(_END_OF_TIME_S, 1.0, 2)
+    end, flown = task.source.sample(_END_OF_TIME_S, 1.0, 2), configuration.message
     return Intent(
         lease=lease,
         phase=task.phase.value,
@@ -87,20 +86,11 @@ def intent_of(
             for link in task.followed
             if link.start is not None and time_s < link.start_s + link.duration_s
         ),
-        controller=configuration.controller,
-        controller_settings=settings_in_message(configuration.controller_settings),
-        estimator=configuration.estimator,
-        estimator_settings=settings_in_message(configuration.estimator_settings),
-        previous=None if previous is None else _flown_by(previous),
-    )
-
-
-def _flown_by(configuration: Configuration) -> FlownBy:
-    return FlownBy(
-        controller=configuration.controller,
-        controller_settings=settings_in_message(configuration.controller_settings),
-        estimator=configuration.estimator,
-        estimator_settings=settings_in_message(configuration.estimator_settings),
+        controller=flown.controller,
+        controller_settings=flown.controller_settings,
+        estimator=flown.estimator,
+        estimator_settings=flown.estimator_settings,
+        previous=None if previous is None else previous.message,
     )
 
 

@@ -6,10 +6,10 @@ from typing import Final
 
 import msgspec
 
+from rcopterx.bus.intent import FlownBy
 from rcopterx.bus.message import Setting
-from rcopterx.control.controllers.registry import CONTROLLERS
-from rcopterx.control.estimators.registry import ESTIMATORS
 from rcopterx.control.interfaces import Controller, Estimator, LimitScale, ScalesLimits
+from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.vehicles.model import Model
 
 DEFAULT_CONTROLLER: Final = "cascade"
@@ -21,8 +21,8 @@ DEFAULT_ESTIMATOR: Final = "extended_kalman"
 class Configuration:
     """Names and settings; missing settings have their defaults."""
 
-    controller: str
-    estimator: str
+    controller: str = DEFAULT_CONTROLLER
+    estimator: str = DEFAULT_ESTIMATOR
     controller_settings: Mapping[str, object] = field(default_factory=dict)
     """Name and settings of the controller, the horizon among them."""
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
@@ -34,6 +34,16 @@ class Configuration:
             settings = getattr(self, name).items()
             plain = {key: tuple(value) if isinstance(value, list) else value for key, value in settings}
             object.__setattr__(self, name, plain)
+
+    @property
+    def message(self) -> FlownBy:
+        """As it travels: settings are numbers, strings and rows of numbers."""
+        return FlownBy(
+            controller=self.controller,
+            controller_settings=msgspec.convert(self.controller_settings, dict[str, Setting]),
+            estimator=self.estimator,
+            estimator_settings=msgspec.convert(self.estimator_settings, dict[str, Setting]),
+        )
 
     def changed(
         self,
@@ -90,8 +100,3 @@ class Configuration:
             Unknown estimator, or a setting it does not accept.
         """
         return ESTIMATORS.build(self.estimator, model, period_s, self.estimator_settings)
-
-
-def settings_in_message(settings: Mapping[str, object]) -> dict[str, Setting]:
-    """Return settings as they travel: numbers, strings and rows of numbers."""
-    return msgspec.convert(settings, dict[str, Setting])

@@ -13,7 +13,7 @@ from rcopterx.agents.flight.oscillation import Loop, OscillationDetector
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
-from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.plugins import CONTROLLERS
 
 EFFORT_FACTORS: Final = "effort_factors"
 """Setting of a controller that lowers its bandwidth: one number for each `Loop`."""

@@ -11,7 +11,7 @@ from rcopterx.control.controllers.cascade.weights import default_input_weights, 
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
 from rcopterx.control.margins.loop import FeedbackLoop
-from rcopterx.control.plugins.plain_settings import parse_settings
+from rcopterx.control.plugins import parse_settings
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
 
@@ -47,11 +47,11 @@ def loops_of(model: Model, period_s: float, configuration: Configuration) -> Map
     estimator = parse_settings(ExtendedKalmanSettings, configuration.estimator_settings)
     states = cascade.state_weights or default_state_weights(model)
     efforts = cascade.input_weights or default_input_weights(model, period_s)
-    compensate, lag = cascade.disturbance_compensation, cascade.actuator_lag
+    compensate = cascade.disturbance_compensation
 
     def single(axis: int) -> FeedbackLoop:
         weights = states[axis], states[4 + axis], efforts[axis]
-        return lag_loop(model, period_s, axis, weights, estimator, compensate, lag)
+        return lag_loop(model, period_s, axis, weights, estimator, compensate)
 
     steady = {name: single(axis) for name, axis in STEADY_AXES.items()}
     if model.tilt is None:

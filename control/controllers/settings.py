@@ -1,7 +1,7 @@
 """Settings every controller shares.
 
 A controller's settings are a frozen `msgspec.Struct`; a fleet file's table or a request's body becomes one
-through `rcopterx.control.plugins.plain_settings`, which names the field and what is allowed when something is
+through `rcopterx.control.plugins`, which names the field and what is allowed when something is
 wrong.
 """
 
@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import msgspec
 import numpy as np
 
-from rcopterx.control.plugins.plain_settings import SettingsError
+from rcopterx.control.plugins import SettingsError
 from rcopterx.control.solver.problem import Solver
 from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.vehicles.model import Model

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.estimators.gate import InnovationGate
+from rcopterx.control.estimators.base import InnovationGate
 from rcopterx.control.estimators.settings import EstimatorSettings
 from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.references.turns import nearest_heading

@@ -43,7 +43,7 @@ class ExtendedKalmanEstimator(PoseEstimator):
     def __init__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> None:
         super().__init__(model, settings)
         self._lag_filter = LagFilter(model, settings)
-        self._horizontal = None if model.tilt is None else HorizontalMotion(model, settings)
+        self._horizontal = HorizontalMotion(model, settings)
         self._uses_tilt = settings.measured_tilt and model.tilt is not None
         self._tilt: Array | None = None
         """Tilt of the pose that is being processed; None if it is not measured."""
@@ -59,8 +59,7 @@ class ExtendedKalmanEstimator(PoseEstimator):
     @property
     def estimate(self) -> Estimate:
         """The current estimate."""
-        estimate = self._lag_filter.estimate
-        return estimate if self._horizontal is None else self._horizontal.refine(estimate)
+        return self._horizontal.refine(self._lag_filter.estimate)
 
     @property
     def standing(self) -> bool:
@@ -73,20 +72,21 @@ class ExtendedKalmanEstimator(PoseEstimator):
         return self._lag_filter.P
 
     @property
-    def horizontal(self) -> HorizontalMotion | None:
+    def horizontal(self) -> HorizontalMotion:
         """The filters of the horizontal motion of a vehicle with a tilt model."""
         return self._horizontal
 
     @property
     def events(self) -> Mapping[str, int]:
         """How often a measured tilt was distrusted, and trusted again."""
-        return {} if self._horizontal is None else self._horizontal.events
+        return self._horizontal.events
 
     def position_deviation_m(self) -> Array:
         """See `EstimatesUncertainty`."""
         variance = self._lag_filter.P.diagonal()[:YAW].copy()
-        if self._horizontal is not None:
-            variance[:2] = self._horizontal.selected.P.diagonal()[:2]
+        selected = self._horizontal.selected
+        if selected is not None:
+            variance[:2] = selected.P.diagonal()[:2]
         return np.asarray(np.sqrt(variance))
 
     def reset(self, measurement: Measurement) -> None:
@@ -108,23 +108,21 @@ class ExtendedKalmanEstimator(PoseEstimator):
         self._tilt = None
         super().take_over(estimate)
         self._lag_filter.set_disturbance(estimate.disturbance)
-        if self._horizontal is not None and estimate.has_tilt:
+        if estimate.has_tilt:
             self._horizontal.take_over(estimate.tilt)
 
     def _set_actuators(self, applied_input: Array) -> None:
         self._lag_filter.set_actuator(applied_input)
-        if self._horizontal is not None:
-            self._horizontal.set_servo(applied_input[:2])
+        self._horizontal.set_servo(applied_input[:2])
 
     def _start(self, pose: Array, rates: Array) -> None:
         self._lag_filter.start(pose, rates)
         self._standing = not rates.any()
         self._stood_at_m = pose[:YAW]
-        if self._horizontal is not None:
-            if self._standing:
-                self._horizontal.stand(pose, self._tilt)
-            else:
-                self._horizontal.start(pose, rates, self._tilt)
+        if self._standing:
+            self._horizontal.stand(pose, self._tilt)
+        else:
+            self._horizontal.start(pose, rates, self._tilt)
 
     def _thrust_carries(self) -> bool:
         thrust = self._model.input_gain[U_THRUST] * float(self._lag_filter.estimate.actuator[U_THRUST])
@@ -138,21 +136,20 @@ class ExtendedKalmanEstimator(PoseEstimator):
         actuator = self._lag_filter.estimate.actuator
         self._lag_filter.set_actuator(actuator_response(self._model, actuator, applied_input, 0.0, period_s))
         self._standing = not self._thrust_carries()
-        if self._horizontal is not None:
-            self._horizontal.rest(applied_input[:2], period_s)
+        self._horizontal.rest(applied_input[:2], period_s)
 
     def _filter_prediction(self, applied_input: Array, period_s: float) -> None:
         start = self._lag_filter.estimate.motion
         self._lag_filter.predict(applied_input, period_s)
-        if self._horizontal is not None:
-            end = self._lag_filter.estimate.motion
-            middle_rad = float(start[YAW] + 0.5 * period_s * end[YAW_RATE])
-            self._horizontal.predict(applied_input[:2], middle_rad, period_s)
+        end = self._lag_filter.estimate.motion
+        middle_rad = float(start[YAW] + 0.5 * period_s * end[YAW_RATE])
+        self._horizontal.predict(applied_input[:2], middle_rad, period_s)
 
     def _predicted_pose(self) -> Array:
         pose = self._lag_filter.x[POSE].copy()
-        if self._horizontal is not None:
-            pose[:2] = self._horizontal.selected.position_m
+        selected = self._horizontal.selected
+        if selected is not None:
+            pose[:2] = selected.position_m
         return pose
 
     def _deviation(self) -> Array:
@@ -164,14 +161,12 @@ class ExtendedKalmanEstimator(PoseEstimator):
         if self._standing:
             self._lag_filter.set_pose(pose)
             self._standing = bool((np.abs(pose[:YAW] - self._stood_at_m) < _MOVED_M).all())
-            if self._horizontal is not None:
-                self._horizontal.correct_standing(pose, self._tilt, float(self._noise[0]), since_pose_s)
+            self._horizontal.correct_standing(pose, self._tilt, float(self._noise[0]), since_pose_s)
             return
         self._lag_filter.correct(pose, self._noise**2)
         if self._lag_filter.disturbance_at_limit and not self._thrust_carries():
             self._start(self._lag_filter.x[POSE], np.zeros(INPUT_SIZE))
-        if self._horizontal is not None:
-            self._horizontal.correct(pose, self._tilt, float(self._noise[0]), since_pose_s)
+        self._horizontal.correct(pose, self._tilt, float(self._noise[0]), since_pose_s)
 
     def _measure_noise(self, pose: Array, since_pose_s: float) -> None:
         """Expect at least the noise of the settings, and that of the worst axis for all positions."""

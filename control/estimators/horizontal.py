@@ -19,24 +19,30 @@ TRUSTED_AGAIN: Final = "tilt_trusted_again"
 
 
 class HorizontalMotion:
-    """The two filters, and whether the measured tilt is trusted. Poses have shape (4,), tilts (2,)."""
+    """The two filters, and whether the measured tilt is trusted. Poses have shape (4,), tilts (2,).
+
+    There are no filters for a vehicle without a tilt model.
+    """
 
     def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
-        self._from_tilt = TiltFilter(model, settings) if settings.measured_tilt else None
-        self._from_positions = TiltFilter(model, settings)
+        known = model.tilt is not None
+        self._from_tilt = TiltFilter(model, settings) if known and settings.measured_tilt else None
+        self._from_positions = TiltFilter(model, settings) if known else None
         self._filters = [each for each in (self._from_tilt, self._from_positions) if each is not None]
         self.trust = TiltTrust()
         self.events: Counter[str] = Counter()
         """How often a measured tilt was distrusted, and trusted again."""
 
     @property
-    def selected(self) -> TiltFilter:
+    def selected(self) -> TiltFilter | None:
         """The filter whose estimate is used."""
         return self._from_tilt if self._from_tilt is not None and self.trust.trusted else self._from_positions
 
     def refine(self, estimate: Estimate) -> Estimate:
         """Replace the horizontal motion of an estimate, and add the tilt."""
         selected = self.selected
+        if selected is None:
+            return estimate
         motion = estimate.motion.copy()
         motion[:2] = selected.position_m
         motion[XD_BODY : YD_BODY + 1] = heading_matrix(float(motion[YAW])).T @ selected.velocity_m_s
@@ -84,8 +90,10 @@ class HorizontalMotion:
     def correct(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
         """Correct by a pose, `since_pose_s` after the last one, with standard deviation `noise_m`."""
         yaw_rad = float(pose[YAW])
-        if tilt is not None and self.trust.observe(tilt, self._from_positions.tilt, yaw_rad, since_pose_s):
-            self._change_trust()
+        if tilt is not None and self._from_positions is not None:
+            expected = self._from_positions.tilt
+            if self.trust.observe(tilt, expected, yaw_rad, since_pose_s):
+                self._change_trust()
         self._expect_noise(noise_m)
         for each in self._filters:
             each.correct(pose[:2], self._usable(tilt, each), yaw_rad)

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import lfilter
 
-from rcopterx.control.identification.linear_filter import LinearSystem, StationaryPredictor
+from rcopterx.control.identification.motions import LinearSystem, StationaryPredictor
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.control.models.lateral import WIND_CORRELATION_S, LateralSystem
 from rcopterx.control.models.linear import Complex, as_complex

@@ -105,21 +105,17 @@ def lag_loop(
     weights: Weights,
     estimator: ExtendedKalmanSettings = DEFAULT_FILTER,
     compensate: bool = True,
-    actuator_lag: bool = True,
 ) -> FeedbackLoop:
     """Return the loop of one axis (0 to 3: x, y, height, yaw) behind a first-order lag.
 
-    Its input is the stick. With `compensate` and `actuator_lag` the cascade predicts with the estimated
-    disturbance, and with the lag.
+    Its input is the stick. With `compensate` the cascade predicts with the estimated disturbance.
     """
-    gain, levels = model.input_gain[axis], 3 if actuator_lag else 2
     position, velocity, effort = weights
-    a, b = LagDynamics.of(model, period_s, actuator_lag, slice(axis, axis + 1)).matrices()
-    row = regulator((a, b[:, 0]), [position, velocity, 0.0][:levels], effort)
+    a, b = LagDynamics.of(model, period_s, slice(axis, axis + 1)).matrices()
     feedback = np.zeros(4)
-    feedback[:levels] = row
+    feedback[:3] = regulator((a, b[:, 0]), [position, velocity, 0.0], effort)
     if compensate:
-        feedback[3] = (1.0 + feedback[2]) / gain
+        feedback[3] = (1.0 + feedback[2]) / model.input_gain[axis]
     return replace(_filtered_lag(model, period_s, axis, estimator), feedback=feedback)
 
 

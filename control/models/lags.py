@@ -2,7 +2,7 @@
 
     p+ = p + T v,    v+ = (1 + T k) v + T (b a + disturbance),    a+ = pole a + (1 - pole) (u - gyro v)
 
-with position p, velocity v, actuator a and stick u of each axis. Without lags a = u.
+with position p, velocity v, actuator a and stick u of each axis.
 """
 
 from typing import NamedTuple
@@ -25,15 +25,13 @@ class LagDynamics(NamedTuple):
     pole: Array
     gyro: Array
     """Stick that the gyro subtracts per velocity."""
-    lagged: bool
 
     @classmethod
-    def of(cls, model: Model, period_s: float, lagged: bool, axes: slice) -> "LagDynamics":
+    def of(cls, model: Model, period_s: float, axes: slice) -> "LagDynamics":
         """Return the dynamics of some axes of a vehicle."""
-        damping = np.array(model.direct_damping) if lagged else model.k
-        gyro = np.array(model.rate_feedback)
-        poles = lag_poles(model, period_s)
-        return cls(period_s, model.b[axes], 1.0 + period_s * damping[axes], poles[axes], gyro[axes], lagged)
+        decay = 1.0 + period_s * np.array(model.direct_damping)[axes]
+        gyro = np.array(model.rate_feedback)[axes]
+        return cls(period_s, model.b[axes], decay, lag_poles(model, period_s)[axes], gyro)
 
     @property
     def axes(self) -> int:
@@ -42,8 +40,8 @@ class LagDynamics(NamedTuple):
 
     @property
     def states(self) -> int:
-        """Number of states: p, v and, with lags, a of every axis, in this order."""
-        return self.axes * (3 if self.lagged else 2)
+        """Number of states: p, v and a of every axis, in this order."""
+        return 3 * self.axes
 
     def matrices(self) -> tuple[Array, Array]:
         """Return A, shape (n, n), and B, shape (n, m), without turning."""
@@ -52,13 +50,10 @@ class LagDynamics(NamedTuple):
         A, B = np.eye(self.states), np.zeros((self.states, m))
         A[p, v] = T * np.eye(m)
         A[v, v] = np.diag(self.decay)
-        if self.lagged:
-            A[v, a] = T * np.diag(self.gain)
-            A[a, v] = -np.diag((1.0 - self.pole) * self.gyro)
-            A[a, a] = np.diag(self.pole)
-            B[a] = np.diag(1.0 - self.pole)
-        else:
-            B[v] = T * np.diag(self.gain)
+        A[v, a] = T * np.diag(self.gain)
+        A[a, v] = -np.diag((1.0 - self.pole) * self.gyro)
+        A[a, a] = np.diag(self.pole)
+        B[a] = np.diag(1.0 - self.pole)
         return A, B
 
     def feed_forward(self, change: Array, velocity: Array) -> tuple[Array, Array]:
@@ -72,7 +67,5 @@ class LagDynamics(NamedTuple):
             Velocity of the reference, shape (N + 1, m).
         """
         actuators = change / (self.period_s * self.gain)
-        if not self.lagged:
-            return actuators, actuators[:-1]
         followed = (actuators[1:] - self.pole * actuators[:-1]) / (1.0 - self.pole)
         return actuators, followed + self.gyro * velocity[:-1]

@@ -12,8 +12,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from rcopterx.control.references.paths import KNOT_COLUMNS, MAX_KNOTS, FlightPath, PathError
-from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.tuples import Three
+from rcopterx.vehicles.state import Array, Three
 
 HEADINGS: Final = ("fixed", "along", "center")
 _KNOT_SPACING_S: Final = 0.05

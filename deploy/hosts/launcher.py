@@ -31,8 +31,8 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.spares.spares import SPARES, Spares, spare_command
 from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
+from rcopterx.fleet.reading import write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.snapshot import write_snapshot
 from rcopterx.flights.flights import flight_name
 
 T = TypeVar("T")

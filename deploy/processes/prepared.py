@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rcopterx.agents.tuning.configuration import DEFAULT_CONTROLLER, DEFAULT_ESTIMATOR
-from rcopterx.control.controllers.registry import CONTROLLERS
-from rcopterx.control.estimators.registry import ESTIMATORS
+from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.deploy.processes.table import ProcessSpec
+from rcopterx.fleet.reading import read_snapshot
 from rcopterx.fleet.schema import FleetFile, VehicleConfig
-from rcopterx.fleet.snapshot import read_snapshot
 
 if TYPE_CHECKING:
     from rcopterx.agents.pilot import Pilot

@@ -55,7 +55,7 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     if host not in fleet.hosts:
         raise FleetError(f"hosts: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
     # Routers import this module and start without the limits of vehicles.
-    from rcopterx.fleet.arbiter_limits import longest_shutdown_s
+    from rcopterx.fleet.vehicle_models import longest_shutdown_s
 
     specs = [ProcessSpec(ROUTER, ROUTER, host, 5)]
     if host == recording_host(fleet):

@@ -12,14 +12,14 @@ from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.process import run_agent
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.settings import AgentSettings
+from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.deploy.processes.prepared import prepared_pilot
 from rcopterx.deploy.processes.table import EXIT_ELSEWHERE
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.fleet.arbiter_limits import limits_of
 from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.fleet.vehicle_models import limits_of, model_of
 
 
 def run(fleet: FleetFile, vehicle: str, host: str | None = None, *, take_over: bool = False) -> None:
@@ -65,12 +65,13 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
         model=models[name],
         volume_min_m=fleet.volume.min_m,
         volume_max_m=fleet.volume.max_m,
-        controller=control.controller,
-        estimator=control.estimator,
-        horizon=control.horizon,
+        configuration=Configuration(
+            control.controller,
+            control.estimator,
+            {"horizon": control.horizon, **control.settings},
+            control.estimator_settings,
+        ),
         period_s=control.period_s,
-        controller_settings=control.settings,
-        estimator_settings=control.estimator_settings,
         leader_wait_s=control.leader_wait_s,
         following=links[name],
         limit_scale=limit_scale_of(links, models, name),

@@ -56,7 +56,7 @@ def _end_after(launcher: int, pages: Sequence[int], fleet: FleetFile, host: str)
 def _wait_for_landing(pages: Sequence[int], fleet: FleetFile, host: str) -> None:
     """Wait until no gateway has the pages, at most for its longest shutdown."""
     # A router starts without this module.
-    from rcopterx.fleet.arbiter_limits import longest_shutdown_s
+    from rcopterx.fleet.vehicle_models import longest_shutdown_s
 
     ended_s = time.monotonic()
     limit_s = ended_s + longest_shutdown_s(fleet, host) + ENDED_S

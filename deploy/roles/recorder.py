@@ -11,8 +11,8 @@ import msgspec
 from rcopterx.deploy.hosts.run_directory import flight_path, run_directory
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.fleet.reading import digest_of
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.fleet.snapshot import digest_of
 from rcopterx.flights.flight_writing import FlightSettings
 from rcopterx.flights.flights import default_directory, flight_name
 from rcopterx.flights.provenance import provenance

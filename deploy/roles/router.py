@@ -12,8 +12,8 @@ from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
 from rcopterx.deploy.hosts.running import RunningFleet, recorded
 from rcopterx.deploy.roles.addresses import router_endpoints
 from rcopterx.deploy.roles.priorities import Priority
+from rcopterx.fleet.reading import digest_of, write_snapshot
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.fleet.snapshot import digest_of, write_snapshot
 
 
 def run(fleet: FleetFile, host: str) -> None:

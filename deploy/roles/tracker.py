@@ -8,9 +8,8 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.vicon_gateway.brands import LibraryMissingError, check_brand, check_library
-from rcopterx.vicon_gateway.process import run_tracker_gateway
+from rcopterx.vicon_gateway.process import BrandSettings, TrackerSettings, run_tracker_gateway
 from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
-from rcopterx.vicon_gateway.settings import BrandSettings, TrackerSettings
 
 OWN_CLIENT: Final = "vicon"
 BRAND_NAMES: Final = ("vicon", "vicon_sdk", "optitrack", "qualisys", "vrpn", "mock")

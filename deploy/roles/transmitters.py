@@ -5,9 +5,9 @@ from pathlib import Path
 from rcopterx.deploy.hosts.run_directory import run_directory, serial_path, states_directory
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.fleet.arbiter_limits import limits_of
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.vehicle_models import limits_of
 from rcopterx.transmitter_gateway.process import run_gateway
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 

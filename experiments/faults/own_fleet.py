@@ -8,9 +8,8 @@ from typing import Final
 
 import tomlkit
 
-from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetError
-from rcopterx.fleet.shipped import fleet_path
 
 ENDURANCE_S: Final = 36_000.0
 """Of the simulated batteries, because one fleet flies many faults."""

@@ -11,7 +11,7 @@ from foxglove.messages import FrameTransforms, Log, LogLevel, SceneUpdate
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import RejectedError, decode
-from rcopterx.bus.link_messages import RouterStatus
+from rcopterx.bus.host_messages import RouterStatus
 from rcopterx.bus.messages import AgentStatus, Applied, Plan, Pose
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.events import EVENT_CHANNELS, EventFeed

@@ -15,7 +15,7 @@ from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.vehicle import RefusedError
-from rcopterx.vehicles.tuples import four
+from rcopterx.vehicles.state import four
 
 BEGIN_LIMIT_S: Final = 2.0
 OVERDUE_S: Final = 5.0

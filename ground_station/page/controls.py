@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import viser
 
-from rcopterx.control.controllers.registry import CONTROLLERS
+from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.ground_station.geometry import on_level
 from rcopterx.ground_station.page.browser import add_kill_button
 from rcopterx.ground_station.page.formations import SHAPES

@@ -117,9 +117,6 @@ class ReplayBus:
     def serve(self, unit: str, verbs: list[str]) -> None:
         """See `StepBus.serve`."""
 
-    def announce(self, unit: str, role: str) -> None:
-        """See `StepBus.announce`."""
-
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """See `StepBus.request`: returns the recorded reply."""
         del request, timeout_s, patience_s

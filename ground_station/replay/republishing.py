@@ -15,8 +15,8 @@ from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec
 from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.fleet.reading import write_snapshot
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.fleet.snapshot import write_snapshot
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
 from rcopterx.flights.mcap_reading import FlightLogError, contents_of, messages_of
 

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
-from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
-from rcopterx.bus.link_messages import RouterStatus
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle, RouterStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import AgentStatus, Applied, Diagnostics, Plan
 from rcopterx.control.interfaces import Measurement

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from rcopterx.bus import channels
-from rcopterx.bus.link_messages import RouterStatus
+from rcopterx.bus.host_messages import RouterStatus
 from rcopterx.bus.messages import Applied
 from rcopterx.bus.session import Session
 from rcopterx.ground_station.report.statistics import percentiles

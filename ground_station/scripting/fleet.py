@@ -14,10 +14,9 @@ from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Kill
 from rcopterx.bus.session import RequestFailedError
-from rcopterx.fleet.arbiter_limits import limits_of
 from rcopterx.fleet.formation_check import links_of
-from rcopterx.fleet.reading import load_fleet
-from rcopterx.fleet.shipped import fleet_path
+from rcopterx.fleet.reading import fleet_path, load_fleet
+from rcopterx.fleet.vehicle_models import limits_of
 from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.regroup import (

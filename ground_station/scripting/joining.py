@@ -5,8 +5,8 @@ from pathlib import Path
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.session import Session
 from rcopterx.deploy.hosts.running import running_fleets
+from rcopterx.fleet.reading import digest_of, read_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.snapshot import digest_of, read_snapshot
 
 
 class WrongFleetError(ConnectionError):

@@ -5,9 +5,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from rcopterx.deploy.hosts.launcher import Launcher
-from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.shipped import fleet_path
 from rcopterx.ground_station.scripting.fleet import Fleet
 
 FIRST_ROUTER_S = 15.0

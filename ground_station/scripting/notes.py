@@ -3,8 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from rcopterx.bus.host_messages import LauncherStatus, TrackerStatus
-from rcopterx.bus.link_messages import LinkState, RouterStatus
+from rcopterx.bus.host_messages import LauncherStatus, LinkState, RouterStatus, TrackerStatus
 from rcopterx.ground_station.scripting.state import STALE_S, since
 
 STALLED_S: Final = 2.0

@@ -6,8 +6,7 @@ from typing import NamedTuple, TypeVar
 
 from rcopterx.agents.phases import Phase
 from rcopterx.bus import channels
-from rcopterx.bus.host_messages import LauncherStatus
-from rcopterx.bus.link_messages import RouterStatus
+from rcopterx.bus.host_messages import LauncherStatus, RouterStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import AgentStatus, Plan, Pose
 from rcopterx.bus.rounding import monotonic_s

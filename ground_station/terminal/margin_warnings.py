@@ -3,8 +3,8 @@
 import sys
 
 from rcopterx.deploy.processes.background import start_in_background
+from rcopterx.fleet.reading import encoded
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.fleet.snapshot import encoded
 
 
 def warnings_apart(fleet: FleetFile) -> list[str]:

@@ -21,8 +21,8 @@ from rcopterx.control.margins.loop import (
     shortfalls,
 )
 from rcopterx.deploy.roles.run import end_with_parent
+from rcopterx.fleet.reading import snapshot_of
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.snapshot import snapshot_of
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.vehicles.model import Model

@@ -83,7 +83,7 @@ def restart(
 ) -> None:
     """Kill agents, router and Vicon gateway in flight, and time how soon the vehicles are flown again."""
     from rcopterx.benchmarks.restart import run
-    from rcopterx.fleet.shipped import fleet_path
+    from rcopterx.fleet.reading import fleet_path
 
     with _errors():
         print_document(run(fleet_path(fleet), rounds, Progress("bench restart").say), as_json)

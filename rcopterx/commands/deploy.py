@@ -34,7 +34,7 @@ def deploy(
     """
     from rcopterx.deploy.remote.plan import steps, unit_name
     from rcopterx.deploy.remote.ssh import RemoteError, login, on, take
-    from rcopterx.fleet.shipped import fleet_path
+    from rcopterx.fleet.reading import fleet_path
 
     failed = False
     with user_errors():

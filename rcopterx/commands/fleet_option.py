@@ -26,7 +26,7 @@ ROUTER_S = 3.0
 
 def fleets_beginning(incomplete: str) -> list[str]:
     """Completion: shipped fleets and fleet files."""
-    from rcopterx.fleet.shipped import shipped_fleets
+    from rcopterx.fleet.reading import shipped_fleets
 
     files = [name for name in glob(f"{escape(incomplete)}*") if name.endswith(".toml") or Path(name).is_dir()]
     return [name for name in shipped_fleets() if name.startswith(incomplete)] + sorted(files)
@@ -76,8 +76,7 @@ def chosen_host(fleet: "FleetFile", host: str | None) -> str:
 
 def fleet_file(name: str) -> "FleetFile":
     """Read a fleet file or a shipped one; raises FleetError."""
-    from rcopterx.fleet.reading import load_fleet
-    from rcopterx.fleet.shipped import fleet_path
+    from rcopterx.fleet.reading import fleet_path, load_fleet
 
     return load_fleet(fleet_path(name))
 

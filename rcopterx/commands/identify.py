@@ -104,8 +104,8 @@ def _flown(
 def _own_file(fleet: str | None) -> Path:
     """Fleet file of the user, into which the model goes; checked before the flight."""
     from rcopterx.fleet.editing import check_own
+    from rcopterx.fleet.reading import fleet_path
     from rcopterx.fleet.schema import FleetError
-    from rcopterx.fleet.shipped import fleet_path
 
     if fleet is None:
         raise FleetError("name the fleet file that the model goes into (-f FILE), or give --dry-run")

@@ -92,7 +92,7 @@ def calibrate(
     )
     from rcopterx.fleet.editing import check_own
     from rcopterx.fleet.radios import calibration_of
-    from rcopterx.fleet.shipped import fleet_path
+    from rcopterx.fleet.reading import fleet_path
 
     with user_errors():
         check_own(fleet_path(fleet))

@@ -18,9 +18,8 @@ from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.transmitters import gateway_settings
 from rcopterx.fleet.editing import write_calibration
 from rcopterx.fleet.radios import calibration_of
-from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.shipped import fleet_path
 from rcopterx.ground_station.identification.hover_trim import STEADY, HoverError, measured_hover
 from rcopterx.transmitter_gateway.calibration import Calibration, CalibrationError
 from rcopterx.transmitter_gateway.workbench import Workbench, WorkbenchError

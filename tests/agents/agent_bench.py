@@ -7,7 +7,7 @@ from support.flight import ExactEstimator, NotedController
 from support.waiting import FakeClock, wait_for
 
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.following.links import followed_leader
+from rcopterx.agents.following.leader_plans import followed_leader
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.process import Agent
 from rcopterx.agents.settings import AgentSettings

@@ -7,9 +7,8 @@ from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.task import FollowedLeader
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
-from rcopterx.control.controllers.registry import CONTROLLERS
-from rcopterx.control.estimators.registry import ESTIMATORS
 from rcopterx.control.interfaces import Measurement
+from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.types import COAXIAL_LAG
 

@@ -15,6 +15,7 @@ from rcopterx.agents.flight.inputs import INPUT_UNIT
 from rcopterx.agents.pilot import BLIND_LIMIT_S
 from rcopterx.agents.process import Agent
 from rcopterx.agents.reporting import status_message
+from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Plan
@@ -267,7 +268,9 @@ def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
 def test_a_leader_plans_with_less_than_its_whole_input_range(bus_address: BusAddress) -> None:
     def most_pitch(share: float) -> float:
         settings = replace(
-            settings_of(bus_address), controller="cascade", horizon=20, limit_scale=LimitScale(4 * (share,))
+            settings_of(bus_address),
+            configuration=Configuration(controller_settings={"horizon": 20}),
+            limit_scale=LimitScale(4 * (share,)),
         )
         pilot = build_pilot(settings)
         estimate = pilot.estimate

@@ -75,7 +75,7 @@ class Restarted:
     def __init__(self, quick_deaths: int, intent: Intent | None = INTENT) -> None:
         settings = replace(
             settings_of(BusAddress(("tcp/127.0.0.1:1",), "lab")),
-            controller="pid", estimator="kalman", horizon=10,
+            configuration=Configuration("pid", "kalman", {"horizon": 10}),
         )  # fmt: skip
         self.pilot: Pilot = build_pilot(settings)
         self.tuning = Tuning(settings.configuration, self.pilot, 0.02, settings.limit_scale)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from support.hovering import HoveringFlight
 
-from rcopterx.control.controllers.registry import CONTROLLERS
-from rcopterx.control.plugins.plain_settings import SettingsError
+from rcopterx.control.plugins import CONTROLLERS, SettingsError
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_controller"

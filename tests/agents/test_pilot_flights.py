@@ -11,9 +11,8 @@ from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import StampedMeasurement
-from rcopterx.control.controllers.registry import CONTROLLERS
-from rcopterx.control.estimators.registry import ESTIMATORS
 from rcopterx.control.interfaces import Measurement
+from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import YAW
 

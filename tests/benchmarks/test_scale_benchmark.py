@@ -7,8 +7,7 @@ import pytest
 
 from rcopterx.benchmarks import scale
 from rcopterx.deploy.fleet_check import check_fleet
-from rcopterx.fleet.reading import load_fleet, parse_fleet
-from rcopterx.fleet.shipped import fleet_path
+from rcopterx.fleet.reading import fleet_path, load_fleet, parse_fleet
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
 

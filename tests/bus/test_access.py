@@ -3,11 +3,9 @@
 import pytest
 
 from rcopterx.bus.access import (
-    ALIVE_AS,
     Seat,
     Subject,
     access_control,
-    announced_keys,
     published_keys,
     requested_keys,
     served_keys,
@@ -49,13 +47,13 @@ def test_every_request_has_a_client_and_a_server() -> None:
 
 
 def test_a_seat_is_for_its_own_vehicles_only() -> None:
-    for keys in (published_keys, served_keys, announced_keys):
+    for keys in (published_keys, served_keys):
         found = keys("lab", [Seat("agent", ("h1",))])
         assert found
         assert all(name.startswith("rcopterx/lab/h1/") for name in found)
 
 
-@pytest.mark.parametrize("role", sorted({*ROLES, *SERVERS, *ALIVE_AS} - {"operator"}))
+@pytest.mark.parametrize("role", sorted({*ROLES, *SERVERS} - {"operator"}))
 def test_only_operators_may_kill_or_steer(role: str) -> None:
     killing = {key(fleet, FLEET_UNIT, KILL.topic) for fleet in ("lab", EVERY_FLEET)}
     assert not killing & published_keys("lab", [seat(role)])
@@ -69,13 +67,13 @@ def test_a_watcher_may_say_nothing() -> None:
     assert table["default_permission"] == "deny"
     allowed = [rule for rule in table["rules"] if "ingress" in rule["flows"]]  # type: ignore[attr-defined]
     messages = {message for rule in allowed for message in rule["messages"]}
-    assert messages == {"query", "declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"}
+    assert messages == {"query", "declare_subscriber"}
     assert all(name.startswith("test/rcopterx/") for rule in allowed for name in rule["key_exprs"])
 
 
 def test_wildcards_are_only_in_what_anybody_may_ask() -> None:
     seats = [seat(role) for role in {*ROLES, *SERVERS}]
-    for keys in (published_keys, served_keys, announced_keys):
+    for keys in (published_keys, served_keys):
         assert not any("*" in name for name in keys("lab", seats))
     assert {name for name in requested_keys("lab", seats) if "*" in name} == {
         request_key("*", "*", verb.name) for verb in VERBS.values() if verb.asker == ANYBODY

@@ -5,7 +5,7 @@ import inspect
 import msgspec
 import pytest
 
-from rcopterx.bus import channels, host_messages, intent, link_messages, log_messages, messages, requests
+from rcopterx.bus import channels, host_messages, intent, log_messages, messages, requests
 from rcopterx.bus.channels import CHANNELS, Channel
 from rcopterx.bus.message import SCHEMA_VERSION, InvalidMessageError, Message
 from rcopterx.bus.requests import VERBS, Reply, Request, verb_of
@@ -32,7 +32,7 @@ def test_every_channel_of_the_module_is_a_row_of_the_table() -> None:
 def test_every_message_travels_on_a_channel() -> None:
     declared = {
         kind
-        for module in (messages, host_messages, log_messages, link_messages, intent)
+        for module in (messages, host_messages, log_messages, intent)
         for _, kind in inspect.getmembers(module, inspect.isclass)
         if issubclass(kind, Message) and kind is not Message
     }
@@ -69,7 +69,6 @@ def test_topics_are_one_chunk_of_a_key(channel: Channel[Message]) -> None:
 def test_keys_are_fleet_unit_topic() -> None:
     assert channels.key("lab", "h1", "pose") == "rcopterx/lab/h1/pose"
     assert channels.request_key("lab", "h1", "land") == "rcopterx/lab/h1/request/land"
-    assert channels.alive_key("lab", "h1", "agent") == "rcopterx/lab/h1/alive/agent"
 
 
 def test_every_request_of_the_module_is_a_verb_and_the_other_way_round() -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.bus.clock_offset import SAMPLES, ClockFilter
+from rcopterx.bus.link_watch import SAMPLES, ClockFilter
 
 ways_s = st.floats(0.0, 0.5)
 offsets_s = st.floats(-1e5, 1e5)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.records import replace
 
-from rcopterx.bus.link_messages import Beat, Echo
+from rcopterx.bus.host_messages import Beat, Echo
 from rcopterx.bus.link_watch import (
     LONGEST_PATIENCE_S,
     SILENCE_S,

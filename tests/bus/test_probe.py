@@ -9,7 +9,7 @@ import zenoh
 from support.waiting import wait_for
 
 from rcopterx.bus.endpoints import client_config, router_config
-from rcopterx.bus.probe import Probe
+from rcopterx.bus.router import Probe
 
 KEY = "rcopterx/lab/main/probe/router"
 

@@ -12,8 +12,7 @@ from rcopterx.experiments.faults.process_injectors import Pair
 from rcopterx.experiments.faults.promise import LIMITS, Promise
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
 from rcopterx.experiments.flight import DEFAULT_FLEET
-from rcopterx.fleet.reading import load_fleet
-from rcopterx.fleet.shipped import fleet_path
+from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.ground_station.terminal.scenario import ScenarioError
 
 FLEET = load_fleet(fleet_path(DEFAULT_FLEET))

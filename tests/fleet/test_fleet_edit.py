@@ -6,9 +6,8 @@ from support.fleets import PAIR
 
 from rcopterx.fleet.editing import write_calibration, write_model
 from rcopterx.fleet.radios import calibration_of
-from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.reading import load_fleet, shipped_fleets
 from rcopterx.fleet.schema import FleetError
-from rcopterx.fleet.shipped import shipped_fleets
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.vehicles.model import IDENTIFIED

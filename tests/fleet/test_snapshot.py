@@ -5,10 +5,15 @@ from pathlib import Path
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from rcopterx.fleet.reading import load_fleet, parse_fleet
+from rcopterx.fleet.reading import (
+    digest_of,
+    load_fleet,
+    parse_fleet,
+    read_snapshot,
+    shipped_fleets,
+    write_snapshot,
+)
 from rcopterx.fleet.schema import FleetError
-from rcopterx.fleet.shipped import shipped_fleets
-from rcopterx.fleet.snapshot import digest_of, read_snapshot, write_snapshot
 
 CALIBRATED = PAIR.replace("model_match = 1 }", "model_match = 1, calibration = { yaw = { us0 = 1510.0 } } }")
 

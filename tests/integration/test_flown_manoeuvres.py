@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from integration_support import fleet_text, free_port
 
-from rcopterx.fleet.shipped import fleet_path
+from rcopterx.fleet.reading import fleet_path
 from rcopterx.ground_station.scripting.fleet import Fleet
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]

@@ -73,7 +73,7 @@ def test_recording_is_played_to_who_connects_and_the_command_ends(tmp_path: Path
     with (
         path.open("wb") as sink,
         running_tracker("heli1") as server,
-        DataStreamClient(*server.address, limits=PATIENT, record_raw=sink) as client,
+        DataStreamClient(*server.address, limits=PATIENT, record_raw=sink.write) as client,
     ):
         wait_for(
             lambda: client.next_frame(0.01) is not None and client.state.counters.frames > 20, "no frames"

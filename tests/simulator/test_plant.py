@@ -16,9 +16,8 @@ from rcopterx.simulator.conditions import IDEAL, LABORATORY, Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.quadrotor import QUADROTOR
 from rcopterx.vehicles.state import ZD_BODY, Array
-from rcopterx.vehicles.types import COAXIAL_LAG
+from rcopterx.vehicles.types import COAXIAL_LAG, QUADROTOR
 
 HOVER = tuple(COAXIAL_LAG.hover_input)
 PROMPT = replace(IDEAL, transport_delay_s=0.0)

@@ -36,8 +36,6 @@ class Bus:
 
     def serve(self, *_: object) -> None: ...
 
-    def announce(self, *_: object) -> None: ...
-
     def publish(self, _channel: object, _unit: str, message: LaboratoryState) -> None:
         self.published.append(message)
 

@@ -100,7 +100,7 @@ def test_frames_of_a_recording_made_of_a_moving_body_are_the_same_again() -> Non
     sink = io.BytesIO()
     with (
         running_tracker("heli1") as server,
-        DataStreamClient(*server.address, limits=LIMITS, record_raw=sink) as client,
+        DataStreamClient(*server.address, limits=LIMITS, record_raw=sink.write) as client,
     ):
         original = frames_of(client, lambda frames: len(frames) >= 20)
     recording = connections(read_records(io.BytesIO(sink.getvalue())))

@@ -12,10 +12,9 @@ from support.waiting import wait_for
 from rcopterx.bus.codec import encode
 from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.bus.message import FloatArray, Message
-from rcopterx.bus.messages import Applied, Command, LeaseBid, Pose
+from rcopterx.bus.messages import Applied, Command, CommandTiming, LeaseBid, Pose
 from rcopterx.bus.session import BusAddress, Incoming
 from rcopterx.bus.subscription import Inbox
-from rcopterx.bus.timing import CommandTiming
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver

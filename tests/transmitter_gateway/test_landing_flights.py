@@ -9,7 +9,7 @@ from landing_flight import Flight, Landing, Options, landing
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, LABORATORY, Conditions
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.transmitter_gateway.limits import Fence
-from rcopterx.vehicles.quadrotor import QUADROTOR
+from rcopterx.vehicles.types import QUADROTOR
 
 CONDITIONS = {"first order": LABORATORY, "helicopter": HELICOPTER, "drawn helicopters": HELICOPTERS}
 KINDS = pytest.mark.parametrize("conditions", CONDITIONS.values(), ids=CONDITIONS)

@@ -10,8 +10,15 @@ from hypothesis import strategies as st
 from support.equation_one import motion_derivative
 
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.quadrotor import QUADROTOR, TILT_LIMIT_RAD, thrust_acceleration, tilt_limit_rad
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG, TYPES
+from rcopterx.vehicles.types import (
+    COAXIAL,
+    COAXIAL_LAG,
+    QUADROTOR,
+    TILT_LIMIT_RAD,
+    TYPES,
+    thrust_acceleration,
+    tilt_limit_rad,
+)
 
 every_type = pytest.mark.parametrize("model", TYPES.values(), ids=TYPES.keys())
 

@@ -24,7 +24,7 @@ from rcopterx.vicon_gateway.recording import (
 
 def recorded(*chunks: bytes) -> bytes:
     sink, times = io.BytesIO(), iter(range(100))
-    recorder = RawRecorder(sink, lambda: float(next(times)))
+    recorder = RawRecorder(sink.write, lambda: float(next(times)))
     recorder.opened()
     for chunk in chunks:
         recorder.received(chunk)
@@ -83,14 +83,14 @@ def test_full_disk_ends_the_recording_and_nothing_else() -> None:
         def write(self, data: object) -> int:
             raise OSError(28, "No space left on device")
 
-    with Bench(PATIENT, record_raw=FullDisk()) as bench:
+    with Bench(PATIENT, record_raw=FullDisk().write) as bench:
         bench.run_frames(3)
         assert "raw recording stopped: [Errno 28] No space left on device" in bench.client.state.doing
 
 
 def test_session_recorded_from_one_tracker_is_replayed_by_another(tmp_path: Path) -> None:
     path = tmp_path / "session.raw"
-    with path.open("wb") as sink, Bench(record_raw=sink) as bench:
+    with path.open("wb") as sink, Bench(record_raw=sink.write) as bench:
         bench.run_frames(10)
         bench.server.apply(Close())
         bench.run_until_up(connects=2)

@@ -18,9 +18,8 @@ from rcopterx.bus.intent import Intent
 from rcopterx.bus.messages import Applied, SetPoint
 from rcopterx.bus.session import Session
 from rcopterx.vicon_gateway.client import DataStreamClient
-from rcopterx.vicon_gateway.process import TrackerGateway
-from rcopterx.vicon_gateway.recording import RawEvent, RecordingFile, Sink, read_records
-from rcopterx.vicon_gateway.settings import TrackerSettings
+from rcopterx.vicon_gateway.process import TrackerGateway, TrackerSettings
+from rcopterx.vicon_gateway.recording import RawEvent, RecordingFile, read_records
 
 SUBJECTS = {"heli1": "h1", "heli2": "h2"}
 
@@ -28,9 +27,13 @@ SUBJECTS = {"heli1": "h1", "heli2": "h2"}
 class Running:
     """A gateway that is stepped by the test."""
 
-    def __init__(self, join: Callable[..., Session], address: tuple[str, int], sink: Sink | None, path: Path):
+    def __init__(
+        self, join: Callable[..., Session], address: tuple[str, int], file: RecordingFile | None, path: Path
+    ):
         session = join()
-        self.client = DataStreamClient(*address, limits=PATIENT, record_raw=sink)
+        self.client = DataStreamClient(
+            *address, limits=PATIENT, record_raw=None if file is None else file.write
+        )
         settings = TrackerSettings(session.address, *address, SUBJECTS)
         self.gateway = TrackerGateway(settings, self.client, session, False, path)
         listener = join()

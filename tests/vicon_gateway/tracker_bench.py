@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import BinaryIO, Self
+from typing import Self
 
 from support.waiting import DEADLINE_S, PatientClock
 
@@ -32,7 +32,7 @@ class Bench:
         *,
         profile: str = "tracker3",
         period_s: float = 0.005,
-        record_raw: BinaryIO | None = None,
+        record_raw: Callable[[bytes], object] | None = None,
     ) -> None:
         self.period_s = period_s
         self.clock = PatientClock(READING_S)

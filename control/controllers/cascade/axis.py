@@ -1,6 +1,6 @@
 """The problem of axes whose sticks act through lags (docs/formulas.md): heading, and height.
 
-States are position, velocity and, with a lag, actuator of every axis; rows are position, velocity and stick.
+States are position, velocity and actuator of every axis; rows are position, velocity and stick.
 """
 
 import numpy as np
@@ -24,10 +24,10 @@ class AxisProblem:
         self, axes: slice, dynamics: LagDynamics, weights: CascadeWeights, stages: int, feed_forward: bool
     ) -> None:
         self._axes, self._dynamics, self._feed_forward = axes, dynamics, feed_forward
-        m, n = dynamics.axes, dynamics.states
+        m = dynamics.axes
         self._velocity, self._stick = slice(m, 2 * m), slice(2 * m, 3 * m)
         A, B = dynamics.matrices()
-        C, D = np.eye(3 * m, n), np.eye(3 * m, m, -2 * m)
+        C, D = np.eye(3 * m), np.eye(3 * m, m, -2 * m)
         C[self._stick] = 0.0
         W = np.concatenate((weights.position[axes], weights.velocity[axes], weights.effort[axes]))
         self._P_0: Array = np.asarray(
@@ -72,8 +72,8 @@ class AxisProblem:
         p.r[:, position], p.r[:, self._velocity] = task.reference[:-1, axes], velocity[:-1]
         p.r[:, self._stick] = np.minimum(np.maximum(sticks - balance, low), high)
         p.c[:, self._velocity] = dynamics.period_s * load
-        motion, n = task.estimate.motion, dynamics.states
+        motion = task.estimate.motion
         measured = (motion[axes], motion[4 + axes.start : 4 + axes.stop], task.estimate.actuator[axes])
-        p.x_0[:] = np.concatenate(measured)[:n]
-        p.x_end[:] = np.concatenate((task.reference[-1, axes], velocity[-1], actuators[-1] - balance))[:n]
+        p.x_0[:] = np.concatenate(measured)
+        p.x_end[:] = np.concatenate((task.reference[-1, axes], velocity[-1], actuators[-1] - balance))
         return p

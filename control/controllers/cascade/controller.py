@@ -51,8 +51,6 @@ class CascadeSettings(MpcSettings, frozen=True, kw_only=True):
     effort_factors: tuple[EffortFactor, EffortFactor, EffortFactor] = (1.0, 1.0, 1.0)
     """Factors of the input weights of pitch and roll, of thrust and of yaw, and of how slowly the estimated
     disturbances of pitch, roll and yaw are taken in; the guard against oscillation raises them."""
-    actuator_lag: bool = True
-    """Model the actuators' lag."""
     feed_forward: bool = True
     """Input reference from the reference's accelerations; False refers inputs to hovering."""
     disturbance_compensation: bool = True
@@ -95,7 +93,6 @@ class CascadeController(BaseController):
         weights = self._weights()
         self._heading, self._height = (self._axis(axis, weights, stages) for axis in (YAW, Z))
         self._horizontal = self._horizontal_problem(weights, stages)
-        self._coupling = model.thrust_coupling if settings.actuator_lag else 0.0
         make = new_solver or settings.new_solver
         self._heading_solver, self._height_solver, self._horizontal_solver = make(), make(), make()
         self._observer = DisturbanceObserver(model, period_s)
@@ -112,14 +109,14 @@ class CascadeController(BaseController):
 
     def _axis(self, axis: int, weights: CascadeWeights, stages: int) -> AxisProblem:
         axes, settings = slice(axis, axis + 1), self._settings
-        dynamics = LagDynamics.of(self._model, self._period_s, settings.actuator_lag, axes)
+        dynamics = LagDynamics.of(self._model, self._period_s, axes)
         return AxisProblem(axes, dynamics, weights, stages, settings.feed_forward)
 
     def _horizontal_problem(self, weights: CascadeWeights, stages: int) -> LateralLags | LateralTilt:
         model, period_s, settings = self._model, self._period_s, self._settings
         if model.tilt is not None:
             return LateralTilt(model, period_s, weights, stages, settings.feed_forward)
-        dynamics = LagDynamics.of(model, period_s, settings.actuator_lag, HORIZONTAL)
+        dynamics = LagDynamics.of(model, period_s, HORIZONTAL)
         return LateralLags(HORIZONTAL, dynamics, weights, stages, settings.feed_forward)
 
     def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
@@ -156,8 +153,8 @@ class CascadeController(BaseController):
         horizontal_problem = self._horizontal.along(headings, task, rows)
         horizontal = self._horizontal_solver.solve(horizontal_problem, self._horizontal.same_cost, expired)
         inputs = np.column_stack((self._horizontal.sticks(horizontal, task), height.u, heading.u))
-        if self._coupling:
-            inputs[:, U_YAW] -= self._coupling * (height.u[:, 0] - height.x[:-1, 2])
+        if self._model.thrust_coupling:
+            inputs[:, U_YAW] -= self._model.thrust_coupling * (height.u[:, 0] - height.x[:-1, 2])
         flown = np.column_stack((horizontal.x[:, :2], height.x[:, 0], heading.x[:, 0]))
         velocity = self._horizontal.velocity_at_end(horizontal, headings)
         at_end = np.array((*velocity, height.x[-1, 1], heading.x[-1, 1]))

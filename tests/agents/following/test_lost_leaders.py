@@ -10,8 +10,7 @@ from support.statuses import flying_status
 from support.waiting import FakeClock
 
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses
-from rcopterx.agents.following.links import followed_leader
+from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader
 from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.formation.succession import FollowingMode
 from rcopterx.agents.phases import Event, Phase

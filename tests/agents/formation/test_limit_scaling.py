@@ -18,8 +18,7 @@ from rcopterx.agents.formation.limit_scaling import (
 from rcopterx.agents.formation.topology import exchanged, places
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.interfaces import LimitScale
-from rcopterx.vehicles.quadrotor import QUADROTOR
-from rcopterx.vehicles.types import COAXIAL_LAG
+from rcopterx.vehicles.types import COAXIAL_LAG, QUADROTOR
 
 TREE = {
     "h1": (),

@@ -17,8 +17,8 @@ from rcopterx.agents.guards.step_guard import (
 )
 from rcopterx.agents.guards.step_guard import HOVER as HOVERING
 from rcopterx.agents.pilot import CONTROLLER_REPLACED, Pilot, StampedMeasurement
-from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate
+from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.types import COAXIAL_LAG

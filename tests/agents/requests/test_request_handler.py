@@ -6,7 +6,7 @@ from support.plans import plan_of
 from support.request_handling import UP, Asked, HandlerBench, follow, follow_at, go_to, say
 from support.statuses import hovering
 
-from rcopterx.agents.following.links import followed_leader, present_link
+from rcopterx.agents.following.leader_plans import followed_leader, present_link
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.requests.request_handler import DEFERRED, MOST_IN_A_STEP
 from rcopterx.agents.tuning.guard import effort_factors

@@ -13,9 +13,8 @@ from rcopterx.agents.phases import Event
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.agents.separation.avoidance import NEAR, TOUCHING, Neighbour, SeparationEllipsoid, near
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.control.controllers.registry import CONTROLLERS
-from rcopterx.control.estimators.registry import ESTIMATORS
 from rcopterx.control.interfaces import AvoidsObstacles, Measurement
+from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
 from rcopterx.vehicles.types import COAXIAL_LAG
 

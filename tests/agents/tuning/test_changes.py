@@ -70,7 +70,7 @@ def test_weights_add_up_over_changes_and_another_controller_takes_only_the_horiz
     ("settings", "reason"),
     [
         ({"input_weights": (1.0, 1.0, 0.0, 1.0)}, r"> 0"),
-        ({"state_weights": (1.0,)}, "length 8"),
+        ({"state_weights": (1.0,)}, "length >= 8"),
         ({"horizon": 1}, ">= 2"),
         ({"horizon": 100000}, "<= 200"),
         ({"colour": 3}, "unknown setting 'colour'; allowed are"),

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from rcopterx.agents.guards.step_guard import StepGuard
-from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate
+from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array

@@ -6,14 +6,13 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from rcopterx.control.controllers.registry import CONTROLLERS
-from rcopterx.control.plugins import registry
-from rcopterx.control.plugins.plain_settings import SettingsError
+from rcopterx.control import plugins
+from rcopterx.control.plugins import CONTROLLERS, SettingsError
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 def test_built_in_controllers_need_no_installed_metadata(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "entry_points", lambda group: [])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [])
     assert "paper" in CONTROLLERS.available()
     for name in ("cascade", "lqr", "paper", "pid"):
         controller = CONTROLLERS.build(name, COAXIAL_LAG, 0.02, {"horizon": 12})
@@ -24,14 +23,14 @@ def test_an_installed_package_adds_a_controller(monkeypatch: pytest.MonkeyPatch)
     added = EntryPoint(
         "mine", "rcopterx.control.controllers.paper.controller:PaperController", CONTROLLERS.entry_point_group
     )
-    monkeypatch.setattr(registry, "entry_points", lambda group: [added])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [added])
     assert "mine" in CONTROLLERS.available()
     assert CONTROLLERS.build("mine", COAXIAL_LAG, 0.02, {"horizon": 5}).horizon == 5
 
 
 def test_a_package_that_cannot_be_imported_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     broken = EntryPoint("broken", "no_such_package:Thing", CONTROLLERS.entry_point_group)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [broken])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [broken])
     with pytest.raises(SettingsError, match=r"'broken' \(no_such_package:Thing\) cannot be imported"):
         CONTROLLERS.load("broken")
 
@@ -43,7 +42,7 @@ def test_an_unknown_controller_is_told_what_is_allowed() -> None:
 
 def test_importing_the_registry_imports_no_controller() -> None:
     code = (
-        "import sys, rcopterx.control.controllers.registry as r; r.CONTROLLERS.available();"
+        "import sys, rcopterx.control.plugins as r; r.CONTROLLERS.available();"
         "assert not {'osqp', 'rcopterx.control.controllers.paper.controller'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=300)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from support.equation_one import motion_derivative
 
-from rcopterx.control.controllers.registry import CONTROLLERS
 from rcopterx.control.interfaces import Controller, Estimate
+from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import Array, heading_matrix
 from rcopterx.vehicles.types import COAXIAL_LAG

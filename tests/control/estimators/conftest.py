@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from rcopterx.control.estimators.registry import ESTIMATORS
 from rcopterx.control.interfaces import Measurement
+from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.simulator.conditions import LABORATORY, Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose

@@ -6,9 +6,9 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
+from rcopterx.control import plugins
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
-from rcopterx.control.estimators.registry import ESTIMATORS
-from rcopterx.control.plugins import registry
+from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 
@@ -52,7 +52,7 @@ def test_installed_package_can_add_an_estimator(monkeypatch: pytest.MonkeyPatch)
         "mine", "rcopterx.control.estimators.kalman:KalmanEstimator", ESTIMATORS.entry_point_group
     )
     broken = EntryPoint("broken", "no_such_package:Estimator", ESTIMATORS.entry_point_group)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [added, broken])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [added, broken])
     assert {"mine", "broken"} <= set(ESTIMATORS.available())
     assert type(ESTIMATORS.build("mine", COAXIAL_LAG, 0.02, {})).__name__ == "KalmanEstimator"
     with pytest.raises(ValueError, match=r"'broken' .* cannot be imported"):
@@ -61,7 +61,7 @@ def test_installed_package_can_add_an_estimator(monkeypatch: pytest.MonkeyPatch)
 
 def test_listing_estimators_imports_none_of_them() -> None:
     code = (
-        "import sys; from rcopterx.control.estimators.registry import ESTIMATORS; ESTIMATORS.available();"
+        "import sys; from rcopterx.control.plugins import ESTIMATORS; ESTIMATORS.available();"
         "sys.exit(any(m in sys.modules for m in "
         "('rcopterx.control.estimators.kalman', 'rcopterx.control.estimators.extended_kalman')))"
     )

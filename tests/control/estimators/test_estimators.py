@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from rcopterx.control.estimators.registry import ESTIMATORS
 from rcopterx.control.interfaces import Measurement
+from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.types import COAXIAL_LAG, TYPES

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.control.estimators.gate import ACCEPT, REJECT, SHIFT, InnovationGate, Verdict
+from rcopterx.control.estimators.base import ACCEPT, REJECT, SHIFT, InnovationGate, Verdict
 from rcopterx.control.estimators.settings import EstimatorSettings
 from rcopterx.vehicles.types import COAXIAL
 

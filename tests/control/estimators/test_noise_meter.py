@@ -60,7 +60,7 @@ def test_a_filter_expects_at_least_the_noise_of_its_settings(noise: float) -> No
         position = np.array([0.0, 0.0, 1.0]) + noise * settings.position_noise_m * random.standard_normal(3)
         tilt = noise * settings.tilt_noise * random.standard_normal(2)
         estimator.correct(Measurement(position, 0.0, tilt))
-    assert estimator.horizontal is not None
+    assert estimator.horizontal.selected is not None
     expected = np.sqrt(estimator.horizontal.selected.R[[0, 2]])
     of_settings = np.array([settings.position_noise_m, settings.tilt_noise])
     assert expected == pytest.approx(max(noise, 1.0) * of_settings, rel=0.25)

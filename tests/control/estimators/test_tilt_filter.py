@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
-from rcopterx.control.estimators.registry import ESTIMATORS
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.estimators.tilt_filter import OFFSET_LIMIT_RAD, TiltFilter
 from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.models.lateral import POSITION, LateralSystem, demand_matrix
+from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.vehicles.state import heading_matrix
 from rcopterx.vehicles.types import COAXIAL
 
@@ -108,7 +108,7 @@ def test_a_helicopter_estimates_its_tilt_and_can_do_without_measuring_it() -> No
         assert isinstance(estimator, ExtendedKalmanEstimator)
         estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 0.0, np.array([0.04, 0.0])))
         expected = 0.04 if not settings_of else 0.0
-        assert estimator.horizontal is not None
+        assert estimator.horizontal.selected is not None
         assert estimator.horizontal.selected.body_offset_rad[0] == pytest.approx(expected)
 
 

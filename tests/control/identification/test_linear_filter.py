@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rcopterx.control.identification.linear_filter import LinearSystem, StationaryPredictor
+from rcopterx.control.identification.motions import LinearSystem, StationaryPredictor
 
 
 def oscillator(delay_s: float = 0.0) -> StationaryPredictor:

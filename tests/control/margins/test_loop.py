@@ -107,7 +107,7 @@ def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
 def test_height_and_yaw_have_the_feedback_of_the_cascade(axis: int) -> None:
     states, efforts = default_state_weights(COAXIAL), default_input_weights(COAXIAL, PERIOD_S)
     axes = slice(axis, axis + 1)
-    dynamics = LagDynamics.of(COAXIAL, PERIOD_S, True, axes)
+    dynamics = LagDynamics.of(COAXIAL, PERIOD_S, axes)
     formulation = AxisProblem(axes, dynamics, weights_of(states, efforts), 20, True)
     gain = feedback_of(formulation.problem(resting(COAXIAL)))
     loop = lag_loop(COAXIAL, PERIOD_S, axis, (states[axis], states[4 + axis], efforts[axis]))

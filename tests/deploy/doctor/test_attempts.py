@@ -12,7 +12,7 @@ from support.waiting import DEADLINE_S
 
 from rcopterx.bus.channels import FLEET_UNIT, KILL, key, request_key
 from rcopterx.bus.keys import probe_key
-from rcopterx.bus.probe import Probe
+from rcopterx.bus.router import Probe
 from rcopterx.bus.session import BusAddress, opened
 from rcopterx.deploy.doctor import attempts
 from rcopterx.fleet.schema import HostConfig

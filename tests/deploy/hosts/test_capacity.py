@@ -16,8 +16,7 @@ from rcopterx.deploy.hosts import capacity
 from rcopterx.deploy.hosts.capacity import AGENT, CapacityMeasurement, may_be_crowded, vehicles_flown
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.watchdog.processor_time import ThreadTime
-from rcopterx.fleet.reading import parse_fleet
-from rcopterx.fleet.snapshot import write_snapshot
+from rcopterx.fleet.reading import parse_fleet, write_snapshot
 
 PERIOD_S = 0.02
 

@@ -23,8 +23,7 @@ from rcopterx.bus.heartbeat import HeartbeatPage
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.deploy.processes.forking import RETRY_S, START_LIMIT_S, ForkedProcess, ForkServer
 from rcopterx.deploy.watchdog.processor_time import threads_of
-from rcopterx.fleet.reading import parse_fleet
-from rcopterx.fleet.snapshot import write_snapshot
+from rcopterx.fleet.reading import parse_fleet, write_snapshot
 
 REPORT = """
 import json, os, sys

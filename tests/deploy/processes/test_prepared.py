@@ -8,9 +8,8 @@ from support.fleets import PAIR
 from rcopterx.deploy.processes import prepared
 from rcopterx.deploy.processes.prepared import prepare, prepared_pilot
 from rcopterx.deploy.roles.agent import pilot_of, ready_pilot
-from rcopterx.fleet.reading import load_fleet, parse_fleet
+from rcopterx.fleet.reading import load_fleet, parse_fleet, read_snapshot, write_snapshot
 from rcopterx.fleet.schema import FleetError
-from rcopterx.fleet.snapshot import read_snapshot, write_snapshot
 
 
 @pytest.fixture(autouse=True)

@@ -8,10 +8,10 @@ from support.fleets import HARDWARE_PAIR, PAIR
 
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.deploy.roles.transmitters import gateway_settings
-from rcopterx.fleet.arbiter_limits import landing_of, limits_of, longest_shutdown_s
 from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.vehicle_models import landing_of, limits_of, longest_shutdown_s
 from rcopterx.transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line
 from rcopterx.vehicles.types import COAXIAL
 

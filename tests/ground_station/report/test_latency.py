@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.bus.link_messages import LinkState, RouterStatus
-from rcopterx.bus.messages import Applied
-from rcopterx.bus.timing import CommandTiming
+from rcopterx.bus.host_messages import LinkState, RouterStatus
+from rcopterx.bus.messages import Applied, CommandTiming
 from rcopterx.ground_station.report.latency import (
     STAGES,
     TOTAL,

@@ -11,16 +11,14 @@ from support.statuses import flying_status
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
-from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
-from rcopterx.bus.link_messages import LinkState, RouterStatus
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle, LinkState, RouterStatus
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import Applied, LeaderLink, Plan, Pose, TransmitterStatus
-from rcopterx.bus.timing import CommandTiming
+from rcopterx.bus.messages import Applied, CommandTiming, LeaderLink, Plan, Pose, TransmitterStatus
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Record, Recording
 from rcopterx.ground_station.report.statistics import percentiles, rms_and_max
-from rcopterx.vehicles.tuples import Four, Three
+from rcopterx.vehicles.state import Four, Three
 
 
 class Flight:

@@ -1,6 +1,6 @@
 """What differs between hosts is named before anything flies."""
 
-from rcopterx.bus.link_messages import LinkState, RouterStatus
+from rcopterx.bus.host_messages import LinkState, RouterStatus
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.ground_station.scripting.daemons import differences
 from rcopterx.ground_station.scripting.notes import clock_differences

@@ -1,6 +1,6 @@
 """Promises of notes about hosts: missing links first, clocks relative to this host."""
 
-from rcopterx.bus.link_messages import LinkState, RouterStatus
+from rcopterx.bus.host_messages import LinkState, RouterStatus
 from rcopterx.ground_station.scripting.notes import link_notes
 
 

@@ -43,19 +43,15 @@ def test_a_plan_behind_a_gyro_is_what_the_discrete_model_does_under_its_inputs()
     assert np.abs(ignored.samples[:, 3] - expected.samples[:, 3]).max() > 0.02
 
 
-@pytest.mark.parametrize("lag", [True, False])
-def test_a_plan_is_what_the_discrete_model_does_under_its_inputs(lag: bool) -> None:
+def test_a_plan_is_what_the_discrete_model_does_under_its_inputs() -> None:
     """With turning, climbing and saturated inputs."""
     start = state(np.array([0.1, -0.2, 1.0, 0.4, 0.3, -0.2, 0.1, 1.0]), np.array([0.1, -0.1, 0.2, 0.3]))
-    result = first_step(make(horizon=60, actuator_lag=lag), start, np.array([0.6, 0.3, 1.3, 2.5]))
+    result = first_step(make(horizon=60), start, np.array([0.6, 0.3, 1.3, 2.5]))
     assert result.fallback is None
     assert np.abs(result.inputs[:, 3]).max() == pytest.approx(0.4, abs=1e-3)
-    if lag:
-        expected = predict(COAXIAL_LAG, start, result.inputs, PERIOD_S)
-        assert result.plan.samples[:, :4] == pytest.approx(expected.samples[:, :4], abs=2e-4)
-        assert result.plan.samples[:-2, 4:8] == pytest.approx(expected.samples[:-2, 4:8], abs=1e-3)
-    else:
-        assert result.plan.samples[0, :4] == pytest.approx(start.motion[:4])
+    expected = predict(COAXIAL_LAG, start, result.inputs, PERIOD_S)
+    assert result.plan.samples[:, :4] == pytest.approx(expected.samples[:, :4], abs=2e-4)
+    assert result.plan.samples[:-2, 4:8] == pytest.approx(expected.samples[:-2, 4:8], abs=1e-3)
     assert np.diff(result.plan.samples[:, :4], axis=0) / PERIOD_S == pytest.approx(
         result.plan.samples[:-1, 4:8]
     )
@@ -63,20 +59,17 @@ def test_a_plan_is_what_the_discrete_model_does_under_its_inputs(lag: bool) -> N
     assert np.diff(result.plan.samples[:, 4:8], axis=0) / PERIOD_S == pytest.approx(accelerations)
 
 
-@pytest.mark.parametrize("lag", [True, False])
 @pytest.mark.parametrize("offset_yaw", [0.0, np.pi / 2, np.pi, -2.0])
-def test_a_follower_reproduces_its_leaders_plan_exactly(lag: bool, offset_yaw: float) -> None:
+def test_a_follower_reproduces_its_leaders_plan_exactly(offset_yaw: float) -> None:
     """The feed-forward inverts the model, at any relative heading, so nothing is left to the feedback."""
     motion = np.array([0.0, 0.1, 1.0, 0.2, 0, 0, 0, 0])
-    plan = first_step(
-        make(horizon=50, actuator_lag=lag, input_range=0.5), state(motion), np.array([0.15, 0.0, 1.1, 0.6])
-    ).plan
+    plan = first_step(make(horizon=50, input_range=0.5), state(motion), np.array([0.15, 0.0, 1.1, 0.6])).plan
     samples = plan.samples.copy()
     samples[:, :3] += [0.3, 0.2, 0.1]
     samples[:, 3] += offset_yaw
     own = samples[0, :8].copy()
     own[4:6] = heading_matrix(offset_yaw).T @ own[4:6]
-    follower = make(horizon=50, actuator_lag=lag)
+    follower = make(horizon=50)
     start = state(own)
     follower.reset(start, HOVER)
     result = follower.step(start, Trajectory(samples, PERIOD_S), HOVER)

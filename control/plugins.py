@@ -1,5 +1,13 @@
-"""Controllers and estimators by name: the built-in ones and those of installed packages."""
+"""Controllers and estimators by name: the built-in ones and those that installed packages add.
 
+A package adds a controller through the entry-point group `rcopterx.controllers`, an estimator through
+`rcopterx.estimators`; the entry point names a class with an attribute `Settings` (a `ControllerSettings` type
+for a controller, a `msgspec.Struct` type for an estimator), built from (model, period_s, settings). For an
+estimator, `period_s` is the nominal time between calls of `predict`. Its module is imported only when it is
+needed, so that agents start quickly.
+"""
+
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -8,8 +16,44 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 
 import msgspec
 
-from rcopterx.control.plugins.plain_settings import SettingsError, parse_settings
+from rcopterx.control.interfaces import Controller, Estimator
 from rcopterx.vehicles.model import Model
+
+
+class SettingsError(ValueError):
+    """A setting is missing, of the wrong type, or outside what is allowed."""
+
+
+Settings = TypeVar("Settings", bound=msgspec.Struct)
+
+
+def parse_settings(kind: type[Settings], values: Mapping[str, object]) -> Settings:
+    """Convert names and values into settings of a type; missing ones keep their defaults.
+
+    Raises `SettingsError` for unknown names (the message lists what is allowed), and for values of a wrong
+    type, not finite or outside their range.
+    """
+    unknown = sorted(set(values) - set(kind.__struct_fields__))
+    if unknown:
+        raise SettingsError(
+            f"unknown setting {unknown[0]!r}; allowed are {', '.join(kind.__struct_fields__)}"
+        )
+    for name, value in values.items():
+        if not _all_finite(value):
+            raise SettingsError(f"{name}: every number must be finite, got {value}")
+    try:
+        return msgspec.convert(dict(values), kind)
+    except msgspec.ValidationError as error:
+        raise SettingsError(str(error)) from error
+
+
+def _all_finite(value: object) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, list | tuple):
+        return all(_all_finite(item) for item in value)
+    return True
+
 
 PERIOD_RANGE_S: Final = (0.002, 0.2)
 
@@ -93,3 +137,24 @@ class Registry(Generic[Part]):
         return [
             point for point in entry_points(group=self.entry_point_group) if point.name not in self.built_in
         ]
+
+
+CONTROLLERS: Final = Registry[Controller](
+    "controller",
+    "rcopterx.controllers",
+    {
+        "cascade": "rcopterx.control.controllers.cascade.controller:CascadeController",
+        "lqr": "rcopterx.control.controllers.lqr:LqrController",
+        "paper": "rcopterx.control.controllers.paper.controller:PaperController",
+        "pid": "rcopterx.control.controllers.pid:PidController",
+    },
+)
+ESTIMATORS: Final = Registry[Estimator](
+    "estimator",
+    "rcopterx.estimators",
+    {
+        "extended_kalman": "rcopterx.control.estimators.extended_kalman:ExtendedKalmanEstimator",
+        "finite_difference": "rcopterx.control.estimators.finite_difference:FiniteDifferenceEstimator",
+        "kalman": "rcopterx.control.estimators.kalman:KalmanEstimator",
+    },
+)

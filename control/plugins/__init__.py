@@ -1,1 +1,0 @@
-"""Finding, configuring and building named parts: what the registries of controllers and estimators share."""
