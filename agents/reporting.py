@@ -30,7 +30,7 @@ from rcopterx.bus.rounding import all_rounded, rounded
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Received
 from rcopterx.bus.trajectory_array import TrajectoryArray
-from rcopterx.vehicles.state import YAW, Array, heading_matrix, three
+from rcopterx.vehicles.state import YAW, three, turned_about_z
 
 REFERENCE_BITS: Final = 14
 """References are rounded to a sixteenth of a millimetre."""
@@ -120,7 +120,7 @@ def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) 
         assigned=tuple(target_link(link) for link in pilot.guidance.assigned),
         following_mode=following_mode,
         position_m=None if motion is None else three(motion[:3]),
-        velocity_m_s=None if motion is None else _inertial_velocity(motion),
+        velocity_m_s=None if motion is None else three(turned_about_z(motion[4:7], float(motion[YAW]))),
         yaw_rad=None if motion is None else float(motion[YAW]),
         error_m=_error_m(pilot),
         path_left_s=pilot.guidance.path_left_s(pilot.clock.time_s),
@@ -137,11 +137,6 @@ def _error_m(pilot: Pilot) -> float | None:
     return rounded(
         math.dist(pilot.plan.samples[0, :3].tolist(), pilot.reference[:3].tolist()), REFERENCE_BITS
     )
-
-
-def _inertial_velocity(motion: Array) -> tuple[float, float, float]:
-    x, y = (heading_matrix(float(motion[YAW])) @ motion[4:6]).tolist()
-    return (x, y, float(motion[6]))
 
 
 _LOG = logging.getLogger(__name__)

@@ -116,8 +116,11 @@ class LeaderLink(Struct, frozen=True, kw_only=True):
     """A leader and the offset to it."""
 
     leader: Name
+    """Vehicle to follow."""
     offset_m: Place = (0.0, 0.0, 0.0)
+    """Position relative to the leader: x, y, z."""
     yaw_offset_rad: Number = 0.0
+    """Heading relative to the leader's."""
     frame: Annotated[str, Meta(pattern="^(inertial|heading)$")] = "inertial"
     """Whether the offset is fixed in the room or turns with the leader's heading."""
     weight: Weight = 1.0

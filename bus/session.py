@@ -5,7 +5,9 @@ import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count
 from queue import SimpleQueue
+from struct import Struct
 from typing import Final, NamedTuple, TypeVar
 
 import zenoh
@@ -19,8 +21,30 @@ from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.rounding import monotonic_s
-from rcopterx.bus.session import Publisher, number_of
 from rcopterx.bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions
+
+_COUNTER: Final = Struct("<I")
+"""Attachment of every message: its number on this key."""
+
+
+class Publisher:
+    """Publisher of one key."""
+
+    def __init__(self, publisher: zenoh.Publisher) -> None:
+        self._publisher = publisher
+        self._numbers = count(1)
+
+    def put(self, payload: bytes) -> None:
+        """Send a payload; never blocks, drops on congestion."""
+        self._publisher.put(payload, attachment=_COUNTER.pack(next(self._numbers) & 0xFFFFFFFF))
+
+
+def number_of(attachment: zenoh.ZBytes | None) -> int:
+    """Return the number of a message from its attachment; 0 without one."""
+    if attachment is None or len(attachment) != _COUNTER.size:
+        return 0
+    return int(_COUNTER.unpack(attachment.to_bytes())[0])
+
 
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Reply)

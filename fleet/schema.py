@@ -159,9 +159,7 @@ class LeaderConfig(LeaderLink, frozen=True, kw_only=True, forbid_unknown_fields=
     """Leader of a vehicle from the start, and the offset to it."""
 
     offset_m: Place
-    """Position relative to the leader: x, y, z."""
     frame: Literal["inertial", "heading"] = "inertial"
-    """Axes of the offset: those of the Tracker, or those that turn with the leader's heading."""
 
 
 class LeaderLostConfig(Table, frozen=True, kw_only=True):

@@ -1,9 +1,11 @@
-"""Models of the vehicles of a fleet file."""
+"""Models of the vehicles of a fleet file, and the limits of their arbiters."""
 
 from dataclasses import replace
+from typing import Final
 
 from rcopterx.fleet.reading import replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.types import TYPES
 
@@ -24,4 +26,56 @@ def model_of(fleet: FleetFile, name: str) -> Model:
         model,
         state_min=(low_x, low_y, min(low_z, 0.0), *model.state_min[3:]),
         state_max=(*high, *model.state_max[3:]),
+    )
+
+
+SLOWER: Final = 2.0
+"""A landing from the ceiling of the volume may take so many times as long as at the speed of the descent."""
+SLOWEST_YAW_PER_S: Final = 1.0
+"""Yaw damping that is assumed for vehicles with less: they turn as far in a second."""
+
+
+def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
+    """Return the limits that the transmitter gateway enforces for a vehicle."""
+    table = dict(fleet.safety.settings)
+    surveillance, landing = table.pop("surveillance", {}), table.pop("landing", {})
+    for field, part in (("surveillance", surveillance), ("landing", landing)):
+        if not isinstance(part, dict):
+            raise FleetError(f"safety.settings.{field}: {part!r}, must be a table")
+    model = model_of(fleet, name)
+    # A volume may begin above the floor, but every flight begins and ends on it.
+    x, y, lowest_m = fleet.volume.min_m
+    floor_m = min(lowest_m, 0.0)
+    fence = Fence((x, y, floor_m), fleet.volume.max_m) if fleet.safety.geofence else None
+    law = landing_of(model)
+    if "longest_s" not in landing:
+        height_m = fleet.volume.max_m[2] - floor_m
+        descent_s = SLOWER * height_m / landing.get("descent_m_s", law.descent_m_s)
+        law = replace(law, longest_s=max(law.longest_s, law.braking_s + descent_s))
+    base = ArbiterLimits(
+        lower=model.input_min,
+        upper=model.input_max,
+        floor_m=floor_m,
+        landing=replaced(law, landing, "safety.settings.landing"),
+        surveillance=replaced(
+            SurveillanceLimits(fence=fence, trust_repeated_poses=False),
+            surveillance,
+            "safety.settings.surveillance",
+        ),
+    )
+    return replaced(base, table, "safety.settings")
+
+
+def longest_shutdown_s(fleet: FleetFile, host: str) -> float:
+    """Return the longest time in which the gateways of a host bring their vehicles down."""
+    return max(
+        (limits_of(fleet, name).longest_shutdown_s for name in fleet.transmitters_on(host)), default=0.0
+    )
+
+
+def landing_of(model: Model) -> LandingLimits:
+    """Return the parameters of the landing law for a nominal model."""
+    pitch, roll, thrust, yaw = model.input_gain
+    return LandingLimits(
+        input_gain=(pitch, roll, thrust), yaw_rate_gain_rad_s=yaw / max(-model.damping[3], SLOWEST_YAW_PER_S)
     )

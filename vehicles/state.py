@@ -1,4 +1,4 @@
-"""Index names of the motion state, the input and their units (equation (1) of the paper).
+"""Arrays and tuples; index names of the motion state and the input (equation (1) of the paper).
 
 The motion state is x, y, z in the inertial frame [m], the yaw psi [rad, unwrapped], the body-frame velocity
 [m/s] and the yaw rate [rad/s]. Body x points to the nose, body z along the rotor axis. The input is
@@ -13,6 +13,21 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 """An array of 64-bit floats; its shape is stated where it is used."""
+Three = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+
+
+def three(values: Array) -> Three:
+    """Array of shape (3,) as a tuple."""
+    x, y, z = values.tolist()
+    return (x, y, z)
+
+
+def four(values: Array) -> Four:
+    """Array of shape (4,) as a tuple."""
+    a, b, c, d = values.tolist()
+    return (a, b, c, d)
+
 
 GRAVITY_M_S2: Final = 9.81
 
@@ -37,3 +52,10 @@ def heading_matrix(yaw_rad: float) -> Array:
     """Rotation R(psi), shape (2, 2), from the body (heading) frame to the inertial frame."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     return np.array(((c, -s), (s, c)))
+
+
+def turned_about_z(vector: Array, yaw_rad: float) -> Array:
+    """Return a vector whose first two components are turned by R(psi), the others kept."""
+    result = vector.copy()
+    result[:2] = heading_matrix(yaw_rad) @ vector[:2]
+    return result

@@ -26,9 +26,8 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from msgspec.structs import replace
 
-from rcopterx.vicon_gateway.client import ClientLimits, ClientState, FrameClient
+from rcopterx.vicon_gateway.client import ClientLimits, FrameClient
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 from rcopterx.vicon_gateway.rotations import MAX_POSITION_MM
 
@@ -181,18 +180,6 @@ class BrandClient(FrameClient):
         self._samples = (("Configured", latency_s),) if latency_s else ()
         self._child: _Child | None = None
         self._subjects: dict[str, None] = {}
-        self._starts = 0
-
-    @property
-    def state(self) -> ClientState:
-        """State of the client now; `connects` counts the starts of the child."""
-        return ClientState(
-            name=self._name,
-            doing=self._sentence(),
-            last_error=self._last_error,
-            connects=self._starts,
-            counters=replace(self._counters),
-        )
 
     @property
     def child_pid(self) -> int | None:
@@ -236,7 +223,7 @@ class BrandClient(FrameClient):
         return None
 
     def _start(self) -> None:
-        self._starts += 1
+        self._connects += 1
         self._subjects = {}
         self._name = "connecting"
         self._deadline_s = self._clock() + self._limits.connect_s
@@ -251,7 +238,7 @@ class BrandClient(FrameClient):
         poses = tuple(self._pose(name, bodies.get(name)) for name in self._subjects)
         latency_s = sum((seconds for _, seconds in self._samples), 0.0)
         return CapturedFrame(
-            seen[-1].frame, self._starts, self._period_s, now_s, latency_s, self._samples, poses
+            seen[-1].frame, self._connects, self._period_s, now_s, latency_s, self._samples, poses
         )
 
     def _pose(self, name: str, body: Body | None) -> SubjectPose:
@@ -275,9 +262,9 @@ class BrandClient(FrameClient):
         where = f"{self._brand} ({', '.join(f'{key} {value}' for key, value in self._settings.items())})"
         if self._name == "waiting":
             pause_s = max(0.0, self._deadline_s - self._clock())
-            return f"starting {where} again in {pause_s:.1f} s (try {self._starts + 1})"
+            return f"starting {where} again in {pause_s:.1f} s (try {self._connects + 1})"
         if self._name == "connecting":
-            return f"waiting for the first frame of {where} (try {self._starts})"
+            return f"waiting for the first frame of {where} (try {self._connects})"
         return f"receiving from {where}" if self._name == "up" else f"closed, was {where}"
 
 

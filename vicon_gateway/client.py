@@ -79,13 +79,27 @@ class FrameClient(ABC):
         self._counters = StreamCounters()
         self._name: StateName = "waiting"
         self._last_error: str | None = None
+        self._connects = 0
+        self._recorder: RawRecorder | None = None
         self._pause_s = limits.retry_min_s
         self._deadline_s = clock()
 
     @property
-    @abstractmethod
     def state(self) -> ClientState:
         """State of the client now."""
+        return ClientState(
+            name=self._name,
+            doing=self._sentence(),
+            last_error=self._last_error,
+            connects=self._connects,
+            counters=replace(self._counters),
+            recorded_bytes=0 if self._recorder is None else self._recorder.recorded_bytes,
+            recording_error=None if self._recorder is None else self._recorder.error,
+        )
+
+    @abstractmethod
+    def _sentence(self) -> str:
+        """What the client does, for people."""
 
     def next_frame(self, timeout_s: float) -> CapturedFrame | None:
         """Wait for the next frame and return the newest; None when `timeout_s` is over.
@@ -158,20 +172,6 @@ class DataStreamClient(FrameClient):
         self._session = DataStreamSession()
         self._unsent = b""
         self._tries = 0
-        self._connects = 0
-
-    @property
-    def state(self) -> ClientState:
-        """State of the client now."""
-        return ClientState(
-            name=self._name,
-            doing=self._sentence(),
-            last_error=self._last_error,
-            connects=self._connects,
-            counters=replace(self._counters),
-            recorded_bytes=0 if self._recorder is None else self._recorder.recorded_bytes,
-            recording_error=None if self._recorder is None else self._recorder.error,
-        )
 
     def close(self) -> None:
         """End the connection; `next_frame` returns None from now on."""

@@ -1,14 +1,14 @@
 """Objects of the DataStream protocol that a client reads or sends (Vicon DataStream SDK), in its units.
 
-Every object is a frozen dataclass with its type number `KIND`, `payload()` to encode and `parse(payload)` to
-decode; `parse` raises `WireError` and nothing else. Poses are in millimetres, right-handed, with row-major
-rotation matrices that map segment to world coordinates.
+Every object is a frozen dataclass (`wire_object`) with its type number `KIND`, `payload()` to encode and
+`parse(payload)` to decode; `parse` raises `WireError` and nothing else. Poses are in millimetres,
+right-handed, with row-major rotation matrices that map segment to world coordinates.
 """
 
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import ClassVar, Self, TypeVar, dataclass_transform
 
 from rcopterx.vicon_gateway.wire import (
     ObjectType,
@@ -31,6 +31,7 @@ _U32 = struct.Struct("<I")
 _F64 = struct.Struct("<d")
 _BOUNDS = struct.Struct("<6f")
 _SEGMENT = struct.Struct("<I12d")
+_BY_KIND: dict[int, "type[WireObject]"] = {}
 
 
 class WireObject:
@@ -72,16 +73,33 @@ class FixedObject(WireObject):
         return new(*PayloadReader(payload).take(cls.LAYOUT))
 
 
+Kind = TypeVar("Kind", bound=WireObject)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def wire_object(kind: ObjectType, layout: str = "") -> Callable[[type[Kind]], type[Kind]]:
+    """Make a frozen dataclass of an object with a type number, and a fixed layout if it has one."""
+
+    def made(described: type[Kind]) -> type[Kind]:
+        result = dataclass(frozen=True, slots=True)(described)
+        result.KIND = kind
+        if issubclass(result, FixedObject):
+            result.LAYOUT = struct.Struct(layout)
+        _BY_KIND[kind] = result
+        return result
+
+    return made
+
+
 def packet(*objects: WireObject) -> bytes:
     """Return one packet with these objects in this order."""
     return encode_packet(*(item.encode() for item in objects))
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.OBJECT_ENUMS)
 class ObjectEnums(WireObject):
     """The server's offer, or the client's selection out of it."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.OBJECT_ENUMS
     types: frozenset[int] = frozenset()
 
     def payload(self) -> bytes:
@@ -94,36 +112,29 @@ class ObjectEnums(WireObject):
         return cls(frozenset(PayloadReader(payload).u32_list()))
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.REQUEST_FRAME, "<?")
 class RequestFrame(FixedObject):
     """Streaming: push every frame from now on. Otherwise: stop pushing and send one frame."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.REQUEST_FRAME
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<?")
     streaming: bool
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.REQUEST_NEXT_FRAME, "<I")
 class RequestNextFrame(FixedObject):
     """Ask for the next `number` frames, each as soon as it is captured (SDK 1.9 and later)."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.REQUEST_NEXT_FRAME
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
     number: int = 1
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.KEEP_ALIVE)
 class KeepAlive(WireObject):
     """No content; clients ignore it."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.KEEP_ALIVE
 
-
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.CONTENTS)
 class Contents(WireObject):
     """Contents of a frame packet: objects per selected type, and types left out because unchanged."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.CONTENTS
     counts: Mapping[int, int] = field(default_factory=dict)
     unchanged: frozenset[int] = frozenset()
 
@@ -140,20 +151,17 @@ class Contents(WireObject):
         return cls(counts, frozenset(reader.u32_list()))
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.PING, "<Q")
 class Ping(FixedObject):
     """Echoed by the server at once, in a packet of its own."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.PING
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Q")
     number: int
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.FILTER)
 class Filter(WireObject):
     """For the named types send only objects of these subject (or camera) ids."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.FILTER
     allowed: Mapping[int, frozenset[int]] = field(default_factory=dict)
 
     def payload(self) -> bytes:
@@ -168,12 +176,10 @@ class Filter(WireObject):
         return cls({reader.u32(): frozenset(reader.u32_list()) for _ in range(reader.count(8))})
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.STREAM_INFO, "<q")
 class StreamInfo(FixedObject):
     """Frame period in ticks of 135 MHz."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.STREAM_INFO
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<q")
     period_ticks: int
 
     @property
@@ -192,11 +198,10 @@ class SegmentInfo:
     bounds_mm: tuple[float, ...] = (0.0,) * 6
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.SUBJECT_INFO)
 class SubjectInfo(WireObject):
     """Names and structure of one subject; `id` is the key used by all other objects."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.SUBJECT_INFO
     id: int
     name: str
     segments: tuple[SegmentInfo, ...]
@@ -236,20 +241,17 @@ class SubjectInfo(WireObject):
         return cls(subject, name, tuple(segments), markers, attachments)
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.FRAME_INFO, "<I")
 class FrameInfo(FixedObject):
     """Frame id counted from 0; SDK 1.11 and later report id + 1 as the frame number."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.FRAME_INFO
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
     frame: int
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.LATENCY_INFO)
 class LatencyInfo(WireObject):
     """Latency of each pipeline stage in seconds; the total is their sum."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.LATENCY_INFO
     samples: tuple[tuple[str, float], ...] = ()
 
     def payload(self) -> bytes:
@@ -264,11 +266,10 @@ class LatencyInfo(WireObject):
         return cls(tuple((reader.string(), reader.take(_F64)[0]) for _ in range(reader.count(12))))
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.APPLICATION_INFO)
 class ApplicationInfo(WireObject):
     """Axis that points up; absent (old Tracker) means Z."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.APPLICATION_INFO
     y_up: bool = False
 
     def payload(self) -> bytes:
@@ -281,12 +282,10 @@ class ApplicationInfo(WireObject):
         return cls(PayloadReader(payload).u8() == 1)
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.OBJECT_QUALITY, "<Id")
 class ObjectQuality(FixedObject):
     """Quality of one subject from 0 (bad) to 1 (good)."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.OBJECT_QUALITY
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Id")
     subject: int
     quality: float
 
@@ -300,11 +299,10 @@ class Segment:
     rotation: Matrix3 = IDENTITY
 
 
-@dataclass(frozen=True, slots=True)
+@wire_object(ObjectType.GLOBAL_SEGMENTS)
 class GlobalSegments(WireObject):
     """One subject's segments in world coordinates; a subject without this object in a frame is occluded."""
 
-    KIND: ClassVar[ObjectType] = ObjectType.GLOBAL_SEGMENTS
     subject: int
     segments: tuple[Segment, ...]
 
@@ -323,13 +321,6 @@ class GlobalSegments(WireObject):
             number, x, y, z, a, b, c, d, e, f, g, h, i = reader.take(_SEGMENT)
             segments.append(Segment(int(number), (x, y, z), (a, b, c, d, e, f, g, h, i)))
         return cls(subject, tuple(segments))
-
-
-_OBJECTS: tuple[type[WireObject], ...] = (
-    ObjectEnums, RequestFrame, RequestNextFrame, KeepAlive, Contents, Ping, Filter, GlobalSegments,
-    StreamInfo, SubjectInfo, FrameInfo, LatencyInfo, ApplicationInfo, ObjectQuality,
-)  # fmt: skip
-_BY_KIND: dict[int, type[WireObject]] = {kind.KIND: kind for kind in _OBJECTS}
 
 
 def decode_object(kind: int, payload: bytes) -> WireObject | None:

@@ -15,15 +15,37 @@ import numpy as np
 from msgspec.structs import replace
 
 from rcopterx.agents.guards.guarded_call import GuardedCall
-from rcopterx.agents.guards.step_guard import hovering_input
 from rcopterx.agents.guards.time_limit import SOLVER_SHARE, STEP_SHARE
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
 from rcopterx.control.models.finite import is_finite
 from rcopterx.control.models.roll_out import predict
-from rcopterx.control.references.trajectory import COLUMNS, POSITION, YAW, Trajectory, hold
+from rcopterx.control.references.trajectory import COLUMNS, POSITION, Trajectory, hold
 from rcopterx.control.solver.candidates import shift
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, Array
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, XD_BODY, YAW, Array, turned_about_z
+
+_STIFFNESS: Final = np.array([2.0, 2.0, 4.0, 9.0])
+_DAMPING: Final = np.array([2.5, 2.5, 4.0, 6.0])
+_ERROR_CAP: Final = np.array([0.4, 0.4, 0.4, 0.8])
+
+
+def hovering_input(model: Model, motion: Array, set_point: Array) -> Array:
+    """Input that brings a vehicle to rest at a place, not limited; shape (4,).
+
+    Parameters
+    ----------
+    model
+        The vehicle.
+    motion
+        Motion state, shape (8,).
+    set_point
+        x, y, z [m], yaw [rad].
+    """
+    error = np.clip(motion[:4] - set_point, -_ERROR_CAP, _ERROR_CAP)
+    error = turned_about_z(error, -float(motion[YAW]))
+    acceleration = -_STIFFNESS * error - _DAMPING * motion[XD_BODY:]
+    return np.asarray(model.hover_input + acceleration / model.b)
+
 
 SHIFTED_PLAN: Final = "shifted_plan"
 """Counted for every step that the previous plan flew."""

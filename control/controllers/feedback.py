@@ -16,7 +16,7 @@ from rcopterx.control.models.prediction import behind_gyro, derivative, motion_m
 from rcopterx.control.models.roll_out import lag_poles, predict
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, YAW_RATE, Array, heading_matrix
+from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, YAW_RATE, Array, heading_matrix, turned_about_z
 
 TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
 """An input further than this from hovering is a manoeuvre and not a trim."""
@@ -46,7 +46,7 @@ class FeedbackController(BaseController):
 
     def _start(self, estimate: Estimate, last_input: Array) -> None:
         trim = np.clip((last_input - self._model.hover_input)[:3], -TRIM_CAP, TRIM_CAP)
-        self._trim = self._to_room(trim, float(estimate.motion[YAW]))
+        self._trim = turned_about_z(trim, float(estimate.motion[YAW]))
 
     def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
         inputs = self._closed_loop(estimate, reference)
@@ -69,7 +69,7 @@ class FeedbackController(BaseController):
 
     def _law(self, motion: Array, sample: Array, trim: Array) -> Array:
         command = self._model.hover_input - self._feedback(self._error(motion, sample))
-        command[:3] += self._to_body(trim, float(motion[YAW]))
+        command[:3] += turned_about_z(trim, -float(motion[YAW]))
         return np.clip(command, self._limits.input_min, self._limits.input_max)
 
     def _integrated(self, trim: Array, motion: Array, sample: Array, command: Array) -> Array:
@@ -79,7 +79,7 @@ class FeedbackController(BaseController):
         low = (command <= self._limits.input_min)[:3] & (rate < 0)
         high = (command >= self._limits.input_max)[:3] & (rate > 0)
         rate[low | high] = 0.0
-        moved = trim + self._period_s * self._to_room(rate, float(motion[YAW]))
+        moved = trim + self._period_s * turned_about_z(rate, float(motion[YAW]))
         return np.asarray(np.clip(moved, -TRIM_CAP, TRIM_CAP))
 
     def _error(self, motion: Array, sample: Array) -> Array:
@@ -88,15 +88,3 @@ class FeedbackController(BaseController):
         error[:2] = to_body @ error[:2]
         error[XD_BODY : XD_BODY + 2] = motion[XD_BODY : XD_BODY + 2] - to_body @ sample[4:6]
         return error
-
-    @staticmethod
-    def _to_body(room: Array, yaw_rad: float) -> Array:
-        body = room.copy()
-        body[:2] = heading_matrix(yaw_rad).T @ room[:2]
-        return body
-
-    @staticmethod
-    def _to_room(body: Array, yaw_rad: float) -> Array:
-        room = body.copy()
-        room[:2] = heading_matrix(yaw_rad) @ body[:2]
-        return room

@@ -1,13 +1,13 @@
 """Parameters of a fit with their prior spreads."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any, Final
 
 from rcopterx.control.identification.motions import Offsets
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
-from rcopterx.vehicles.tilt import TiltModel
 
 
 @dataclass(frozen=True)
@@ -38,37 +38,36 @@ class Parameter:
     write: Callable[[Candidate, float], Candidate]
 
 
-def _tilt(name: str, of: str, unit: str, spread: float, positive: bool = True) -> Parameter:
+def _number(
+    name: str,
+    path: str,
+    unit: str,
+    spread: float,
+    index: int | None = None,
+    positive: bool = True,
+    sign: float = 1.0,
+) -> Parameter:
+    """A number of a candidate, or one of a tuple of numbers, as in `model.tilt.servo_lag_s`."""
+    found = attrgetter(path)
+
     def read(candidate: Candidate) -> float:
-        return float(getattr(_tilt_of(candidate), of))
+        value = found(candidate)
+        return sign * float(value if index is None else value[index])
 
     def write(candidate: Candidate, value: float) -> Candidate:
-        tilt = replace(_tilt_of(candidate), **{of: value})
-        return replace(candidate, model=replace(candidate.model, tilt=tilt))
+        new: Any = sign * value
+        if index is not None:
+            new = tuple(new if at == index else other for at, other in enumerate(found(candidate)))
+        written: Candidate = _replaced(candidate, path, new)
+        return written
 
     return Parameter(name, unit, spread, positive, read, write)
 
 
-def _with_model(candidate: Candidate, changes: Mapping[str, Any]) -> Candidate:
-    return replace(candidate, model=replace(candidate.model, **changes))
-
-
-def _tilt_of(candidate: Candidate) -> TiltModel:
-    tilt = candidate.model.tilt
-    assert tilt is not None
-    return tilt
-
-
-def _of_four(name: str, of: str, axis: int, unit: str, spread: float, sign: float = 1.0) -> Parameter:
-    def read(candidate: Candidate) -> float:
-        return sign * float(getattr(candidate.model, of)[axis])
-
-    def write(candidate: Candidate, value: float) -> Candidate:
-        four = list(getattr(candidate.model, of))
-        four[axis] = sign * value
-        return _with_model(candidate, {of: tuple(four)})
-
-    return Parameter(name, unit, spread, True, read, write)
+def _replaced(record: Any, path: str, value: Any) -> Any:
+    """Return a dataclass with another value of a field, which may be a field of a field."""
+    first, _, rest = path.partition(".")
+    return replace(record, **{first: _replaced(getattr(record, first), rest, value) if rest else value})
 
 
 def _of_both(name: str, of: str, unit: str, spread: float, sign: float) -> Parameter:
@@ -81,76 +80,54 @@ def _of_both(name: str, of: str, unit: str, spread: float, sign: float) -> Param
         four = getattr(candidate.model, of)
         factor = value / read(candidate)
         scaled = (four[0] * factor, four[1] * factor, *four[2:])
-        return _with_model(candidate, {of: scaled})
+        written: Candidate = _replaced(candidate, f"model.{of}", scaled)
+        return written
 
     return Parameter(name, unit, spread, True, read, write)
 
 
-def _offset(name: str, of: str, axis: int, unit: str, spread: float) -> Parameter:
-    def read(candidate: Candidate) -> float:
-        return float(getattr(candidate.offsets, of)[axis])
-
-    def write(candidate: Candidate, value: float) -> Candidate:
-        two = list(getattr(candidate.offsets, of))
-        two[axis] = value
-        return replace(candidate, offsets=replace(candidate.offsets, **{of: tuple(two)}))
-
-    return Parameter(name, unit, spread, False, read, write)
+def _with_delay(candidate: Candidate, delay_s: float) -> Candidate:
+    return replace(candidate, model=replace(candidate.model, delay_s=max(delay_s, 0.0)))
 
 
-def _delay() -> Parameter:
-    return Parameter(
-        "transport delay",
-        "s",
-        0.01,
-        False,
-        lambda candidate: candidate.model.delay_s,
-        lambda candidate, value: replace(candidate, model=replace(candidate.model, delay_s=max(value, 0.0))),
-    )
+PITCH_GAIN: Final = _number("pitch gain", "model.input_gain", "m/s^2", 0.25, U_PITCH)
+ROLL_GAIN: Final = _number("roll gain", "model.input_gain", "m/s^2", 0.25, U_ROLL)
+THRUST_GAIN: Final = _number("thrust gain", "model.input_gain", "m/s^2", 0.15, U_THRUST)
+YAW_GAIN: Final = _number("yaw gain", "model.input_gain", "rad/s^2", 0.3, U_YAW)
+FREQUENCY: Final = _number("tilt frequency", "model.tilt.frequency_rad_s", "rad/s", 0.25)
 
-
-PITCH_GAIN: Final = _of_four("pitch gain", "input_gain", U_PITCH, "m/s^2", 0.25)
-ROLL_GAIN: Final = _of_four("roll gain", "input_gain", U_ROLL, "m/s^2", 0.25)
-THRUST_GAIN: Final = _of_four("thrust gain", "input_gain", U_THRUST, "m/s^2", 0.15)
-YAW_GAIN: Final = _of_four("yaw gain", "input_gain", U_YAW, "rad/s^2", 0.3)
-FREQUENCY: Final = _tilt("tilt frequency", "frequency_rad_s", "rad/s", 0.25)
-
-_HORIZONTAL: Final = (PITCH_GAIN, ROLL_GAIN, _of_both("drag", "damping", "1/s", 0.4, -1.0), _delay())
+_DELAY: Final = Parameter(
+    "transport delay", "s", 0.01, False, lambda candidate: candidate.model.delay_s, _with_delay
+)
+_HORIZONTAL: Final = (PITCH_GAIN, ROLL_GAIN, _of_both("drag", "damping", "1/s", 0.4, -1.0), _DELAY)
 _TRIM: Final = (
-    _offset("pitch trim", "trim", 0, "", 0.03),
-    _offset("roll trim", "trim", 1, "", 0.03),
+    _number("pitch trim", "offsets.trim", "", 0.03, 0, positive=False),
+    _number("roll trim", "offsets.trim", "", 0.03, 1, positive=False),
 )
 _LAG: Final = (_of_both("lag of pitch and roll", "lag_s", "s", 0.4, 1.0),)
 _TILT: Final = (
     FREQUENCY,
-    _tilt("tilt damping", "damping_ratio", "", 0.7),
-    _tilt("servo lag", "servo_lag_s", "s", 0.3),
-    _tilt("upper phase", "upper_phase_rad", "rad", 0.1, positive=False),
-    _tilt("lower phase", "lower_phase_rad", "rad", 0.1, positive=False),
-    _tilt("upper share", "upper_share", "", 0.15),
-    _tilt("direct lift", "direct_m", "m", 0.2),
+    _number("tilt damping", "model.tilt.damping_ratio", "", 0.7),
+    _number("servo lag", "model.tilt.servo_lag_s", "s", 0.3),
+    _number("upper phase", "model.tilt.upper_phase_rad", "rad", 0.1, positive=False),
+    _number("lower phase", "model.tilt.lower_phase_rad", "rad", 0.1, positive=False),
+    _number("upper share", "model.tilt.upper_share", "", 0.15),
+    _number("direct lift", "model.tilt.direct_m", "m", 0.2),
 )
 _PLAIN_TILT: Final = _TILT[:3]
-_BAR: Final = (_tilt("bar time constant", "bar_time_constant_s", "s", 0.3),)
+_BAR: Final = (_number("bar time constant", "model.tilt.bar_time_constant_s", "s", 0.3),)
 _BODY: Final = (
-    _offset("body offset forward", "body_rad", 0, "rad", 0.05),
-    _offset("body offset left", "body_rad", 1, "rad", 0.05),
+    _number("body offset forward", "offsets.body_rad", "rad", 0.05, 0, positive=False),
+    _number("body offset left", "offsets.body_rad", "rad", 0.05, 1, positive=False),
 )
 
-VERTICAL: Final = (THRUST_GAIN, _of_four("thrust lag", "lag_s", U_THRUST, "s", 0.4))
+VERTICAL: Final = (THRUST_GAIN, _number("thrust lag", "model.lag_s", "s", 0.4, U_THRUST))
 _HEADING: Final = (
     YAW_GAIN,
-    _of_four("yaw damping", "damping", U_YAW, "1/s", 0.25, -1.0),
-    _of_four("yaw lag", "lag_s", U_YAW, "s", 0.3),
+    _number("yaw damping", "model.damping", "1/s", 0.25, U_YAW, sign=-1.0),
+    _number("yaw lag", "model.lag_s", "s", 0.3, U_YAW),
 )
-_COUPLING: Final = Parameter(
-    "thrust coupling",
-    "",
-    1.0,
-    False,
-    lambda candidate: candidate.model.thrust_coupling,
-    lambda candidate, value: _with_model(candidate, {"thrust_coupling": value}),
-)
+_COUPLING: Final = _number("thrust coupling", "model.thrust_coupling", "", 1.0, positive=False)
 
 
 def heading_parameters(model: Model) -> tuple[Parameter, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings, model_noise
 from rcopterx.control.estimators.tilt_filter import process_noise
 from rcopterx.control.margins.loop import Dynamics, FeedbackLoop, regulator, steady_filter_gain
-from rcopterx.control.models.lags import LagDynamics
+from rcopterx.control.models.lags import LagDynamics, behind_lag
 from rcopterx.control.models.lateral import LateralSystem, lateral_system
 from rcopterx.control.models.linear import as_complex, zero_order_hold
 from rcopterx.vehicles.model import Model
@@ -124,15 +124,11 @@ def _filtered_lag(
     model: Model, period_s: float, axis: int, estimator: ExtendedKalmanSettings
 ) -> FeedbackLoop:
     """Plant and filter of `lag_loop`, without feedback: position, velocity, actuator, disturbance."""
-    gain, damping = model.input_gain[axis], model.direct_damping[axis]
 
     @lru_cache(maxsize=64)
     def step(frequency: float, time_s: float) -> Dynamics:
         lag_s = max(model.lag_s[axis] / frequency, _LEAST_LAG_S)
-        a = np.zeros((4, 4))
-        a[0, 1], a[1, 1], a[1, 2], a[1, 3], a[2, 2] = 1.0, damping, gain, 1.0, -1.0 / lag_s
-        a[2, 1] = -model.rate_feedback[axis] / lag_s
-        return zero_order_hold(a, np.array([0.0, 0.0, 1.0 / lag_s, 0.0]), time_s)
+        return zero_order_hold(*behind_lag(model, axis, lag_s, disturbances=1), time_s)
 
     def plant_step(frequency: float, time_s: float) -> Dynamics:
         a, b = step(frequency, time_s)

@@ -1,4 +1,4 @@
-"""Discrete dynamics of axes whose sticks act through first-order lags (docs/formulas.md).
+"""Dynamics of axes whose sticks act through first-order lags (docs/formulas.md).
 
     p+ = p + T v,    v+ = (1 + T k) v + T (b a + disturbance),    a+ = pole a + (1 - pole) (u - gyro v)
 
@@ -69,3 +69,15 @@ class LagDynamics(NamedTuple):
         actuators = change / (self.period_s * self.gain)
         followed = (actuators[1:] - self.pole * actuators[:-1]) / (1.0 - self.pole)
         return actuators, followed + self.gyro * velocity[:-1]
+
+
+def behind_lag(model: Model, axis: int, lag_s: float, disturbances: int) -> tuple[Array, Array]:
+    """Return the continuous dynamics of an axis (x, y, height, yaw): A, shape (n, n), and b, shape (n,).
+
+    States are position, velocity, actuator, and accelerations that last, `disturbances` of them.
+    """
+    a, b = np.zeros((3 + disturbances, 3 + disturbances)), np.zeros(3 + disturbances)
+    a[0, 1] = 1.0
+    a[1, 1], a[1, 2], a[1, 3:] = model.direct_damping[axis], model.input_gain[axis], 1.0
+    a[2, 1], a[2, 2], b[2] = -model.rate_feedback[axis] / lag_s, -1.0 / lag_s, 1.0 / lag_s
+    return a, b

@@ -11,11 +11,12 @@ from typing import Any, Final
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from rcopterx.control.references.paths import KNOT_COLUMNS, MAX_KNOTS, FlightPath, PathError
+from rcopterx.control.references.paths import MAX_KNOTS, FlightPath, PathError
 from rcopterx.vehicles.state import Array, Three
 
 HEADINGS: Final = ("fixed", "along", "center")
 _KNOT_SPACING_S: Final = 0.05
+_SMALL_RAD: Final = 1e-4
 
 
 def circle(
@@ -81,7 +82,7 @@ def figure_eight(
     return _along(curve, math.tau * turns, period_s, heading, center_m)
 
 
-def through(waypoints: Sequence[Sequence[float]]) -> FlightPath:
+def through(waypoints: Sequence[Sequence[float]] | Array) -> FlightPath:
     """Return a quintic spline through timed waypoints, at rest at both ends.
 
     Rows of `waypoints` are time [s], x, y, z [m] and yaw [rad]; times increase.
@@ -115,25 +116,12 @@ def _along(
     duration_s = abs(whole_rad) / speed + ramp_s
     times = _knot_times(duration_s)
     angle = math.copysign(speed, whole_rad) * _eased(times, ramp_s, duration_s)
-    step = 1e-4
-    spread = np.array([_eased(times + shift * step, ramp_s, duration_s) for shift in (-1, 0, 1)])
-    rate = math.copysign(speed, whole_rad) * (spread[2] - spread[0]) / (2 * step)
-    acceleration = math.copysign(speed, whole_rad) * (spread[2] - 2 * spread[1] + spread[0]) / step**2
-    first = (curve(angle + step) - curve(angle - step)) / (2 * step)
-    second = (curve(angle + step) - 2 * curve(angle) + curve(angle - step)) / step**2
-    knots = np.zeros((len(times), KNOT_COLUMNS))
-    knots[:, 0] = times
-    knots[:, 1:4] = curve(angle)
-    knots[:, 5:8] = first * rate[:, None]
-    knots[:, 9:12] = second * (rate**2)[:, None] + first * acceleration[:, None]
-    knots[[0, -1], 5:] = 0.0
+    places, yaw_rad = curve(angle), np.zeros(len(times))
     if heading != "fixed":
-        towards = first * math.copysign(1.0, whole_rad) if heading == "along" else center_m - knots[:, 1:4]
-        yaw = np.unwrap(np.arctan2(towards[:, 1], towards[:, 0]))
-        spline = _spline_at_rest(times, yaw[:, None])
-        knots[:, 4] = yaw
-        knots[:, 8], knots[:, 12] = (spline.derivative(order)(times)[:, 0] for order in (1, 2))
-    return FlightPath(knots)
+        ahead = curve(angle + _SMALL_RAD) - curve(angle - _SMALL_RAD)
+        towards = math.copysign(1.0, whole_rad) * ahead if heading == "along" else center_m - places
+        yaw_rad = np.unwrap(np.arctan2(towards[:, 1], towards[:, 0]))
+    return through(np.column_stack((times, places, yaw_rad)))
 
 
 def _spline_at_rest(times: Array, values: Array) -> BSpline:

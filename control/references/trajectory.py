@@ -33,11 +33,6 @@ class Trajectory(Struct, frozen=True):
     period_s: float
 
     @property
-    def stages(self) -> int:
-        """Number of stages N."""
-        return len(self.samples)
-
-    @property
     def position_m(self) -> Array:
         """Positions, shape (N, 3)."""
         return self.samples[:, POSITION]
@@ -56,11 +51,6 @@ class Trajectory(Struct, frozen=True):
     def yaw_rate_rad_s(self) -> Array:
         """Yaw rates, shape (N,)."""
         return self.samples[:, YAW_RATE]
-
-    @property
-    def acceleration_m_s2(self) -> Array:
-        """Inertial accelerations, shape (N, 3)."""
-        return self.samples[:, ACCELERATION]
 
     @property
     def yaw_acceleration_rad_s2(self) -> Array:

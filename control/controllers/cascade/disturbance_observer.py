@@ -11,7 +11,7 @@ import numpy as np
 
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, Array, heading_matrix
+from rcopterx.vehicles.state import XD_BODY, YAW, Array, turned_about_z
 
 TIME_CONSTANT_S: Final = 1.0
 ACCELERATION_CAP: Final = np.array([0.6, 0.6, 1.5])
@@ -28,20 +28,16 @@ class DisturbanceObserver:
     def start(self, motion: Array, last_input: Array) -> None:
         """Start from the disturbance that the last input balances, which makes a switch bumpless."""
         body = -self._model.b[:3] * (last_input - self._model.hover_input)[:3]
-        body[:2] = heading_matrix(motion[YAW]) @ body[:2]
-        self._acceleration = np.clip(body, -ACCELERATION_CAP, ACCELERATION_CAP)
+        self._acceleration = np.clip(turned_about_z(body, motion[YAW]), -ACCELERATION_CAP, ACCELERATION_CAP)
 
     def observe(self, motion: Array, previous_plan: Trajectory) -> None:
         """Compare the velocity with what the previous step's plan had for this instant."""
-        velocity = motion[XD_BODY : XD_BODY + 3].copy()
-        velocity[:2] = heading_matrix(motion[YAW] + 0.5 * self._period_s * motion[-1]) @ velocity[:2]
+        middle_rad = motion[YAW] + 0.5 * self._period_s * motion[-1]
+        velocity = turned_about_z(motion[XD_BODY : XD_BODY + 3], middle_rad)
         surprise = (velocity - previous_plan.velocity_m_s[1]) / self._period_s
         self._acceleration += self._period_s / TIME_CONSTANT_S * surprise
         np.clip(self._acceleration, -ACCELERATION_CAP, ACCELERATION_CAP, out=self._acceleration)
 
     def disturbance(self, motion: Array) -> Array:
         """Return the disturbance in the order of `Estimate.disturbance`, shape (4,)."""
-        disturbance = np.zeros(INPUT_SIZE)
-        disturbance[:2] = heading_matrix(motion[YAW]).T @ self._acceleration[:2]
-        disturbance[2] = self._acceleration[2]
-        return disturbance
+        return np.append(turned_about_z(self._acceleration, -motion[YAW]), 0.0)

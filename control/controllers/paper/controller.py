@@ -24,7 +24,7 @@ from rcopterx.control.controllers.paper.model import (
 from rcopterx.control.controllers.settings import ElevenWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solver, never
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solver, never, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, Array
 
@@ -77,23 +77,18 @@ class PaperController(BaseController):
         self._integral = np.zeros(3)
         self._bumpless_from: Array | None = None
         self._linearized_at: float | None = None
-        N = settings.horizon - 1
-        C, D = np.eye(STATE_SIZE + INPUT_SIZE, STATE_SIZE), np.zeros((STATE_SIZE + INPUT_SIZE, INPUT_SIZE))
-        D[STATE_SIZE:] = np.eye(INPUT_SIZE)
-        self._B, self._C, self._D = (
-            np.tile(matrix, (N, 1, 1)) for matrix in (self._paper_model.input_matrix(), C, D)
-        )
-        self._W = np.tile(np.concatenate((Q, R)), (N, 1))
-        low, high, s = np.full(len(C), -np.inf), np.full(len(C), np.inf), np.zeros(len(C))
-        bounded = np.array(BOUNDED_STATES)
-        low[bounded], high[bounded], s[bounded] = self._limits.state_min, self._limits.state_max, SOFT_WEIGHT
-        low[STATE_SIZE:], high[STATE_SIZE:], s[STATE_SIZE:] = (
-            self._limits.input_min,
-            self._limits.input_max,
-            HARD,
-        )
-        self._low, self._high, self._s = (np.tile(row, (N, 1)) for row in (low, high, s))
-        self._s[0, :STATE_SIZE] = 0.0
+        rows = STATE_SIZE + INPUT_SIZE
+        C, D = np.eye(rows, STATE_SIZE), np.eye(rows, INPUT_SIZE, -STATE_SIZE)
+        bounded, sticks = np.array(BOUNDED_STATES), slice(STATE_SIZE, None)
+        s = np.zeros(rows)
+        s[bounded], s[sticks] = SOFT_WEIGHT, HARD
+        A, B = self._paper_model.dynamics(0.0), self._paper_model.input_matrix()
+        p = repeated(settings.horizon - 1, A, B, C, D, np.concatenate((Q, R)), s, np.diag(Q))
+        p.low[:, bounded], p.high[:, bounded] = self._limits.state_min, self._limits.state_max
+        p.low[:, sticks], p.high[:, sticks] = self._limits.input_min, self._limits.input_max
+        p.s[0, :STATE_SIZE] = 0.0
+        p.r[:, sticks] = model.hover_input
+        self._problem = p
 
     def set_deadline(self, expired: Callable[[], bool]) -> None:
         """Stop the solver of the next step in time (`rcopterx.control.interfaces.StopsEarly`)."""
@@ -114,30 +109,21 @@ class PaperController(BaseController):
         same_cost = yaw == self._linearized_at
         self._linearized_at = yaw
         expired, self._expired = self._expired, never
-        plan = self._solver.solve(self._problem(estimate, reference, yaw), same_cost, expired)
+        plan = self._solver.solve(self._stated(estimate, reference, yaw), same_cost, expired)
         self._integrate(estimate, reference)
         fallback = None if plan.optimal else EARLY_STOP
         return ControlStep(plan.u, self._plan(plan.x), fallback, plan.iterations)
 
-    def _problem(self, estimate: Estimate, reference: Trajectory, yaw: float) -> OptimalControlProblem:
-        """Equations (3)-(4), linearised at a heading."""
-        N, states = self._horizon - 1, self._state_reference(reference)
-        P = self._terminal.at(yaw) if self._settings.terminal_cost else np.diag(self._settings.state_weights)
-        return OptimalControlProblem(
-            A=np.tile(self._paper_model.dynamics(yaw), (N, 1, 1)),
-            B=self._B,
-            c=np.tile(-self._paper_model.affine(reference.position_m[-1]), (N, 1)),
-            C=self._C,
-            D=self._D,
-            W=self._W,
-            r=np.hstack((states[:-1], np.tile(self._model.hover_input, (N, 1)))),
-            low=self._low,
-            high=self._high,
-            s=self._s,
-            P=np.ascontiguousarray(P),
-            x_end=states[-1],
-            x_0=np.concatenate((estimate.motion, self._integral)),
-        )
+    def _stated(self, estimate: Estimate, reference: Trajectory, yaw: float) -> OptimalControlProblem:
+        """Equations (3)-(4), linearised at a heading; the arrays are used again for the next problem."""
+        p, states = self._problem, self._state_reference(reference)
+        p.A[:] = self._paper_model.dynamics(yaw)
+        p.c[:] = -self._paper_model.affine(reference.position_m[-1])
+        p.r[:, :STATE_SIZE] = states[:-1]
+        if self._settings.terminal_cost:
+            p.P[:] = self._terminal.at(yaw)
+        p.x_end[:], p.x_0[:] = states[-1], np.concatenate((estimate.motion, self._integral))
+        return p
 
     def _state_reference(self, reference: Trajectory) -> Array:
         """Reference states, shape (N, 11); body velocities with the reference's own heading, equation (6)."""

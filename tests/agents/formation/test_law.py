@@ -75,7 +75,7 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_position(frame: st
     target = FormationOffset(np.array([0.6, -0.3, 0.2]), 0.5, frame)  # type: ignore[arg-type]  # parametrized literal
     start = FormationOffset(np.array([-0.1, 0.2, 0.0]), -1.0)
     offset = OffsetTransition(start, target, -0.2, 1.9) if moves else target
-    reference = follower_reference(leader, offset, 0.0, leader.period_s, leader.stages)
+    reference = follower_reference(leader, offset, 0.0, leader.period_s, len(leader.samples))
     # the jerk of the transition jumps at its beginning, which central differences smear
     for values, rates in ((slice(0, 4), slice(4, 8)), (slice(4, 8), slice(8, 12))):
         central = (reference.samples[2:, values] - reference.samples[:-2, values]) / (2 * leader.period_s)

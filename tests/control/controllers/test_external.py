@@ -68,7 +68,7 @@ def test_the_task_tells_the_state_in_which_the_answer_will_act(controller: Exter
     controller.step(moving, REFERENCE, HOVER)
     assert controller.task is not None
     assert controller.task.estimate.motion[0] == pytest.approx(0.01, abs=1e-3)
-    assert controller.task.reference.stages == 10
+    assert len(controller.task.reference.samples) == 10
 
 
 def test_wrong_answers_are_refused_with_the_reason(controller: ExternalController) -> None:
