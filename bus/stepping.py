@@ -38,7 +38,6 @@ class Inboxes(Protocol[M]):
     @property
     def inboxes(self) -> Mapping[str, Inbox[M]]:
         """By unit."""
-        ...
 
 
 class StepBus(Protocol):
@@ -54,15 +53,12 @@ class StepBus(Protocol):
     @property
     def events(self) -> Collection[str]:
         """Events inside the process that take effect in this step; see `note`."""
-        ...
 
     def clock(self) -> float:
         """Return the time at which the present step began [monotonic s]."""
-        ...
 
     def begin_step(self) -> float:
         """Deliver the input that has arrived and return the time at which the step begins [monotonic s]."""
-        ...
 
     def end_step(
         self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
@@ -72,35 +68,27 @@ class StepBus(Protocol):
         `estimate` are the 16 values of `RoundedEstimate` after a control period, else None; `overtime` are
         calls given up for time, see `AgentSteps.overtime`.
         """
-        ...
 
     def publish_steps(self, enabled: bool) -> None:
         """Switch the publication of steps on or off; steps in between leave a gap in the numbers."""
-        ...
 
     def note(self, event: str) -> None:
         """Let an event inside the process take effect with the next step. Any thread may call this."""
-        ...
 
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
         """Receive a channel of one unit."""
-        ...
 
     def subscribe_all(self, channel: Channel[M], *, waking: bool = True) -> Inboxes[M]:
         """Receive a channel of every unit."""
-        ...
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """Send a message."""
-        ...
 
     def serve(self, unit: str, verbs: list[str]) -> None:
         """Accept requests."""
-        ...
 
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """Send a request and wait for the reply; only while the process is set up."""
-        ...
 
 
 class _Input(Struct, frozen=True):

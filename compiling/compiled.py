@@ -32,18 +32,13 @@ _typeconv: Any = typeconv
 _OPTIONS: Final = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-def read(dimensions: int, number: Any = types.float64) -> Any:
-    """Return the type of an array that a kernel only reads, in any memory layout."""
-    return types.Array(number, dimensions, "A", readonly=True)
-
-
 VECTOR: Final[Any] = types.float64[::1]
 MATRIX: Final[Any] = types.float64[:, ::1]
 BLOCKS: Final[Any] = types.float64[:, :, ::1]
 """Types of contiguous arrays, which loops pass through fastest."""
-ANY_VECTOR: Final[Any] = read(1)
-ANY_MATRIX: Final[Any] = read(2)
-ANY_BLOCKS: Final[Any] = read(3)
+ANY_VECTOR: Final[Any] = types.Array(types.float64, 1, "A", readonly=True)
+ANY_MATRIX: Final[Any] = types.Array(types.float64, 2, "A", readonly=True)
+"""Types of arrays that a kernel only reads, in any memory layout."""
 NUMBER: Final[Any] = types.float64
 COUNT: Final[Any] = types.int64
 FLAG: Final[Any] = types.boolean

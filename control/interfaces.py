@@ -79,24 +79,19 @@ class Estimator(Protocol):
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest at a measured pose."""
-        ...
 
     def take_over(self, estimate: Estimate) -> None:
         """Start from another estimator's estimate, in flight."""
-        ...
 
     def predict(self, applied_input: Array, period_s: float) -> None:
         """Predict by one period during which `applied_input`, shape (4,), acted."""
-        ...
 
     def correct(self, measurement: Measurement) -> bool:
         """Correct by a pose; False if it was refused because the vehicle cannot have flown there."""
-        ...
 
     @property
     def estimate(self) -> Estimate:
         """The current estimate."""
-        ...
 
 
 @runtime_checkable
@@ -105,7 +100,6 @@ class EstimatesUncertainty(Protocol):
 
     def position_deviation_m(self) -> Array:
         """Standard deviations of the estimated position, inertial x, y, z, shape (3,)."""
-        ...
 
 
 class ControlStep(Struct, frozen=True):
@@ -131,16 +125,13 @@ class Controller(Protocol):
     @property
     def horizon(self) -> int:
         """Number of stages N of references it expects and plans it returns."""
-        ...
 
     @property
     def period_s(self) -> float:
         """Control period T_s."""
-        ...
 
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         """Start from a flying vehicle: integral states and warm starts are set for a bumpless first step."""
-        ...
 
     def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
         """Compute one control step.
@@ -154,7 +145,6 @@ class Controller(Protocol):
         NoSolutionError
             The previous plan is better than all that was found; any other exception is a failure.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +172,6 @@ class ScalesLimits(Protocol):
 
     def set_limit_scale(self, limit_scale: LimitScale) -> None:
         """Plan within a fraction of the vehicle's limits, from the next step on."""
-        ...
 
 
 @runtime_checkable
@@ -191,7 +180,6 @@ class StopsEarly(Protocol):
 
     def set_deadline(self, expired: Callable[[], bool]) -> None:
         """Stop iterating in the next step as soon as `expired` is true; set before every step."""
-        ...
 
 
 class Obstacle(Struct, frozen=True):
@@ -213,4 +201,3 @@ class AvoidsObstacles(Protocol):
 
         Set before every step while there are obstacles, and to an empty sequence once there are none.
         """
-        ...

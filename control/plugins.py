@@ -68,7 +68,6 @@ class PartClass(Protocol[Built]):
 
     def __call__(self, model: Model, period_s: float, settings: Any) -> Built:
         """Build the part for one vehicle."""
-        ...
 
 
 @dataclass(frozen=True)

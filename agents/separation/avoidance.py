@@ -67,7 +67,7 @@ def near(
 
     The obstacles are in the order of their names, so that a vehicle keeps its place among the constraints.
     """
-    own_m = plan.positions_from(period_s, period_s, stages)
+    own_m = plan.resampled(period_s, period_s, stages).position_m
     obstacles: list[Obstacle] = []
     closest, closest_m = np.inf, np.inf
     for _, neighbour in sorted(neighbours.items()):
@@ -75,7 +75,7 @@ def near(
         if scale <= 0.0:
             continue
         other = neighbour.plan
-        other_m = other.trajectory.positions_from(other.ahead_s + delay_s, period_s, stages)
+        other_m = other.trajectory.resampled(other.ahead_s + delay_s, period_s, stages).position_m
         gap_m = own_m - other_m
         distance = float(ellipsoid.normalised(gap_m).min()) / scale
         closest, closest_m = (

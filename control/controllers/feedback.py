@@ -4,13 +4,12 @@ What linear-quadratic regulator and PID have in common. Errors are turned into t
 gains serves every heading; the plan lets other vehicles follow one that is flown by simple feedback.
 """
 
-from abc import abstractmethod
 from typing import Final
 
 import numpy as np
 
 from rcopterx.control.controllers.base import BaseController
-from rcopterx.control.controllers.settings import Limits
+from rcopterx.control.controllers.settings import ControllerSettings
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.models.prediction import behind_gyro, derivative, motion_model
 from rcopterx.control.models.roll_out import lag_poles, predict
@@ -23,26 +22,32 @@ TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
 
 
 class FeedbackController(BaseController):
-    """Control law u = u_hover + trim - feedback(error)."""
+    """Control law u = u_hover + trim - K error; the trim integrates errors of the position.
 
-    def __init__(self, model: Model, period_s: float, horizon: int, limits: Limits) -> None:
-        super().__init__(model, period_s, horizon, limits)
+    Parameters
+    ----------
+    gain
+        K, shape (4, 8); an error is motion state minus reference: position (body frame), yaw, body velocity,
+        yaw rate.
+    integral_gain
+        Change of the pitch, roll and thrust trim [1/s] against an error of the position, shape (3,).
+    error_cap
+        Errors count up to this, shape (8,).
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        period_s: float,
+        settings: ControllerSettings,
+        gain: Array,
+        integral_gain: Array,
+        error_cap: Array,
+    ) -> None:
+        super().__init__(model, period_s, settings.horizon, settings.limits(model))
+        self._gain, self._integral_gain, self._error_cap = gain, integral_gain, error_cap
         self._pole = lag_poles(model, period_s)
         self._trim = np.zeros(3)
-
-    @abstractmethod
-    def _feedback(self, error: Array) -> Array:
-        """Input against an error, shape (4,).
-
-        Parameters
-        ----------
-        error
-            Motion state minus reference, shape (8,): position (body frame), yaw, body velocity, yaw rate.
-        """
-
-    @abstractmethod
-    def _trim_rate(self, error_m: Array) -> Array:
-        """Change of the pitch, roll and thrust trim [1/s] under a body-frame position error, shape (3,)."""
 
     def _start(self, estimate: Estimate, last_input: Array) -> None:
         trim = np.clip((last_input - self._model.hover_input)[:3], -TRIM_CAP, TRIM_CAP)
@@ -68,14 +73,13 @@ class FeedbackController(BaseController):
         return inputs
 
     def _law(self, motion: Array, sample: Array, trim: Array) -> Array:
-        command = self._model.hover_input - self._feedback(self._error(motion, sample))
+        command = self._model.hover_input - self._gain @ self._error(motion, sample)
         command[:3] += turned_about_z(trim, -float(motion[YAW]))
         return np.clip(command, self._limits.input_min, self._limits.input_max)
 
     def _integrated(self, trim: Array, motion: Array, sample: Array, command: Array) -> Array:
         """Trim one period later; an input at its limit integrates no further into it (anti-windup)."""
-        error = self._error(motion, sample)
-        rate = self._trim_rate(error[:3])
+        rate = -self._integral_gain * self._error(motion, sample)[:3]
         low = (command <= self._limits.input_min)[:3] & (rate < 0)
         high = (command >= self._limits.input_max)[:3] & (rate > 0)
         rate[low | high] = 0.0
@@ -87,4 +91,4 @@ class FeedbackController(BaseController):
         error = motion - sample[:MOTION_SIZE]
         error[:2] = to_body @ error[:2]
         error[XD_BODY : XD_BODY + 2] = motion[XD_BODY : XD_BODY + 2] - to_body @ sample[4:6]
-        return error
+        return np.clip(error, -self._error_cap, self._error_cap)

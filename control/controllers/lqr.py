@@ -17,7 +17,7 @@ from rcopterx.control.controllers.settings import (
     PositiveFloat,
 )
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import MOTION_SIZE, Array
+from rcopterx.vehicles.state import MOTION_SIZE
 
 
 class LqrSettings(ControllerSettings, frozen=True, kw_only=True):
@@ -43,19 +43,10 @@ class LqrController(FeedbackController):
     Settings = LqrSettings
 
     def __init__(self, model: Model, period_s: float, settings: LqrSettings) -> None:
-        super().__init__(model, period_s, settings.horizon, settings.limits(model))
         paper_model = PaperModel(model, period_s)
         cost = TerminalCost(paper_model, np.array(settings.state_weights), np.array(settings.input_weights))
         gain = cost.gain(0.0)
-        self._gain = gain[:, :MOTION_SIZE]
-        self._integral_gain = np.diag(gain[:3, INTEGRAL_STATES]) * paper_model.integrator_gains
-        self._error_limit_m = settings.error_limit_m
-
-    def _feedback(self, error: Array) -> Array:
-        limited = error.copy()
-        limited[:3] = np.clip(error[:3], -self._error_limit_m, self._error_limit_m)
-        return np.asarray(self._gain @ limited)
-
-    def _trim_rate(self, error_m: Array) -> Array:
-        limited = np.clip(error_m, -self._error_limit_m, self._error_limit_m)
-        return np.asarray(-self._integral_gain * limited)
+        integral_gain = np.diag(gain[:3, INTEGRAL_STATES]) * paper_model.integrator_gains
+        error_cap = np.full(MOTION_SIZE, np.inf)
+        error_cap[:3] = settings.error_limit_m
+        super().__init__(model, period_s, settings, gain[:, :MOTION_SIZE], integral_gain, error_cap)

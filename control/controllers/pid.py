@@ -5,7 +5,6 @@ import numpy as np
 from rcopterx.control.controllers.feedback import FeedbackController
 from rcopterx.control.controllers.settings import ControllerSettings, FourWeights, PositiveFloat
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import XD_BODY, Array
 
 
 class PidSettings(ControllerSettings, frozen=True, kw_only=True):
@@ -35,15 +34,7 @@ class PidController(FeedbackController):
     Settings = PidSettings
 
     def __init__(self, model: Model, period_s: float, settings: PidSettings) -> None:
-        super().__init__(model, period_s, settings.horizon, settings.limits(model))
-        self._proportional = np.array(settings.proportional) / model.b
-        self._damping = np.array(settings.damping) / model.b
-        self._integral = np.array(settings.integral) / model.b[:3]
-        self._cap = np.array([*(3 * [settings.error_limit_m]), settings.yaw_error_limit_rad])
-
-    def _feedback(self, error: Array) -> Array:
-        limited = np.clip(error[:XD_BODY], -self._cap, self._cap)
-        return np.asarray(self._proportional * limited + self._damping * error[XD_BODY:])
-
-    def _trim_rate(self, error_m: Array) -> Array:
-        return np.asarray(-self._integral * np.clip(error_m, -self._cap[:3], self._cap[:3]))
+        gain = np.hstack((np.diag(settings.proportional), np.diag(settings.damping))) / model.b[:, None]
+        error_cap = [*3 * [settings.error_limit_m], settings.yaw_error_limit_rad, *4 * [np.inf]]
+        integral_gain = np.array(settings.integral) / model.b[:3]
+        super().__init__(model, period_s, settings, gain, integral_gain, np.array(error_cap))

@@ -91,10 +91,6 @@ class InnovationGate:
         """Forget refused poses, as the estimator restarts."""
         self._run = None
 
-    def refuse_unreadable(self) -> None:
-        """Count a pose that is not a finite place in a laboratory."""
-        self.rejected += 1
-
     def judge(self, pose: Array, innovation: Array, deviation: Array) -> Verdict:
         """Judge a pose (position and unwrapped yaw), its innovation and that one's standard deviation.
 
@@ -221,7 +217,7 @@ class PoseEstimator(ABC):
         Returns False if the pose was refused because the vehicle cannot have flown there.
         """
         if not _readable(measurement):
-            self._gate.refuse_unreadable()
+            self._gate.rejected += 1
             return False
         if not self._yaw_known:
             self.reset(measurement)

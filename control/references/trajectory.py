@@ -77,10 +77,6 @@ class Trajectory(Struct, frozen=True):
         resample(self.samples, self.period_s, start_s, period_s, offset_m, yaw_offset_rad, samples)
         return Trajectory(samples, period_s)
 
-    def positions_from(self, start_s: float, period_s: float, stages: int) -> Array:
-        """Return the positions of `resampled`, shape (`stages`, 3)."""
-        return self.displaced(start_s, period_s, stages, _NO_OFFSET_M, 0.0).samples[:, POSITION]
-
 
 def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Trajectory:
     """Return the trajectory of a set point: rest at one place, shape (3,)."""

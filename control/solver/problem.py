@@ -118,7 +118,6 @@ class Solver(Protocol):
 
     def reset(self) -> None:
         """Start the next solve cold."""
-        ...
 
     def solve(self, p: OptimalControlProblem, same_cost: bool, expired: Callable[[], bool]) -> Plan:
         """Solve a problem, one stage after the last one.
@@ -132,4 +131,3 @@ class Solver(Protocol):
         expired
             Deadline, after which the best plan known is returned.
         """
-        ...

@@ -184,7 +184,7 @@ class CascadeController(BaseController):
         if own is None:
             previous = np.tile(task.estimate.motion[:3], (self._horizon, 1))
         else:
-            previous = own.positions_from(self._period_s, self._period_s, self._horizon)
+            previous = own.resampled(self._period_s, self._period_s, self._horizon).position_m
         return clearances(previous, task.reference[:, POSITION], self._obstacles)
 
     def _disturbance(self, estimate: Estimate) -> Array:

@@ -76,8 +76,8 @@ def test_distances_are_those_of_the_plans_read_at_the_same_instants(
         for stages, period_s in ((STAGES, own_period_s), (9, other_period_s))
     )
     found = near(CLEARANCE, {"h2": Neighbour(LeaderPlan(other, ahead_s), 1.0)}, own, 0.02, STAGES, 0.01)
-    other_m = other.positions_from(ahead_s + 0.01, 0.02, STAGES)
-    gap_m = own.positions_from(0.02, 0.02, STAGES) - other_m
+    other_m = other.resampled(ahead_s + 0.01, 0.02, STAGES).position_m
+    gap_m = own.resampled(0.02, 0.02, STAGES).position_m - other_m
     assert found.closest_m == pytest.approx(np.linalg.norm(gap_m, axis=1).min(), abs=1e-12)
     closest = CLEARANCE.normalised(gap_m).min()
     assert [len(found.obstacles), found.touching] == [closest < NEAR, closest < TOUCHING]
