@@ -5,6 +5,7 @@ last plan. The `StepGuard` of the agent handles laws that fail.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from msgspec.structs import replace
 from rcopterx.control.controllers.settings import Limits
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.references.trajectory import YAW, Trajectory
+from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
@@ -80,3 +82,18 @@ class BaseController(ABC):
         if not np.isfinite(last_input).all():
             return self._model.hover_input
         return np.clip(last_input, self._model.u_min, self._model.u_max)
+
+
+class MpcController(BaseController):
+    """A controller whose solvers stop in time (`rcopterx.control.interfaces.StopsEarly`)."""
+
+    _expired: Callable[[], bool] | None = None
+
+    def set_deadline(self, expired: Callable[[], bool]) -> None:
+        """Stop the solvers of the next step in time."""
+        self._expired = expired
+
+    def _deadline(self) -> Callable[[], bool]:
+        """Return the deadline of this step; the next one has its own."""
+        expired, self._expired = self._expired, None
+        return expired or never

@@ -29,6 +29,8 @@ class SparseQP:
     ----------
     equalities
         Number of rows of the constraints that are equalities; they come first.
+    variables
+        Number of variables z.
     """
 
     def __init__(self, p: OptimalControlProblem) -> None:
@@ -40,17 +42,12 @@ class SparseQP:
         self.equalities = (N + 1) * nx
         excesses = self._soft.sum(axis=1)
         self._starts: Indices = np.concatenate(([0], np.cumsum(self._stage + excesses)))
+        self.variables = int(self._starts[-1]) + nx
         stage = np.nonzero(self._soft)[0]
         before = np.concatenate(([0], np.cumsum(excesses)))[stage]
         self._excess: Indices = self._starts[stage] + self._stage + np.arange(len(stage)) - before
         self._hessian = self._hessian_places(N, nx)
         self._constraints = self._constraint_places(N, nx)
-
-    @property
-    def variables(self) -> int:
-        """Number of variables z."""
-        states: int = self._shapes[0][2]
-        return int(self._starts[-1]) + states
 
     def _hessian_places(self, N: int, nx: int) -> "Places":
         """Upper triangles of the stages and of the last state; excesses on the diagonal."""

@@ -12,7 +12,7 @@ from typing import Annotated, Final
 import msgspec
 import numpy as np
 
-from rcopterx.control.controllers.base import EARLY_STOP, BaseController
+from rcopterx.control.controllers.base import EARLY_STOP, MpcController
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.control.controllers.cascade.disturbance_observer import DisturbanceObserver
@@ -32,7 +32,7 @@ from rcopterx.control.controllers.settings import EightWeights, FourWeights, Fra
 from rcopterx.control.interfaces import ControlStep, Estimate, LimitScale, Obstacle
 from rcopterx.control.models.lags import LagDynamics
 from rcopterx.control.references.trajectory import COLUMNS, POSITION, Trajectory
-from rcopterx.control.solver.problem import Solver, never
+from rcopterx.control.solver.problem import Solver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, YAW, Array, Z
 
@@ -67,7 +67,7 @@ class CascadeSettings(MpcSettings, frozen=True, kw_only=True):
     """Keep clear of the plans of other vehicles."""
 
 
-class CascadeController(BaseController):
+class CascadeController(MpcController):
     """Trajectory MPC, yaw first; `new_solver` makes other solvers than the one that the settings name.
 
     Raises
@@ -98,7 +98,6 @@ class CascadeController(BaseController):
         self._observer = DisturbanceObserver(model, period_s)
         self._filtered_disturbance: Array = np.zeros(INPUT_SIZE)
         self._obstacles: tuple[Obstacle, ...] = ()
-        self._expired: Callable[[], bool] = never
         self.set_limit_scale(LimitScale(4 * (settings.input_range,)))
 
     def _weights(self) -> CascadeWeights:
@@ -123,10 +122,6 @@ class CascadeController(BaseController):
         """Keep clear of these in the next step (`rcopterx.control.interfaces.AvoidsObstacles`)."""
         self._obstacles = tuple(obstacles) if self._settings.avoidance else ()
 
-    def set_deadline(self, expired: Callable[[], bool]) -> None:
-        """Stop the solvers of the next step in time (`rcopterx.control.interfaces.StopsEarly`)."""
-        self._expired = expired
-
     def set_limit_scale(self, limit_scale: LimitScale) -> None:
         """Plan within a fraction of the vehicle's limits, from the next step on.
 
@@ -142,8 +137,7 @@ class CascadeController(BaseController):
             solver.reset()
 
     def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
-        task, expired = self._task(estimate, reference.samples), self._expired
-        self._expired = never
+        task, expired = self._task(estimate, reference.samples), self._deadline()
         clear = self._clearances(task) if self._obstacles else None
         heights = None if clear is None else clear.heights(task.bounds.position[:, Z])[:, :-1]
         heading = self._heading_solver.solve(self._heading.problem(task), True, expired)

@@ -36,7 +36,6 @@ STEP: Final = 1.5
 """Ratio of the weights of the series."""
 STEPS: Final = 24
 
-Eight = tuple[float, float, float, float, float, float, float, float]
 HORIZONTAL: Final = slice(0, 2)
 """x and y among the four axes x, y, z, yaw."""
 
@@ -51,7 +50,7 @@ class CascadeWeights(NamedTuple):
     """Weight of the squared excess over a state bound."""
 
 
-def default_state_weights(model: Model) -> Eight:
+def default_state_weights(model: Model) -> tuple[float, ...]:
     """Diagonal of Q: x y z psi xd_B yd_B zd_B psid."""
     if model.tilt is None:
         return _LAG_STATES

@@ -11,7 +11,7 @@ from typing import Annotated, Final
 import msgspec
 import numpy as np
 
-from rcopterx.control.controllers.base import EARLY_STOP, BaseController
+from rcopterx.control.controllers.base import EARLY_STOP, MpcController
 from rcopterx.control.controllers.paper.model import (
     BOUNDED_STATES,
     INPUT_WEIGHTS,
@@ -24,7 +24,7 @@ from rcopterx.control.controllers.paper.model import (
 from rcopterx.control.controllers.settings import ElevenWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solver, never, repeated
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solver, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, Array
 
@@ -49,7 +49,7 @@ class PaperSettings(MpcSettings, frozen=True, kw_only=True):
     """Integral states stop here (anti-windup)."""
 
 
-class PaperController(BaseController):
+class PaperController(MpcController):
     """Set-point MPC of the paper; `new_solver` makes another solver than the one that the settings name.
 
     Raises
@@ -73,7 +73,6 @@ class PaperController(BaseController):
         Q, R = np.array(settings.state_weights), np.array(settings.input_weights)
         self._terminal = TerminalCost(self._paper_model, Q, R)
         self._solver = (new_solver or settings.new_solver)()
-        self._expired: Callable[[], bool] = never
         self._integral = np.zeros(3)
         self._bumpless_from: Array | None = None
         self._linearized_at: float | None = None
@@ -90,10 +89,6 @@ class PaperController(BaseController):
         p.r[:, sticks] = model.hover_input
         self._problem = p
 
-    def set_deadline(self, expired: Callable[[], bool]) -> None:
-        """Stop the solver of the next step in time (`rcopterx.control.interfaces.StopsEarly`)."""
-        self._expired = expired
-
     def _start(
         self,
         estimate: Estimate,  # noqa: ARG002 - the first step has the estimate
@@ -108,8 +103,7 @@ class PaperController(BaseController):
         self._take_over_trim(yaw)
         same_cost = yaw == self._linearized_at
         self._linearized_at = yaw
-        expired, self._expired = self._expired, never
-        plan = self._solver.solve(self._stated(estimate, reference, yaw), same_cost, expired)
+        plan = self._solver.solve(self._stated(estimate, reference, yaw), same_cost, self._deadline())
         self._integrate(estimate, reference)
         fallback = None if plan.optimal else EARLY_STOP
         return ControlStep(plan.u, self._plan(plan.x), fallback, plan.iterations)
