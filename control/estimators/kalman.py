@@ -58,11 +58,6 @@ class KalmanEstimator(PoseEstimator):
         motion = body_motion(self._x[:, 0], self._x[:, 1])
         return Estimate(motion, self._actuator, np.zeros(INPUT_SIZE))
 
-    @property
-    def acceleration(self) -> Array:
-        """Estimated inertial acceleration [m/s^2] and yaw acceleration [rad/s^2], shape (4,)."""
-        return self._x[:, 2].copy()
-
     def position_deviation_m(self) -> Array:
         """See `EstimatesUncertainty`."""
         return np.asarray(np.sqrt(self._P[:YAW, 0, 0]))
