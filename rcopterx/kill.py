@@ -253,8 +253,7 @@ def _named(name: str) -> RunningFleet:
     # A named file must be read and checked first, which takes longer.
     from rcopterx.deploy.certificates.files import shown
     from rcopterx.deploy.roles.addresses import router_endpoints
-    from rcopterx.fleet.reading import load_fleet
-    from rcopterx.fleet.shipped import fleet_path
+    from rcopterx.fleet.reading import fleet_path, load_fleet
 
     file = load_fleet(fleet_path(name))
     host, *others = file.hosts
