@@ -99,7 +99,8 @@ class FlightWriter:
             self._stop(f"{self.path or self._settings.directory}: {error.strerror or error}")
 
     def _write(self, messages: Sequence[LoggedMessage]) -> None:
-        if self._mcap is not None and self._part_is_full(self._mcap):
+        mcap, part_bytes = self._mcap, self._settings.part_bytes
+        if mcap is not None and (mcap.written_bytes >= part_bytes or mcap.chunks >= PART_CHUNKS):
             self.close()
         if self._mcap is None or self._writes % CHECK_FREE_WRITES == 0:
             self._settings.directory.mkdir(parents=True, exist_ok=True)
@@ -125,9 +126,6 @@ class FlightWriter:
         flights = [f for f in flights_in(settings.directory) if f.name.partition("-")[0] == fleet]
         own = [flight for flight in flights if flight.name == settings.flight]
         return [flight for flight in flights if flight not in own], own
-
-    def _part_is_full(self, mcap: McapFile) -> bool:
-        return mcap.written_bytes >= self._settings.part_bytes or mcap.chunks >= PART_CHUNKS
 
     def _begin(self, time_ns: int) -> McapFile:
         settings = self._settings

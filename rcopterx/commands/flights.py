@@ -16,11 +16,7 @@ def flights(
     as_json: JsonOption = False,
     check: Annotated[
         str | None,
-        typer.Option(
-            "--check",
-            metavar="FLIGHT",
-            help="Check what always holds in this flight (a file or a name); exit code 1 if it does not.",
-        ),
+        typer.Option(metavar="FLIGHT", help="Check what always holds in a flight; else exit code 1."),
     ] = None,
 ) -> None:
     """List recorded flights, the newest last."""
