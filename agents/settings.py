@@ -11,7 +11,7 @@ from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.interfaces import FULL_LIMITS, LimitScale
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Three
+from rcopterx.vehicles.tuples import Three
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.set_points import TurnLimits
-from rcopterx.vehicles.state import Three
+from rcopterx.vehicles.tuples import Three
 
 
 @dataclass(frozen=True)

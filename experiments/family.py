@@ -23,7 +23,8 @@ from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array, Three
+from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
+from rcopterx.vehicles.tuples import Three
 
 HOME_M: Final[Three] = (0.0, 0.0, 1.0)
 LOST_M: Final = 0.5

@@ -23,7 +23,8 @@ from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, HORIZON, PAPER, Scheme, compared
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array, Three
+from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array
+from rcopterx.vehicles.tuples import Three
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 LEADER: Final = "h1"

@@ -19,8 +19,9 @@ from rcopterx.simulator.helicopter import helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import IDENTIFIED, Model
-from rcopterx.vehicles.state import GRAVITY_M_S2, Three
+from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tilt import TiltModel
+from rcopterx.vehicles.tuples import Three
 from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 Knowledge = Literal["default", "identified", "exact", "lag", "late"]

@@ -37,7 +37,7 @@ from rcopterx.experiments.paper_sequence import (
 )
 from rcopterx.experiments.steps import Step, go_to, in_order, pause
 from rcopterx.ground_station.scripting.fleet import Fleet
-from rcopterx.vehicles.state import Three
+from rcopterx.vehicles.tuples import Three
 
 
 def fly_paper_formation(fleet: Fleet, say: Say, wait: Wait) -> None:

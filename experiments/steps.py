@@ -13,7 +13,7 @@ from rcopterx.ground_station.identification.identification import Identification
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
 from rcopterx.ground_station.scripting.waiting import NotReachedError
-from rcopterx.vehicles.state import Three
+from rcopterx.vehicles.tuples import Three
 
 Step = Callable[[Fleet, Say, Wait], None]
 P = ParamSpec("P")

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
-from rcopterx.vehicles.state import Four, Three
+from rcopterx.vehicles.tuples import Four, Three
 
 COAXIAL_PLANTS: Final = ("first_order", "helicopter", "drawn_helicopter")
 

@@ -12,7 +12,7 @@ from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import PARAMETERS, random_stream
 from rcopterx.simulator.plant import CALM, Plant, Pose, four
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Four
+from rcopterx.vehicles.tuples import Four
 from rcopterx.vehicles.types import QUADROTOR, thrust_acceleration, tilt_limit_rad
 
 

@@ -28,7 +28,7 @@ from rcopterx.simulator.helicopter_dynamics import (
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import CALM, Plant, Pose
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Four, Three
+from rcopterx.vehicles.tuples import Four, Three
 
 STILL_AIR: Final[HeldNoise] = np.zeros((1, 4)), 0, math.inf
 

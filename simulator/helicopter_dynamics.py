@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 
 from rcopterx.compiling.compiled import FLAG, NUMBER, compiled, part, record, together
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.vehicles.state import GRAVITY_M_S2, Four, Three
+from rcopterx.vehicles.state import GRAVITY_M_S2
+from rcopterx.vehicles.tuples import Four, Three
 
 _TINY: Final = 1e-9
 

@@ -11,7 +11,8 @@ from msgspec import Struct
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import TURBULENCE, ColouredNoise, random_stream
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_THRUST, Array, Four, Three
+from rcopterx.vehicles.state import U_THRUST, Array
+from rcopterx.vehicles.tuples import Four, Three
 
 CALM: Four = (0.0, 0.0, 0.0, 0.0)
 _TIME_TOLERANCE_S = 1e-9

@@ -11,8 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, U_YAW, Array, Four
+from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, U_YAW, Array
 from rcopterx.vehicles.tilt import TiltModel
+from rcopterx.vehicles.tuples import Four
 
 Seven = tuple[float, float, float, float, float, float, float]
 

@@ -11,10 +11,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rcopterx.vehicles.tuples import Four, Three
+
 Array = NDArray[np.float64]
 """An array of 64-bit floats; its shape is stated where it is used."""
-Three = tuple[float, float, float]
-Four = tuple[float, float, float, float]
 
 
 def three(values: Array) -> Three:

@@ -8,7 +8,8 @@ import numpy as np
 
 from rcopterx.agents.formation.topology import AT_WORK, FormationGraph, followers, formation_of, places
 from rcopterx.bus.messages import AgentStatus, LeaderLink
-from rcopterx.vehicles.state import Array, Three
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import Three
 
 TOLERANCE_M = 1e-6
 NO_PLACES: Mapping[str, Array] = MappingProxyType({})

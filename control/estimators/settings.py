@@ -12,7 +12,7 @@ from typing import Annotated
 import msgspec
 
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Four
+from rcopterx.vehicles.tuples import Four
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 FourPositive = tuple[Positive, Positive, Positive, Positive]

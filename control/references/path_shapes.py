@@ -12,7 +12,8 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from rcopterx.control.references.paths import MAX_KNOTS, FlightPath, PathError
-from rcopterx.vehicles.state import Array, Three
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import Three
 
 HEADINGS: Final = ("fixed", "along", "center")
 _KNOT_SPACING_S: Final = 0.05

@@ -15,7 +15,8 @@ from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic
 from rcopterx.control.references.trajectory import COLUMNS, YAW
 from rcopterx.control.references.turns import nearest_heading, whole_turns
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array, Three
+from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import Three
 
 KNOT_COLUMNS: Final = 1 + COLUMNS
 MAX_KNOTS: Final = 600

@@ -19,7 +19,7 @@ from rcopterx.experiments.paper_sequence import leader_of
 from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
-from rcopterx.vehicles.state import Three
+from rcopterx.vehicles.tuples import Three
 
 HOME_M: Final = (0.0, 0.0, 1.0)
 """Where the leader hovers."""

@@ -11,7 +11,7 @@ from rcopterx.bus.host_messages import LaboratoryVehicle
 from rcopterx.bus.message import Message
 from rcopterx.experiments.faults.promise import Seen
 from rcopterx.ground_station.report.recorder import Recording
-from rcopterx.vehicles.state import Three
+from rcopterx.vehicles.tuples import Three
 
 WATCHED: tuple[Channel[Message], ...] = (channels.LABORATORY, channels.APPLIED)  # type: ignore[assignment]
 """Channels that `seen_of` needs."""

@@ -16,7 +16,7 @@ from rcopterx.experiments import checks
 from rcopterx.experiments.checks import Check
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Record, Recording
-from rcopterx.vehicles.state import Three
+from rcopterx.vehicles.tuples import Three
 
 NAMES = ("h1", "h2")
 

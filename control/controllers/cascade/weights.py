@@ -13,7 +13,8 @@ from typing import Final, NamedTuple
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
 from rcopterx.control.margins.loop import FeedbackLoop, bears
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_THRUST, U_YAW, Array, Four
+from rcopterx.vehicles.state import U_THRUST, U_YAW, Array
+from rcopterx.vehicles.tuples import Four
 
 _LAG_STATES: Final = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)
 _TILT_POSITIONS: Final = (100.0, 100.0, 100.0, 10.0)

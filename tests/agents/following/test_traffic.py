@@ -12,7 +12,7 @@ from rcopterx.agents.following.traffic import MOST, PATIENCE, UPDATE_EVERY_TICKS
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint
 from rcopterx.bus.trajectory_array import TrajectoryArray
-from rcopterx.vehicles.state import Three
+from rcopterx.vehicles.tuples import Three
 
 BESIDE = LeaderLink(leader="h1", offset_m=(-0.4, 0.0, 0.0))
 

@@ -18,7 +18,7 @@ from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Record, Recording
 from rcopterx.ground_station.report.statistics import percentiles, rms_and_max
-from rcopterx.vehicles.state import Four, Three
+from rcopterx.vehicles.tuples import Four, Three
 
 
 class Flight:
