@@ -1,4 +1,4 @@
-// KILL in the browser: a button and the space bar. Runs once; see kill_button.py.
+// KILL in the browser: a button and the space bar. Runs once; see browser.py.
 if (!window.rcopterxKill) {
   const LABEL = 'KILL: cut all motors (space bar)', TRIED_MS = 10000, WATCHED_MS = 1000, AGAIN_MS = 100;
   const button = document.createElement('button');
