@@ -58,7 +58,8 @@ class WatchdogLimits:
 
     def of(self, observation: "Observation", flying: bool) -> float:
         """Return the limit of a process."""
-        if observation.duty is Duty.BACKGROUND or observation.phase in (Phase.STARTING, Phase.ENDING):
+        starting = observation.phase is Phase.STARTING and not observation.excuse.stopped
+        if observation.duty is Duty.BACKGROUND or starting or observation.phase is Phase.ENDING:
             return self.start_s
         needed = observation.duty in (Duty.RADIO, Duty.FLIGHT)
         return self.flight_s if flying and needed else self.floor_s
@@ -206,7 +207,13 @@ class Watchdog:
     @property
     def suspects(self) -> set[int]:
         """Processes whose processor time is to be read at the next check."""
-        return {process for process, watch in self._watches.items() if watch.silent_for(SUSPECT)}
+        # One that starts may have been stopped.
+        starting = SUSPECT * self._limits.flight_s / self._limits.start_s
+        return {
+            process
+            for process, watch in self._watches.items()
+            if watch.silent_for(starting if watch.last.phase is Phase.STARTING else SUSPECT)
+        }
 
     def silent_s(self, process: int) -> float:
         """Return how long a process has made no progress, 0 for an unknown one."""

@@ -286,6 +286,17 @@ def test_few_processes_silent_at_once_hang(phases: tuple[Phase, ...]) -> None:
     assert found_after_s <= LIMITS.flight_s + 1.01 * STEP_S
 
 
+def test_a_successor_that_is_stopped_while_it_starts_is_found_in_time() -> None:
+    host = Host(*[Phase.FLYING] * 5)
+    host.looks[DEAF] = replace(host.looks[DEAF], phase=Phase.STARTING)
+    while DEAF not in host.watchdog.suspects:
+        assert host.look(DEAF) == []
+        assert host.watchdog.silent_s(DEAF) < 0.1
+    found_after_s = host.found_after_s(DEAF, deaf=Excuse(stopped=True))
+    assert found_after_s is not None
+    assert found_after_s <= LIMITS.flight_s
+
+
 def test_stopped_processes_are_no_crowd() -> None:
     host = Host(Phase.FLYING, Phase.WORKING, Phase.WORKING)
     stopped = dict.fromkeys(("deaf", "other", "third"), Excuse(stopped=True))
