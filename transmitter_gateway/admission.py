@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from rcopterx.bus.message import LONGEST_PERIOD_S, MAX_COUNT, SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
-from rcopterx.transmitter_gateway.inputs import Cause, CommandInput, Input, PoseStamp
+from rcopterx.transmitter_gateway.inputs import THRUST, Cause, CommandInput, Input, PoseStamp
 from rcopterx.transmitter_gateway.leases import Leases
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
@@ -89,6 +89,12 @@ class Admission:
     def fresh(self, now_s: float) -> bool:
         """Whether the newest command is not late."""
         return self.stream is not None and now_s < self.stream.arrival_s + self._limits.hold_after_s
+
+    def thrust_wanted(self, now_s: float) -> bool:
+        """Whether a command that is not late asks for thrust."""
+        stream = self.stream
+        wanted = stream is not None and stream.command.u[THRUST] > self._limits.low_thrust
+        return wanted and self.fresh(now_s)
 
     def _check_form(self, command: CommandInput) -> AcceptedCommand | Rejection:
         numbers = (command.lease, command.epoch, command.sequence, command.frame)

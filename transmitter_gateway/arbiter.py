@@ -66,6 +66,7 @@ class Arbiter:
         self._arming = False
         self._shutdown = False
         self._motion: Motion | None = None
+        self._climb_m_s: float | None = None
         self._now_s = -math.inf
         self._shaped_s = -math.inf
         self._entered_s = -math.inf
@@ -99,6 +100,11 @@ class Arbiter:
     def issued(self) -> int:
         """Newest control lease."""
         return self._admission.leases.issued
+
+    @property
+    def hover_thrust(self) -> float:
+        """Thrust at which the vehicle hovers, as far as the arbiter has learned it."""
+        return self._shaping.hover_thrust
 
     def resume_leases(self, commanding: int, issued: int, now_s: float) -> None:
         """Count leases on from an earlier process; see `Leases.resume`."""
@@ -178,7 +184,7 @@ class Arbiter:
             problem = f"{self.state} now"
         if problem is None:
             self.commanded = last.commanded
-            self._shaping.u = last.u
+            self._shaping.take_over(last.u, last.hover_thrust)
             distrust = "own pose jumped before a restart" if last.mistaken else None
             self.surveillance.take_over(distrust)
             self._take(Condition.TAKE_OVER, "this gateway", now_s)
@@ -214,14 +220,14 @@ class Arbiter:
             found.add(Condition.READY)
         if stream is not None:
             self._judge_stream(found, stream, bridging, now_s)
-        if self.state is State.KILLED and self._thrust_wanted(now_s):
+        if self.state is State.KILLED and self._admission.thrust_wanted(now_s):
             found.add(Condition.THRUST_WANTED)
         self._judge_poses(found, now_s)
         if self.state is State.ARMED and now_s >= self._idle_at_s:
             found.add(Condition.IDLE)
         if self.state is State.HOLD and now_s >= self._entered_s + self.limits.hold_limit_s:
             found.add(Condition.HOLD_OVER)
-        if self.state is State.DESCEND and now_s >= self._entered_s + self._descent_s:
+        if self.state is State.DESCEND and now_s >= self._entered_s + self.limits.descent_s:
             found.add(Condition.DESCENT_OVER)
         if self.state in ON_THE_WAY_DOWN and now_s >= self._landing_since_s + self.limits.landing.longest_s:
             found.add(Condition.LANDING_OVER)
@@ -233,10 +239,6 @@ class Arbiter:
         if self._low_since_s is None:
             return math.inf
         return max(self._low_since_s, self._entered_s) + self.limits.disarm_after_s
-
-    @property
-    def _descent_s(self) -> float:
-        return self.limits.cut_after_s - self.limits.descend_after_s
 
     def _judge_stream(self, found: set[Condition], stream: Stream, bridging: int, now_s: float) -> None:
         limits = self.limits
@@ -251,15 +253,10 @@ class Arbiter:
         if stream.low_since_s is not None and now_s >= stream.low_since_s + limits.arm_low_s:
             found.add(Condition.LOW_COMMANDED)
 
-    def _thrust_wanted(self, now_s: float) -> bool:
-        stream = self._admission.stream
-        wanted = stream is not None and stream.command.u[THRUST] > self.limits.low_thrust
-        return wanted and self._admission.fresh(now_s)
-
     def _judge_poses(self, found: set[Condition], now_s: float) -> None:
         """Judge the raw poses; a vehicle that stands on the floor is left alone unless it is to be armed."""
         flying = self.state in FLYING
-        self._motion = None
+        self._motion = self._climb_m_s = None
         if flying and self._grounded(now_s):
             found.add(Condition.GROUNDED)
             return
@@ -282,12 +279,13 @@ class Arbiter:
         found.add(Condition.SEEN)
         if motion.position_m[2] >= self._floor_m + self.limits.airborne_m:
             found.add(Condition.AIRBORNE)
+            self._climb_m_s = motion.velocity_m_s[2]
         fence = self.limits.surveillance.fence
         if self.state not in ON_THE_WAY_DOWN:
             self._touchdown.release()
         elif fence is not None and not self._shaping.obeyed and fence.left(motion.position_m):
             found.add(Condition.RUNAWAY)
-        elif self._touchdown.happened(motion, self._floor_m, self._shaping.missing_thrust, now_s):
+        elif self._touchdown.happened(motion, self._floor_m, now_s):
             found.add(Condition.TOUCHDOWN)
         if self.state is State.LAND or Condition.AIRBORNE in found:
             self._motion = motion
@@ -368,15 +366,15 @@ class Arbiter:
 
     def _shape(self, now_s: float, elapsed_s: float, acting: Stream | None) -> None:
         shaping, motion = self._shaping, self._motion
+        shaping.learn_hover(elapsed_s, self._climb_m_s)
         if acting is not None:
             shaping.play(played_input(acting.command, self._bridging_step), now_s)
-            shaping.learn_hover(elapsed_s, self.surveillance.own_track, self._floor_m, now_s)
         elif self.state is State.HOLD:
             shaping.hold(motion, elapsed_s)
         elif self.state is State.LAND and motion is not None:
             shaping.land(motion, self._floor_m, now_s - self._landing_since_s, elapsed_s)
         elif self.state in FLYING:
-            shaping.descend(elapsed_s, over=now_s >= self._entered_s + self._descent_s)
+            shaping.descend(elapsed_s, over=now_s >= self._entered_s + self.limits.descent_s)
         else:
             shaping.stop()
 
@@ -391,7 +389,7 @@ class Arbiter:
             times.append(next_change_s(stream, self._now_s, limits))
         if self._low_since_s is not None:
             times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
-        times += [self._entered_s + limits.hold_limit_s, self._entered_s + self._descent_s]
+        times += [self._entered_s + limits.hold_limit_s, self._entered_s + self.limits.descent_s]
         if self.state is State.LAND and self.surveillance.own_track is not None:
             times.append(self.surveillance.own_track.captured_s + limits.landing.pose_age_s)
             times.append(self._landing_since_s + limits.landing.longest_s)

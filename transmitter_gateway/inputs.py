@@ -100,8 +100,8 @@ class ActionRequest(Struct, frozen=True):
 class LastApplied(Struct, frozen=True):
     """What a process of this gateway wrote last, for its successor; `written_s` is on the monotonic clock.
 
-    `commanded`: commands count; `mistaken`: the own poses may be those of another body; `ready`: the module
-    was ready.
+    `hover_thrust` is the learned one; `commanded`: commands count; `mistaken`: the own poses may be those of
+    another body; `ready`: the module was ready.
     """
 
     state: State
@@ -109,6 +109,7 @@ class LastApplied(Struct, frozen=True):
     written_s: float
     lease: int
     issued: int
+    hover_thrust: float
     commanded: bool = False
     mistaken: bool = False
     ready: bool = False

@@ -28,6 +28,8 @@ LARGEST_ERROR_M = 0.3
 CLIMB_GAIN_PER_S = 2.0
 CLIMB_INTEGRAL_PER_S2 = 1.0
 LARGEST_INTEGRAL_M_S2 = 2.5
+THROWN_M_S = 0.2
+"""A vehicle that climbs faster than this above the set point bounced; more is not integrated."""
 CLIMB_CHANGE_M_S2 = 0.5
 """Rate at which the climb rate set point changes; a step would overshoot."""
 CUSHION_M = 0.05
@@ -116,7 +118,8 @@ class LandingLaw:
         change_m_s2 = CLIMB_CHANGE_M_S2 if self.brakes else HURRIED_CHANGE_M_S2
         self._climb_m_s += _limited(climb_m_s - self._climb_m_s, change_m_s2 * step_s)
         climb_error = self._climb_m_s - motion.velocity_m_s[2]
-        integral = self._climb_integral_m_s2 + CLIMB_INTEGRAL_PER_S2 * climb_error * step_s
+        integral = self._climb_integral_m_s2
+        integral += CLIMB_INTEGRAL_PER_S2 * max(climb_error, -THROWN_M_S) * step_s
         self._climb_integral_m_s2 = integral = _limited(integral, LARGEST_INTEGRAL_M_S2)
         lift = (CLIMB_GAIN_PER_S * climb_error + integral) / gain[2]
         turned_rad = math.remainder(motion.yaw_rad - self._yaw_rad, math.tau)

@@ -181,9 +181,9 @@ class ArbiterLimits:
     lower, upper, tolerance
         Input limits; a command further outside than `tolerance` is rejected.
     descend_below_hover, descend_rate_per_s
-        DESCEND lowers the thrust at this rate to this much below hover.
+        DESCEND lowers the thrust at this rate to this share below hover.
     hover_correction
-        Largest correction of the calibrated hover thrust from steady flight; 0 for none.
+        Largest correction of the calibrated hover thrust from the flight; 0 for none.
     take_over_s
         Longest silence on the serial line after which a restarted gateway takes over a flying vehicle; well
         under the time for which receivers hold their outputs.
@@ -211,9 +211,9 @@ class ArbiterLimits:
     lower: Input = (-1.0, -1.0, 0.0, -0.4)
     upper: Input = (1.0, 1.0, 1.0, 0.4)
     tolerance: float = 0.02
-    descend_below_hover: float = 0.06
+    descend_below_hover: float = 0.11
     descend_rate_per_s: float = 0.5
-    hover_correction: float = 0.08
+    hover_correction: float = 0.35
     take_over_s: float = 0.7
     floor_m: float = 0.0
     airborne_m: float = 0.1
@@ -222,9 +222,14 @@ class ArbiterLimits:
     landing: LandingLimits = LandingLimits()
 
     @property
+    def descent_s(self) -> float:
+        """Longest descent without poses."""
+        return self.cut_after_s - self.descend_after_s
+
+    @property
     def longest_shutdown_s(self) -> float:
         """Longest time from the request to shut down until the port may be closed."""
-        return self.landing.longest_s + self.cut_after_s - self.descend_after_s + FAREWELL_S
+        return self.landing.longest_s + self.descent_s + FAREWELL_S
 
     def __post_init__(self) -> None:
         others = ("lower", "upper", "tolerance", "hover_correction", "floor_m", "operators")

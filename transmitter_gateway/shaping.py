@@ -9,11 +9,14 @@ from rcopterx.transmitter_gateway.hover import HoverThrust
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, THRUST, Input
 from rcopterx.transmitter_gateway.landing import LandingLaw, Motion, climb_rate_m_s
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.surveillance import Track
 
 LONGEST_SLEW_STEP_S = 0.04
 FADE_PER_S = 0.05
 """How slowly the thrust falls while a vehicle is still seen in the air after its descent: it sinks gently."""
+LEAST_SHARE = 0.3
+"""Share of the hover thrust below which no rotor of a vehicle in the air is slowed."""
+BRAKING = 0.2
+"""Thrust per climb rate [s/m] by which a vehicle that is not seen is braked."""
 
 
 class Shaping:
@@ -24,16 +27,17 @@ class Shaping:
     ) -> None:
         self.u: Input = NEUTRAL
         self._limits = limits
-        self._slew_per_s = slew_per_s
+        self._u_hover, self._slew_per_s = u_hover, slew_per_s
         self._counters = counters
-        self._hover = HoverThrust(u_hover, limits.hover_correction, limits.airborne_m)
+        self._hover = HoverThrust(u_hover, limits.hover_correction, limits.landing.input_gain[2])
         self._law = LandingLaw(limits.landing)
         self._moved_s = 4 * [-math.inf]
+        self._braked = 0.0
 
     @property
-    def missing_thrust(self) -> float:
-        """Hover thrust less the applied thrust."""
-        return self._hover.value - self.u[THRUST]
+    def hover_thrust(self) -> float:
+        """Thrust at which the vehicle hovers."""
+        return self._hover.value
 
     @property
     def obeyed(self) -> bool:
@@ -43,7 +47,14 @@ class Shaping:
     def stop(self) -> None:
         """Apply nothing."""
         self.u = NEUTRAL
+        self._braked = 0.0
         self._law.renew()
+        self._hover.begin(self._u_hover, 0.0)
+
+    def take_over(self, u: Input, hover_thrust: float) -> None:
+        """Continue from the inputs of an earlier process and the hover thrust that it learned."""
+        self.u = u
+        self._hover.begin(hover_thrust, u[THRUST])
 
     def play(self, target: Input, now_s: float) -> None:
         """Apply a command within the slew rates.
@@ -52,6 +63,7 @@ class Shaping:
         not use it up.
         """
         self._law.renew()
+        self._braked = 0.0
         limited: list[float] = []
         axes = zip(target, self.u, self._slew_per_s, self._moved_s, strict=True)
         for axis, (wanted, last, rate, moved_s) in enumerate(axes):
@@ -64,15 +76,14 @@ class Shaping:
         self.u = (limited[0], limited[1], limited[2], limited[3])
         self._counters["steps slew limited"] += self.u != target
 
-    def learn_hover(self, elapsed_s: float, track: Track | None, floor_m: float, now_s: float) -> None:
-        """Correct the hover thrust by the thrust applied for `elapsed_s` up to `now_s`."""
-        self._hover.note(self.u[THRUST], elapsed_s, track, floor_m, now_s)
+    def learn_hover(self, elapsed_s: float, climb_m_s: float | None) -> None:
+        """Use the climb rate after `elapsed_s` of the present inputs, None if not seen in the air."""
+        self._hover.note(self.u[THRUST], elapsed_s, climb_m_s)
 
     def hold(self, motion: Motion | None, elapsed_s: float) -> None:
-        """Hold the place; without a motion level the vehicle and never add thrust."""
+        """Hold the place; without a motion level the vehicle and end its climb."""
         if motion is None:
-            self._law.release()
-            self.u = (0.0, 0.0, min(self.u[THRUST], self._hover.value), 0.0)
+            self._level(self._hover.value, self._limits.descend_rate_per_s, elapsed_s)
         else:
             self._fly(motion, 0.0, elapsed_s)
 
@@ -82,22 +93,34 @@ class Shaping:
         self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, limits, brakes=brakes), elapsed_s)
 
     def descend(self, elapsed_s: float, *, over: bool) -> None:
-        """Come down in open loop: level, the thrust falls to a little less than that of a hover.
+        """Come down without poses: level, the thrust falls to a little less than that of a hover.
 
         A descent that is `over` in the air ends without thrust.
         """
+        if over:
+            self._level(0.0, FADE_PER_S, elapsed_s)
+        else:
+            sinking = self._hover.below(self._limits.descend_below_hover)
+            self._level(sinking, self._limits.descend_rate_per_s, elapsed_s)
+
+    def _level(self, thrust: float, rate_per_s: float, elapsed_s: float) -> None:
+        """Lower the thrust to this one, and further while the vehicle climbs; never raise it otherwise."""
         self._law.release()
-        thrust = min(self.u[THRUST], self._hover.value)
-        lowest, rate_per_s = 0.0, FADE_PER_S
-        if not over:
-            lowest = min(thrust, self._hover.value - self._limits.descend_below_hover)
-            rate_per_s = self._limits.descend_rate_per_s
-        self.u = (0.0, 0.0, max(lowest, thrust - rate_per_s * elapsed_s), 0.0)
+        before = min(self.u[THRUST] + self._braked, self._hover.value)
+        lowered = max(min(before, thrust), before - rate_per_s * elapsed_s)
+        self._braked = BRAKING * self._hover.scale * max(self._hover.climb_m_s, 0.0)
+        self._braked = min(self._braked, (1.0 - LEAST_SHARE) * lowered)
+        self.u = (0.0, 0.0, lowered - self._braked, 0.0)
 
     def _fly(self, motion: Motion, climb_m_s: float, elapsed_s: float) -> None:
-        wanted = self._law.step(motion, climb_m_s, self._hover.value, elapsed_s)
+        self._braked = 0.0
+        hover = self._hover.value
+        pitch, roll, thrust, yaw = self._law.step(motion, climb_m_s, hover, elapsed_s)
+        thrust = max(hover + self._hover.scale * (thrust - hover), LEAST_SHARE * hover)
         pitch, roll, thrust, yaw = (
             min(max(value, lower), upper)
-            for value, lower, upper in zip(wanted, self._limits.lower, self._limits.upper, strict=True)
+            for value, lower, upper in zip(
+                (pitch, roll, thrust, yaw), self._limits.lower, self._limits.upper, strict=True
+            )
         )
         self.u = (pitch, roll, thrust, yaw)

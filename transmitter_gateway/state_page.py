@@ -18,14 +18,14 @@ from typing import Final
 
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, LastApplied, State
 
-RECORD: Final = struct.Struct("<Qd4dQQB???")
+RECORD: Final = struct.Struct("<Qd4dQQdB???")
 CHECKSUM: Final = struct.Struct("<I")
 SLOT_BYTES: Final = 128
 PAGE_BYTES: Final = 2 * SLOT_BYTES
 FORMAT: Final = b"rcopterx state 1"
 BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 STATES: Final = tuple(State)
-NOT_FLYING: Final = LastApplied(State.DISARMED, NEUTRAL, -math.inf, lease=0, issued=0)
+NOT_FLYING: Final = LastApplied(State.DISARMED, NEUTRAL, -math.inf, lease=0, issued=0, hover_thrust=0.0)
 
 
 def encode(number: int, last: LastApplied, boot: bytes) -> bytes:
@@ -36,6 +36,7 @@ def encode(number: int, last: LastApplied, boot: bytes) -> bytes:
         *last.u,
         last.lease,
         last.issued,
+        last.hover_thrust,
         STATES.index(last.state),
         last.commanded,
         last.mistaken,
@@ -51,9 +52,12 @@ def decode(slot: bytes, boot: bytes) -> tuple[int, LastApplied] | None:
         _checksum(record, boot),
     ):
         return None
-    number, written_s, *u, lease, issued, state, commanded, mistaken, ready = RECORD.unpack(record)
+    number, written_s, *u, lease, issued, hover_thrust, state, commanded, mistaken, ready = RECORD.unpack(
+        record
+    )
+    inputs = u[0], u[1], u[2], u[3]
     return number, LastApplied(
-        STATES[state], (u[0], u[1], u[2], u[3]), written_s, lease, issued, commanded, mistaken, ready
+        STATES[state], inputs, written_s, lease, issued, hover_thrust, commanded, mistaken, ready
     )
 
 

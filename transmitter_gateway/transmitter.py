@@ -164,6 +164,7 @@ class Transmitter:
             self._written_s,
             arbiter.lease,
             arbiter.issued,
+            arbiter.hover_thrust,
             # A successor continues a shutdown.
             commanded=arbiter.commanded and not self._shutdown,
             mistaken=arbiter.surveillance.mistaken,
@@ -180,9 +181,9 @@ class Transmitter:
         track = self.arbiter.surveillance.own_track
         seen = track is not None and track.position_m is not None
         if seen and now_s < self._unknown_until_s and not seen_on_floor(track, self.arbiter.limits):
-            hover = (0.0, 0.0, self._calibration.throttle.u_hover, 0.0)
-            self._written_u, self._written_s = hover, now_s
-            self._last = LastApplied(State.LAND, hover, now_s, self.arbiter.lease, self.arbiter.issued)
+            arbiter, hover = self.arbiter, self._calibration.throttle.u_hover
+            self._written_u, self._written_s = (0.0, 0.0, hover, 0.0), now_s
+            self._last = LastApplied(State.LAND, self._written_u, now_s, arbiter.lease, arbiter.issued, hover)
         if seen or now_s >= self._unknown_until_s:
             self._unknown_until_s = -math.inf
         last = self._last

@@ -11,7 +11,6 @@ from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Plant, Pose
-from rcopterx.transmitter_gateway.hover import HoverThrust
 from rcopterx.transmitter_gateway.inputs import FLYING, Input, Position, State
 from rcopterx.transmitter_gateway.landing import LandingLaw
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, LandingLimits
@@ -97,7 +96,6 @@ class Flight:
         self.bench.arm()
         self.true_hover = hover_of(self.plant)
         self.pilot = LandingLaw(limits.landing)
-        self.hover = HoverThrust(options.model.hover_thrust, 0.2, 0.1)
         self.pitch_acts = 1.0
         self.pitch_stuck_at: float | None = None
 
@@ -117,9 +115,11 @@ class Flight:
             self.laboratory.advance(PERIOD_S)
             self.measure()
             motion = arbiter.surveillance.own_motion(self.bench.now_s, 1.0)
-            u: Input = (0.0, 0.0, self.options.model.hover_thrust, 0.0)
+            hover = arbiter.hover_thrust
+            u: Input = (0.0, 0.0, hover, 0.0)
             if motion is not None:
-                u = self.pilot.step(motion, 0.0, self.hover.value, PERIOD_S)
+                sunk_m = self.options.height_m - motion.position_m[2]
+                u = self.pilot.step(motion, 0.5 * sunk_m, hover, PERIOD_S)
                 u = (u[0] + add[0], u[1] + add[1], u[2] + add[2], u[3])
             self.bench.run(PERIOD_S, u)
             self.act(self.bench.outputs[-1].u)

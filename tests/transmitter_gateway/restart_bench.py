@@ -82,7 +82,7 @@ class Restart:
     def fly(self) -> None:
         self.run(1.5, thrust=0.0)
         assert self.request(Action.ARM).accepted
-        self.run(1.0)
+        self.run(4.0)  # Until the thrust is learned that it hovers with here.
         assert self.state is State.ARMED
 
     def request(self, action: Action) -> Answer:

@@ -67,6 +67,8 @@ class ArbiterMachine(RuleBasedStateMachine):
         self.last_s = self.now_s
         self.moved_s = 4 * [-math.inf]
         self.entered_s = self.now_s
+        self.thrust = 0.0
+        """Applied last before the arbiter flew without poses."""
         self.reset = self.armed = False
         self.arbiter.link(LinkState.READY if armed else ready)
         if armed:
@@ -255,10 +257,13 @@ class ArbiterMachine(RuleBasedStateMachine):
             assert max(abs(output.u[0]), abs(output.u[1])) <= LIMITS.landing.cyclic
             assert abs(output.u[3]) <= LIMITS.landing.yaw
             assert output.u[2] <= max(self.last.u[2], sum(hover))
+            self.thrust = output.u[2]
         elif output.state in (State.HOLD, State.DESCEND):
             assert output.u[0] == output.u[1] == output.u[3] == 0
-            assert output.u[2] <= max(self.last.u[2], 0)
+            assert output.u[2] <= self.thrust + 1e-12
             assert output.u[2] <= U_HOVER + LIMITS.hover_correction
+        else:
+            self.thrust = output.u[2]
 
     def check_transition(self, state: State) -> None:
         before = self.last.state

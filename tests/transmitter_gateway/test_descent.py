@@ -15,18 +15,20 @@ HOVER_S = 3.0
 
 
 def touchdown_m_s(seed: int, limits: ArbiterLimits) -> float:
-    """Hover a simulated vehicle, then end its commands; returns the speed at which it lands."""
+    """Hover a simulated vehicle, then end its commands and poses; returns the speed at which it lands."""
     laboratory = Laboratory({"h1": COAXIAL_LAG}, {"h1": Pose((0.0, 0.0, HEIGHT_M), 0.0)}, LABORATORY, seed)
     plant = laboratory.plant("h1")
     bench = Bench(limits)
+    bench.position = (0.0, 0.0, HEIGHT_M)
     bench.fly((0.0, 0.0, 0.55, 0.0))
+    bench.yaw_rad = 0.0
     hover = plant.model.gravity_m_s2 / plant.model.input_gain[U_THRUST] - plant.trim[U_THRUST]
     for tick in range(round((HOVER_S + 4.0) / PERIOD_S)):
         laboratory.advance(PERIOD_S)
         height_m = laboratory.measured_pose("h1").position_m[2]
-        bench.position = (0.0, 0.0, height_m)
         feedback = 0.12 * (HEIGHT_M - height_m) - 0.09 * plant.motion[ZD_BODY]
         hovers = tick * PERIOD_S < HOVER_S
+        bench.position = (0.0, 0.0, height_m) if hovers else None
         bench.run(PERIOD_S, (0.0, 0.0, hover + feedback, 0.0) if hovers else None)
         output = bench.outputs[-1]
         if output.state is State.CUT:

@@ -29,11 +29,12 @@ LASTS = st.builds(
     written_s=st.floats(allow_nan=False),
     lease=st.integers(0, 2**64 - 1),
     issued=st.integers(0, 2**64 - 1),
+    hover_thrust=st.floats(0, 1),
     commanded=st.booleans(),
     mistaken=st.booleans(),
     ready=st.booleans(),
 )
-FLYING = LastApplied(State.HOLD, (0.1, -0.2, 0.5, 0.05), 12.5, lease=7, issued=9, commanded=True, ready=True)
+FLYING = LastApplied(State.HOLD, (0.1, -0.2, 0.5, 0.05), 12.5, 7, 9, 0.61, commanded=True, ready=True)
 
 
 def page(memory: bytearray) -> StatePage:
