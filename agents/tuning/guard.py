@@ -1,15 +1,17 @@
 """The guard against oscillation: lowers the bandwidth of a controller whose vehicle oscillates.
 
-A vehicle may differ from its model by more than the weights allow. It does not land: the input weights of
-the loop that oscillates rise step by step until the oscillation ends. Each step is prepared like any other
-change. The weights stay until the vehicle is tuned.
+A vehicle may differ from its model by more than the weights allow. The input weights of the loop that
+oscillates rise step by step until the oscillation ends. Each step is prepared like any other change. The
+weights stay until the vehicle is tuned. A vehicle that drifts with the largest weights lands.
 """
 
+import math
 from collections import Counter
 from dataclasses import replace
 from typing import Final
 
 from rcopterx.agents.flight.oscillation import Loop, OscillationDetector
+from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
@@ -22,10 +24,17 @@ LARGEST: Final = STEP**4
 SHORTEST_STEP_S: Final = 0.25
 """Time between two steps."""
 
+DRIFT_M: Final = 0.1
+"""Further off its place, a vehicle with the largest weights drifts..."""
+DRIFT_S: Final = 10.0
+"""...and lands once it has drifted longer than it was at its place by so much."""
+
 OSCILLATION: Final = "oscillation"
 """Counted for every half-wave of an oscillation."""
 BANDWIDTH_LOWERED: Final = "bandwidth_lowered"
 """Counted for every step."""
+DRIFTED: Final = "bandwidth_exhausted"
+"""Counted for every landing of a vehicle that drifts."""
 
 
 def effort_factors(configuration: Configuration) -> tuple[float, ...]:
@@ -54,11 +63,12 @@ class OscillationGuard:
         self._swinging: frozenset[Loop] = frozenset()
         """Loops that have oscillated since the last step."""
         self._seen = ""
+        self._drift_s = 0.0
         self.events: Counter[str] = Counter()
 
     @property
     def remark(self) -> str:
-        """Oscillation at which the bandwidth was lowered last; empty if it has been tuned since."""
+        """Oscillation at which the bandwidth was lowered last, or why the vehicle lands; empty once tuned."""
         lowered = max(effort_factors(self._tuning.configuration)) > 1.0
         return self._seen if lowered else ""
 
@@ -75,6 +85,8 @@ class OscillationGuard:
             return
         period_s, estimate = pilot.controller.period_s, pilot.estimate
         self._since_step_s += period_s
+        if flown_by_own:
+            self._watch_drift(math.dist(estimate.motion[:3], output.reference[:3]), period_s)
         tilt = estimate.tilt.core if estimate.has_tilt else None
         swinging = self._detector.observe(output.input, tilt, estimate.motion, output.reference, period_s)
         if not swinging:
@@ -83,6 +95,18 @@ class OscillationGuard:
         self._swinging |= swinging
         if flown_by_own and not self._tuning.busy and self._since_step_s >= SHORTEST_STEP_S:
             self._lower()
+
+    def _watch_drift(self, off_m: float, period_s: float) -> None:
+        """Land a vehicle that drifts although the bandwidth cannot be lowered further."""
+        lowest = max(effort_factors(self._tuning.configuration)) >= LARGEST
+        if not lowest or self._pilot.guidance.phase is not Phase.FLYING:
+            self._drift_s = 0.0
+            return
+        self._drift_s = max(0.0, self._drift_s + (period_s if off_m > DRIFT_M else -period_s))
+        if self._drift_s > DRIFT_S:
+            self.events[DRIFTED] += 1
+            self._seen = f"it lands: {off_m:.2f} m off its place with the lowest bandwidth"
+            self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
 
     def _lower(self) -> None:
         present = self._tuning.configuration

@@ -8,10 +8,13 @@ import pytest
 from support.hovering import PERIOD_S, HoveringFlight
 
 from rcopterx.agents.flight.oscillation import Loop
+from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import ControlOutput
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.tuning.guard import (
     BANDWIDTH_LOWERED,
+    DRIFTED,
+    EFFORT_FACTORS,
     LARGEST,
     OSCILLATION,
     SHORTEST_STEP_S,
@@ -104,6 +107,36 @@ def test_there_is_a_largest_factor_and_the_flight_goes_on() -> None:
     assert watched.guard.events[OSCILLATION] > watched.guard.events[BANDWIDTH_LOWERED]
     watched.flight.fly(50)
     assert watched.flight.error_m() < 0.2
+
+
+def drifted(factor: float, seconds: float, off_m: float) -> Watched:
+    """A vehicle that flew beside its reference, with calm sticks and lowered bandwidth."""
+    watched = Watched()
+    watched.flight.tuning.configuration = watched.flight.tuning.configuration.changed(
+        None, {EFFORT_FACTORS: [factor, 1.0, 1.0]}, None, {}
+    )
+    watched.flight.pilot.estimate.motion[0] += off_m
+    flown, place = watched.flight.flown[-1], watched.flight.pilot.estimate.motion[: YAW + 1].copy()
+    place[0] -= off_m
+    for _ in range(round(seconds / PERIOD_S)):
+        watched.guard.watch(ControlOutput(flown.input, flown.next_inputs, flown.plan, 0.02, place))
+    return watched
+
+
+@pytest.mark.parametrize("off_m", [0.11, 0.5])
+def test_a_vehicle_that_still_drifts_with_the_lowest_bandwidth_lands_after_10_s_and_reports_why(
+    off_m: float,
+) -> None:
+    assert drifted(LARGEST, 9.9, off_m).flight.pilot.guidance.phase is Phase.FLYING
+    watched = drifted(LARGEST, 10.1, off_m)
+    assert watched.flight.pilot.guidance.phase is Phase.LANDING
+    assert watched.guard.events[DRIFTED] == 1
+    assert watched.guard.remark == f"it lands: {off_m:.2f} m off its place with the lowest bandwidth"
+
+
+def test_a_vehicle_that_holds_its_place_or_has_bandwidth_left_does_not_land() -> None:
+    assert drifted(LARGEST, 30.0, 0.09).flight.pilot.guidance.phase is Phase.FLYING
+    assert drifted(LARGEST / STEP, 30.0, 0.3).flight.pilot.guidance.phase is Phase.FLYING
 
 
 @pytest.mark.parametrize("controller", ["pid", "lqr", "paper"])
