@@ -63,17 +63,20 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         Unknown controller or estimator, or a setting it does not accept.
     """
     configuration, model, period_s = settings.configuration, settings.model, settings.period_s
-    controller = default_controller = configuration.controller_for(model, period_s, settings.limit_scale)
+    controller = default_controller = configuration.controller_for(model, period_s)
     estimator = default_estimator = configuration.estimator_for(model, period_s)
     if (plain := configuration.with_default_controller()) != configuration:
-        default_controller = plain.controller_for(model, period_s, settings.limit_scale)
+        default_controller = plain.controller_for(model, period_s)
     if (plain := configuration.with_default_estimator()) != configuration:
         default_estimator = plain.estimator_for(model, period_s)
     return Pilot(
         model,
         controller,
         estimator,
-        Guidance([followed_leader(link) for link in settings.following]),
+        Guidance(
+            [followed_leader(link) for link in settings.following],
+            deviation_share=settings.deviation_share,
+        ),
         settings.separation,
         default_controller,
         default_estimator,
@@ -104,9 +107,7 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus) -> AgentParts:
     changes = LeaderChanges(vehicle, settings.vehicles, room, pilot, plans, peers, clock)
     lost = LostLeaders(vehicle, settings.succession, pilot, plans, peers, clock)
     # Controllers
-    tuning = Tuning(
-        settings.configuration, pilot, settings.period_s, settings.limit_scale, partial(bus.note, TUNED)
-    )
+    tuning = Tuning(settings.configuration, pilot, settings.period_s, partial(bus.note, TUNED))
     guard = OscillationGuard(pilot, tuning)
     external_inputs = bus.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8)
     publish_task = partial(bus.publish, channels.CONTROL_TASK, vehicle)

@@ -76,6 +76,8 @@ class ControlOutput(Struct, frozen=True):
     start_s: float
     reference: Array | None
     """First stage of the reference: x, y, z [m], yaw [rad]; None on the floor."""
+    nominal: Trajectory | None = None
+    """Stages of the undisturbed reference, at the times of the plan; None on the floor."""
 
 
 class Pilot:
@@ -306,7 +308,9 @@ class Pilot:
         controller, last_input = self.controller, self.input_history.newest
         period_s = controller.period_s
         estimate = self._compensated(time_s)
-        reference = guidance.reference(plans, estimate, time_s, delay_s, period_s, controller.horizon)
+        reference, nominal = guidance.references(
+            plans, estimate, time_s, delay_s, period_s, controller.horizon
+        )
         if not self._flown_by_controller:
             self.step_guard.reset(controller, estimate, last_input)
             self._flown_by_controller = True
@@ -323,7 +327,7 @@ class Pilot:
         command, self._planned = inputs[0], inputs[1:]
         self._check_vehicle(command, time_s)
         self.input_history.append(time_s + delay_s, self.sequence, command)
-        return ControlOutput(command, self._planned, step.plan, delay_s, self.reference)
+        return ControlOutput(command, self._planned, step.plan, delay_s, self.reference, nominal)
 
     def fly_as_planned(self) -> None:
         """Leave out a control period: the transmitter gateway plays the input planned for it."""

@@ -9,7 +9,6 @@ from typing import Final
 
 from rcopterx.agents.assembly import AgentParts
 from rcopterx.agents.following.leader_plans import LeaderPlans, present_link, target_link
-from rcopterx.agents.formation.limit_scaling import LimitScaling
 from rcopterx.agents.load.load_relief import Relief
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
@@ -100,6 +99,7 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, l
         reference=reference,
         following=_following(pilot) if pilot.guidance.follows else (),
         followable=pilot.guidance.followable,
+        nominal=None if flight.nominal is None else TrajectoryArray.of(flight.nominal.samples),
     )
 
 
@@ -165,7 +165,6 @@ class Reporter:
     ) -> None:
         self._settings, self._pilot, self._bus, self._parts = settings, pilot, bus, parts
         self._realtime = realtime
-        self._limit_scaling = LimitScaling(settings.vehicle, settings.models)
         self._logged_remarks: set[str] = set()
         self.last_status: AgentStatus | None = None
         """Newest status that was published; None before the first."""
@@ -180,11 +179,10 @@ class Reporter:
         self.due_s = self._bus.clock()
 
     def report(self) -> None:
-        """Publish status and intent; before that, adapt the limits of a leader to its followers."""
+        """Publish status and intent."""
         now_s, pilot, parts, vehicle = self._bus.clock(), self._pilot, self._parts, self._settings.vehicle
         slower = SPARSE if parts.relief.relief >= Relief.STATUSES else 1
         self.due_s = now_s + slower * REPORT_PERIOD_S
-        self._scale_limits()
         diagnostics = diagnostics_of(self._settings, pilot, parts, self._realtime, now_s)
         remarks = set(diagnostics.remarks)
         for remark in remarks - self._logged_remarks:
@@ -193,13 +191,6 @@ class Reporter:
         self.last_status = status_message(pilot, parts.lost.following_mode, diagnostics)
         self._bus.publish(channels.AGENT_STATUS, vehicle, self.last_status)
         parts.handover.publish()
-
-    def _scale_limits(self) -> None:
-        links = {name: status.following for name, status in self._parts.peers.statuses().items()}
-        controller, settings = self._pilot.controller, self._parts.tuning.configuration.controller_settings
-        self._pilot.step_guard.try_call(
-            controller, lambda: self._limit_scaling.update(controller, settings, links)
-        )
 
 
 def diagnostics_of(

@@ -9,7 +9,6 @@ from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
-from rcopterx.control.interfaces import FULL_LIMITS, LimitScale
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Three
 
@@ -30,13 +29,13 @@ class AgentSettings:
     """Controller and estimator at start."""
     period_s: float = 0.02
     following: tuple[LeaderLink, ...] = ()
-    limit_scale: LimitScale = FULL_LIMITS
-    """Share of its limits with which it plans at the start, so that its followers can keep up."""
     models: Mapping[str, Model] = field(default_factory=dict)
     """Models of all vehicles of the fleet."""
     realtime_priority: int = 0
     leader_wait_s: float = 0.003
     """Time for which a follower waits for the leader's plan of the same frame, per leader above it."""
+    deviation_share: float = 0.5
+    """Share of a leader's deviation from its nominal trajectory that it copies."""
     minimum_distance_m: float | None = 0.3
     """Offsets that bring vehicles closer together are refused; None for no limit."""
     succession: Succession = field(default_factory=Succession)

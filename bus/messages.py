@@ -151,10 +151,16 @@ class Plan(Message, frozen=True, kw_only=True):
     """Leaders with the offsets of this moment, also while an offset moves to a new value."""
     followable: bool = True
     """False unless the source flies freely: while it takes off or lands its followers keep their place."""
+    nominal: TrajectoryArray | None = None
+    """Stages at which the source would be if no vehicle above it were disturbed; followers copy a part only
+    of the deviation from it. Absent on the floor and where it is not known."""
 
     def check(self) -> None:
         """See `Message.check`."""
         self.trajectory.check("trajectory", MAX_STAGES, min_stages=2)
+        if self.nominal is not None:
+            stages = self.trajectory.stages
+            self.nominal.check("nominal", stages, min_stages=stages)
 
     def samples(self) -> "NDArray[np.float64]":
         """Unpack the trajectory, shape (stages, 12)."""

@@ -55,6 +55,11 @@ class TrajectoryArray(Struct, frozen=True):
         counts = np.frombuffer(self.data, "<i2").reshape(PLAN_COLUMNS, -1).T
         return np.ascontiguousarray(counts * np.array(self.scale) + np.array(self.offset))
 
+    @property
+    def stages(self) -> int:
+        """Number of stages."""
+        return len(self.data) // _BYTES
+
     def check(self, field: str, max_stages: int, min_stages: int) -> None:
         """Reject wrong lengths, and scales and offsets that allow absurd samples; see `Message.check`."""
         stages, rest = divmod(len(self.data), _BYTES)

@@ -6,7 +6,6 @@ Write a class with the methods of `Controller` (or `Estimator`), register it und
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -145,33 +144,6 @@ class Controller(Protocol):
         NoSolutionError
             The previous plan is better than all that was found; any other exception is a failure.
         """
-
-
-@dataclass(frozen=True, slots=True)
-class LimitScale:
-    """Fractions of a vehicle's limits to plan with, each above 0 and at most 1."""
-
-    inputs: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
-    """Of the ranges of pitch, roll, thrust and yaw around hovering."""
-    rates: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
-    """Of the bounds of xd_B, yd_B, zd_B and psid."""
-
-    def __post_init__(self) -> None:
-        for name in ("inputs", "rates"):
-            four = getattr(self, name)
-            if len(four) != 4 or not all(0.0 < fraction <= 1.0 for fraction in four):
-                raise ValueError(f"scale of {name}: four numbers above 0 and at most 1, got {four}")
-
-
-FULL_LIMITS = LimitScale()
-
-
-@runtime_checkable
-class ScalesLimits(Protocol):
-    """A controller that can plan within what its followers can do, too."""
-
-    def set_limit_scale(self, limit_scale: LimitScale) -> None:
-        """Plan within a fraction of the vehicle's limits, from the next step on."""
 
 
 @runtime_checkable

@@ -1,12 +1,15 @@
 """Chains, trees and formations with several leaders: how errors grow with the generations below the head.
 
-The head flies set points in laboratory conditions; the error of each follower is its distance from where its
-own leaders truly are plus the offset, so that errors that add up along a chain show.
+In laboratory conditions the error of each follower is its distance from where its own leaders truly are plus
+the offset. Chains of helicopters, drawn one by one, are measured by their absolute errors: rms in hover, and
+the overshoot after a step of the head, so that what grows with the depth shows.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Any, Final
+from itertools import pairwise
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -14,10 +17,11 @@ from rcopterx.agents.formation.topology import ancestors, places
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.events import Event, GoTo
 from rcopterx.experiments.figures import finish_figure
-from rcopterx.experiments.record import rms_and_max_mm
+from rcopterx.experiments.knowledge import Knowledge, flies_helicopters
+from rcopterx.experiments.record import rms, rms_and_max_mm
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
-from rcopterx.experiments.schemes import CASCADE, HORIZON
+from rcopterx.experiments.schemes import CASCADE, HORIZON, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array
@@ -29,6 +33,15 @@ START: Final = (0.8, 0.0, 1.0, 0.5)
 """Where the head hovers at first: x, y, z [m], yaw [rad]."""
 STEPS_M: Final = ((0.0, 0.3, 0.2), (0.3, 0.0, 0.0), (-0.3, -0.2, -0.2), (0.0, 0.0, 0.3), (0.1, 0.1, -0.3))
 """Set points of the head relative to its start, one after the other."""
+
+LENGTHS: Final = (5, 10, 20)
+SHARES: Final = (0.5, 1.0)
+"""Of a leader's deviation that its follower copies: the default, and the paper's plan alone."""
+DEEP_HORIZON: Final = 30
+STEPPED_S: Final = 12.0
+STEP_S: Final = 8.0
+STEP_M: Final = 0.4
+"""When the head of a chain of helicopters steps, for how long it is observed, and how far the step is."""
 
 FormationGraph = dict[str, tuple[LeaderLink, ...]]
 
@@ -64,14 +77,18 @@ SHAPES: Final = shapes()
 
 
 def vehicles(
-    links: FormationGraph, conditions: Conditions, seed: int, horizon: int = HORIZON
+    links: FormationGraph,
+    conditions: Conditions,
+    seed: int,
+    horizon: int = HORIZON,
+    scheme: Scheme = CASCADE,
 ) -> list[RigVehicle]:
     """Vehicles of a formation in the air, each at its place."""
     where = places(links, {HEAD: np.array(START)})
     found = []
     for name, following in links.items():
         x, y, z, yaw = where[name].tolist()
-        found.append(CASCADE.vehicle(name, Pose((x, y, z), yaw), conditions, seed, horizon, following))
+        found.append(scheme.vehicle(name, Pose((x, y, z), yaw), conditions, seed, horizon, following))
     return found
 
 
@@ -94,12 +111,82 @@ def fly_shape(
     return {name: record[name].formation_error_m(SETTLED_S) for name, own in links.items() if own}
 
 
-def cases(options: Options) -> Cases[dict[str, Array]]:
-    """Every formation."""
-    return {name: partial(fly_shape, links, options.quick) for name, links in SHAPES.items()}
+class Absolute(NamedTuple):
+    """Errors of the vehicles of a chain from the head on, shape (n,): not relative to their leaders [m]."""
+
+    hover_m: Array
+    """Rms per horizontal axis in hover."""
+    overshoot_m: Array
+    """Beyond the end of the step."""
 
 
-def figures(shape: str, flights: Mapping[int, Mapping[str, Array]]) -> dict[str, dict[str, float]]:
+def fly_helicopters(
+    length: int,
+    knowledge: Knowledge,
+    share: float,
+    quick: bool,
+    conditions: Conditions,
+    seed: int,
+    progress: Progress | None = None,
+) -> Absolute:
+    """Fly a chain of helicopters: hover, then a step of the head across the chain."""
+    names = [f"h{number}" for number in range(1, length + 1)]
+    links: FormationGraph = {HEAD: ()}
+    links |= {name: (_behind(leader, -0.1, 0.0, "inertial"),) for leader, name in pairwise(names)}
+    scheme, horizon = CASCADE.knowing(knowledge), QUICK_HORIZON if quick else DEEP_HORIZON
+    rig = Rig(
+        [
+            replace(vehicle, deviation_share=share)
+            for vehicle in vehicles(links, conditions, seed, horizon, scheme)
+        ],
+        conditions,
+        seed,
+    )
+    x, y, z, yaw = START
+    stepped_s, end_s = (SETTLED_S + 1.0, SETTLED_S + 3.0) if quick else (STEPPED_S, STEPPED_S + STEP_S)
+    record = rig.fly(end_s, [GoTo(stepped_s, HEAD, (x, y + STEP_M, z), yaw)], progress)
+    where = places(links, {HEAD: np.array(START)})
+    hover, overshoot = [], []
+    for name in names:
+        flown = record[name]
+        error = flown.motion[:, :2] - where[name][:2]
+        hover.append(rms(error[(flown.time_s >= SETTLED_S) & (flown.time_s < stepped_s)]))
+        overshoot.append(float(error[flown.time_s >= stepped_s, 1].max()) - STEP_M)
+    return Absolute(np.array(hover), np.array(overshoot))
+
+
+def cases(options: Options) -> Cases[Any]:
+    """Every formation; chains of helicopters in their conditions."""
+    if not flies_helicopters(options.conditions):
+        return {name: partial(fly_shape, links, options.quick) for name, links in SHAPES.items()}
+    return {
+        f"{length} helicopters / {knowledge} / copies {share:g}": partial(
+            fly_helicopters, length, knowledge, share, options.quick
+        )
+        for length in LENGTHS[: 1 if options.quick else None]
+        for knowledge in options.knowledge
+        for share in SHARES
+    }
+
+
+def figures(case: str, flights: Mapping[int, Any]) -> dict[str, Any]:
+    """Figures of the flights of a case together."""
+    return errors_by_generation(case, flights) if case in SHAPES else absolute_errors(flights)
+
+
+def absolute_errors(flights: Mapping[int, Absolute]) -> dict[str, Any]:
+    """Absolute errors [mm] from the head on: rms in hover of all flights, largest overshoot."""
+    hover = np.sqrt(np.mean([flown.hover_m**2 for flown in flights.values()], axis=0))
+    overshoot = np.max([flown.overshoot_m for flown in flights.values()], axis=0)
+    return {
+        "hover_mm": np.round(1000 * hover, 1).tolist(),
+        "overshoot_mm": np.round(1000 * overshoot, 1).tolist(),
+    }
+
+
+def errors_by_generation(
+    shape: str, flights: Mapping[int, Mapping[str, Array]]
+) -> dict[str, dict[str, float]]:
     """Generation of each follower, and the errors of all flights together."""
     links = SHAPES[shape]
     return {
@@ -119,7 +206,10 @@ def generation(links: FormationGraph, name: str) -> int:
 
 
 def draw_chain(result: Result[Any], figure: Any) -> None:
-    """Draw errors against the generation."""
+    """Draw errors against the generation, in chains of helicopters of the longest one."""
+    if flies_helicopters(result.options.conditions):
+        draw_depth(list(result.document.values())[-1], figure)
+        return
     figure.set_size_inches(8, 4.5)
     axes = figure.subplots()
     for name, table in result.document.items():
@@ -134,11 +224,26 @@ def draw_chain(result: Result[Any], figure: Any) -> None:
     finish_figure(figure, "Errors along a chain, a tree and with several leaders, laboratory conditions")
 
 
+def draw_depth(chain: Mapping[str, Mapping[str, Mapping[str, list[float]]]], figure: Any) -> None:
+    """Draw absolute errors of a chain of helicopters against the generation."""
+    figure.set_size_inches(8, 7)
+    rows = figure.subplots(2, sharex=True)
+    for knowledge, by_share in chain.items():
+        for share, errors in by_share.items():
+            for axes, values in zip(rows, errors.values(), strict=True):
+                axes.plot(values, "o-", label=f"{knowledge}, {share}")
+    rows[0].set(ylabel="rms in hover [mm]", ylim=(0, None))
+    rows[1].set(ylabel="overshoot after a step [mm]", xlabel="generation below the head")
+    rows[0].legend(fontsize="small", ncols=2)
+    finish_figure(figure, "Absolute errors along a chain of helicopters")
+
+
 EXPERIMENT: Final = Experiment(
     "chain",
     "Errors along chains, trees and with several leaders",
-    {"laboratory": 3},
+    {"laboratory": 3, "helicopters": 3},
     cases,
     figures,
     draw_chain,
+    compares_knowledge=True,
 )

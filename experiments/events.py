@@ -12,7 +12,7 @@ from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.paths import FlightPath
-from rcopterx.control.references.set_points import TurnLimits
+from rcopterx.control.references.set_points import ProfileLimits
 from rcopterx.vehicles.tuples import Three
 
 
@@ -24,12 +24,12 @@ class Scene:
     ----------
     plans
         Newest plans of `Event.leaders`.
-    turn
-        Limits of its turns that followers on arms impose, None for no limit.
+    limits
+        Limits of its ways that followers impose, None without followers.
     """
 
     plans: Mapping[str, LeaderPlan]
-    turn: TurnLimits | None = None
+    limits: ProfileLimits | None = None
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,8 @@ class GoTo(Event):
 
     def apply(self, pilot: Pilot, scene: Scene) -> str | None:
         """Set the set point."""
-        return pilot.guidance.go_to(np.array(self.position_m), self.yaw_rad, pilot.clock.time_s, scene.turn)
+        place_m, time_s = np.array(self.position_m), pilot.clock.time_s
+        return pilot.guidance.go_to(place_m, self.yaw_rad, time_s, scene.limits)
 
 
 @dataclass(frozen=True)

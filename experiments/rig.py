@@ -18,7 +18,7 @@ from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import target_link
 from rcopterx.agents.following.traffic import ellipsoid_scale
-from rcopterx.agents.formation.limit_scaling import limit_scale_of, turn_limits_of
+from rcopterx.agents.formation.profile_limits import profile_limits_of
 from rcopterx.agents.formation.topology import leaders_of, places
 from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
@@ -29,7 +29,7 @@ from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.identification.recording import FlightLog
-from rcopterx.control.interfaces import LimitScale, Measurement
+from rcopterx.control.interfaces import Measurement
 from rcopterx.experiments.events import Event, Scene
 from rcopterx.experiments.record import FlightRecord, Recorder
 from rcopterx.simulator.conditions import Conditions
@@ -56,6 +56,7 @@ class RigVehicle:
 
     `plant_type` is the type that truly flies, and with it the true transport delay; None for `model`.
     `particulars` are the true parameters of a helicopter, or another tilt; None for what the conditions give.
+    `as_published` are references as in the paper: set points step, and followers copy their leader's plan.
     """
 
     name: str
@@ -70,6 +71,8 @@ class RigVehicle:
     following: tuple[LeaderLink, ...] = ()
     plant_type: Model | None = None
     particulars: Particulars | None = None
+    deviation_share: float = 0.5
+    as_published: bool = False
 
 
 @dataclass(frozen=True)
@@ -145,15 +148,10 @@ class Rig:
         }
         links = {name: vehicle.following for name, vehicle in self._vehicles.items()}
         flying_order({name: leaders_of(links, name) for name in links})
-        models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
-        settings = {
-            name: self._settings(vehicle, limit_scale_of(links, models, name))
-            for name, vehicle in self._vehicles.items()
-        }
+        settings = {name: self._settings(vehicle) for name, vehicle in self._vehicles.items()}
         self.pilots = {name: build_pilot(own) for name, own in settings.items()}
         self.tunings = {
-            name: Tuning(own.configuration, self.pilots[name], own.period_s, own.limit_scale)
-            for name, own in settings.items()
+            name: Tuning(own.configuration, self.pilots[name], own.period_s) for name, own in settings.items()
         }
         self.guards = {
             name: OscillationGuard(pilot, self.tunings[name]) for name, pilot in self.pilots.items()
@@ -210,7 +208,7 @@ class Rig:
             }
         )
 
-    def _settings(self, vehicle: RigVehicle, limit_scale: LimitScale) -> AgentSettings:
+    def _settings(self, vehicle: RigVehicle) -> AgentSettings:
         return AgentSettings(
             bus=NO_BUS,
             vehicle=vehicle.name,
@@ -226,7 +224,7 @@ class Rig:
             ),
             period_s=vehicle.period_s,
             following=vehicle.following,
-            limit_scale=limit_scale,
+            deviation_share=1.0 if vehicle.as_published else vehicle.deviation_share,
             separation=self._options.clearance,
         )
 
@@ -250,7 +248,9 @@ class Rig:
             raise RigError(f"event at {event.time_s:g} s: there is no vehicle {event.vehicle!r}")
         plans = self._leader_plans(event.vehicle, self._plans, event.leaders)
         models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
-        scene = Scene(plans, turn_limits_of(self._links(), models, event.vehicle))
+        steps = self._vehicles[event.vehicle].as_published
+        limits = None if steps else profile_limits_of(self._links(), models, event.vehicle)
+        scene = Scene(plans, limits)
         refusal = event.apply(self.pilots[event.vehicle], scene)
         if refusal is not None:
             raise RigError(f"{event.vehicle} refused {event}: {refusal}")
@@ -330,7 +330,7 @@ class Rig:
                 frame, flight = known[leader]
                 ahead_s = (clock.current_frame - frame) * clock.period_s - flight.start_s
                 followable = self.pilots[leader].guidance.followable
-                plans[leader] = LeaderPlan(flight.plan, ahead_s, followable)
+                plans[leader] = LeaderPlan(flight.plan, ahead_s, followable, flight.nominal)
         return plans
 
     def _station(self, pilot: Pilot) -> Array | None:

@@ -57,6 +57,7 @@ class Scheme:
             horizon=horizon,
             following=following,
             plant_type=plant_type(conditions),
+            as_published=self.controller == "paper",
         )
 
     def knowing(self, knowledge: Knowledge) -> "Scheme":

@@ -2,8 +2,9 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,11 +17,11 @@ from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED
 from rcopterx.control.references.set_points import (
     PathReference,
+    ProfileLimits,
     ReferenceSource,
     SetPointReference,
-    TurnLimits,
     smooth_move,
-    smooth_turn,
+    smooth_way,
 )
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.references.turns import on_turn_of
@@ -36,13 +37,28 @@ RESTORED_PATIENCE_S = 0.3
 """After a restart, transitions of offsets go on for so long without a leader's plan."""
 
 
+class References(NamedTuple):
+    """References of one control period."""
+
+    flown: Trajectory
+    """What the vehicle flies."""
+    nominal: Trajectory
+    """The same if no vehicle above this one were disturbed: the set points of the head with all offsets."""
+
+
 class Guidance:
     """Phase and task of one vehicle.
 
-    A plan of a leader that is older than `plan_limit_s` is not followed; the vehicle holds its place.
+    A plan of a leader that is older than `plan_limit_s` is not followed; the vehicle holds its place. A
+    follower copies `deviation_share` of its leaders' deviations from their nominal references.
     """
 
-    def __init__(self, links: Sequence[FollowedLeader] = (), plan_limit_s: float = 0.5) -> None:
+    def __init__(
+        self,
+        links: Sequence[FollowedLeader] = (),
+        plan_limit_s: float = 0.5,
+        deviation_share: float = 0.5,
+    ) -> None:
         self.phase = Phase.GROUND
         self.followed = tuple(links)
         """Leaders followed now."""
@@ -51,6 +67,7 @@ class Guidance:
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
         self.events: Counter[str] = Counter()
         self.plan_limit_s = plan_limit_s
+        self.deviation_share = deviation_share
         self._touchdown = Touchdown()
         self._restored_at_s = -math.inf
         self._interrupted: Phase | None = None
@@ -174,22 +191,20 @@ class Guidance:
         return None
 
     def go_to(
-        self, position_m: Array, yaw_rad: float, time_s: float = 0.0, turn: TurnLimits | None = None
+        self, position_m: Array, yaw_rad: float, time_s: float = 0.0, limits: ProfileLimits | None = None
     ) -> str | None:
         """Fly to a set point, inertial frame; a refusal is returned as its reason.
 
-        `turn` limits the turn of the heading for followers that are carried round; without it the heading
-        steps.
+        The reference goes there smoothly, within limits that followers impose; without them it steps.
         """
         problem = self.flight_problem()
         if problem is not None:
             return problem
         self.remark = ""
-        if turn is None:
+        if limits is None:
             self.source = SetPointReference(position_m, yaw_rad)
         else:
-            present = self.source.sample(time_s, 1.0, 1).samples[0]
-            self.source = smooth_turn(turn, position_m, yaw_rad, present, time_s)
+            self.source = smooth_way(limits, position_m, yaw_rad, self.source, time_s)
         return None
 
     def flight_problem(self) -> str | None:
@@ -292,7 +307,8 @@ class Guidance:
             if plan is None:
                 begun.append(link)
                 continue
-            now = plan.trajectory.resampled(plan.ahead_s, plan.trajectory.period_s, 1)
+            leader = plan.partly_undisturbed(self.deviation_share)
+            now = leader.resampled(plan.ahead_s, leader.period_s, 1)
             start = offset_between(now, estimate, link.target)
             distance_m = float(np.linalg.norm(start.position_m - link.target.position_m))
             duration_s = max(SHORTEST_TRANSITION_S, PEAK_TO_MEAN_SPEED * distance_m / OFFSET_SPEED_M_S)
@@ -301,7 +317,7 @@ class Guidance:
         self.followed = tuple(begun)
         self._joined = frozenset(link.leader for link in begun if link.leader in plans)
 
-    def reference(
+    def references(
         self,
         plans: Mapping[str, LeaderPlan],
         estimate: Estimate,
@@ -309,28 +325,24 @@ class Guidance:
         delay_s: float,
         period_s: float,
         stages: int,
-    ) -> Trajectory:
-        """Return the reference: `stages` stages from `time_s + delay_s` on."""
+    ) -> References:
+        """Return the references: `stages` stages from `time_s + delay_s` on."""
         if self.phase is Phase.TAKEOFF and self.source.finished(time_s):
             self.on_event(Event.CLIMBED, estimate)
-        if not self.follows:
-            return self.source.sample(time_s + delay_s, period_s, stages)
-        reference = self._follower_reference(plans, estimate, time_s, delay_s, period_s, stages)
-        if reference is None:
-            return self.source.sample(time_s + delay_s, period_s, stages)
-        first = reference.samples[0]
-        self.source = SetPointReference(first[:3], float(first[YAW]))
-        return reference
+        if self.follows:
+            usable = self._usable_plans(plans, estimate, time_s, delay_s)
+            if usable:
+                found = self._beside_leaders(usable, estimate, time_s, delay_s, period_s, stages)
+                first = found.flown.samples[0]
+                self.source = SetPointReference(first[:3], float(first[YAW]))
+                return found
+        own = self.source.sample(time_s + delay_s, period_s, stages)
+        return References(own, own)
 
-    def _follower_reference(
-        self,
-        plans: Mapping[str, LeaderPlan],
-        estimate: Estimate,
-        time_s: float,
-        delay_s: float,
-        period_s: float,
-        stages: int,
-    ) -> Trajectory | None:
+    def _usable_plans(
+        self, plans: Mapping[str, LeaderPlan], estimate: Estimate, time_s: float, delay_s: float
+    ) -> dict[str, LeaderPlan]:
+        """Return the plans of leaders that can be followed now; offsets to new ones begin to move."""
         usable: dict[str, LeaderPlan] = {}
         for link in self.followed:
             plan = plans.get(link.leader)
@@ -340,20 +352,35 @@ class Guidance:
             self.events["leader_plan_missing"] += 1
             if time_s - self._restored_at_s > RESTORED_PATIENCE_S:
                 self._joined = frozenset()
-            return None
-        if self._joined != usable.keys():
+        elif self._joined != usable.keys():
             self._begin_transitions(usable, estimate, time_s, None)
-        references, weights = [], []
-        yaw_rad = float(estimate.motion[YAW])
-        for link in self.followed:
-            plan = usable.get(link.leader)
-            if plan is None:
-                continue
-            course, ahead_s = link.course(time_s + delay_s), plan.ahead_s + delay_s
-            reference = follower_reference(plan.trajectory, course, ahead_s, period_s, stages)
-            references.append(on_turn_of(reference, yaw_rad))
-            weights.append(link.weight)
-        return combined_reference(references, weights)
+        return usable
+
+    def _beside_leaders(
+        self,
+        plans: Mapping[str, LeaderPlan],
+        estimate: Estimate,
+        time_s: float,
+        delay_s: float,
+        period_s: float,
+        stages: int,
+    ) -> References:
+        """Return the references beside the leaders with plans."""
+        links = [link for link in self.followed if link.leader in plans]
+        weights = [link.weight for link in links]
+
+        def beside(leaders: Iterable[Trajectory], yaw_rad: float) -> Trajectory:
+            references = []
+            for link, leader in zip(links, leaders, strict=True):
+                course, ahead_s = link.course(time_s + delay_s), plans[link.leader].ahead_s + delay_s
+                reference = follower_reference(leader, course, ahead_s, period_s, stages)
+                references.append(on_turn_of(reference, yaw_rad))
+            return combined_reference(references, weights)
+
+        partly = (plans[link.leader].partly_undisturbed(self.deviation_share) for link in links)
+        flown = beside(partly, float(estimate.motion[YAW]))
+        undisturbed = (plans[link.leader].undisturbed() for link in links)
+        return References(flown, beside(undisturbed, float(flown.samples[0, YAW])))
 
     def check_floor(self, estimate: Estimate, time_s: float) -> bool:
         """Leave the landing phase once the vehicle stands on the floor; return whether it does."""

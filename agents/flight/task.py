@@ -24,6 +24,19 @@ class LeaderPlan(Struct, frozen=True):
     compensation makes it negative for a plan of the same frame."""
     followable: bool = True
     """Whether the leader is in free flight."""
+    nominal: Trajectory | None = None
+    """The plan's stages if neither the leader nor a vehicle above it were disturbed; None where unknown."""
+
+    def undisturbed(self) -> Trajectory:
+        """Return the nominal trajectory, or the plan where that is unknown."""
+        return self.trajectory if self.nominal is None else self.nominal
+
+    def partly_undisturbed(self, share: float) -> Trajectory:
+        """Return the nominal trajectory with a share of the plan's deviation from it."""
+        if self.nominal is None or share == 1.0:
+            return self.trajectory
+        nominal = self.nominal.samples
+        return Trajectory(nominal + share * (self.trajectory.samples - nominal), self.trajectory.period_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,8 @@ def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:
     """Return a plan of the same epoch on the clock of this vehicle."""
     ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
     trajectory = Trajectory(plan.samples(), plan.period_s)
-    return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable)
+    nominal = None if plan.nominal is None else Trajectory(plan.nominal.to_numpy(), plan.period_s)
+    return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable, nominal)
 
 
 class LeaderPlans:

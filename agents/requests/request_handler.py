@@ -12,8 +12,8 @@ import numpy as np
 
 from rcopterx.agents.following.leader_changes import LeaderChanges, reply_of
 from rcopterx.agents.following.leader_plans import PeerStatuses, target_link
-from rcopterx.agents.formation.limit_scaling import turn_limits_of
 from rcopterx.agents.formation.placement import Room, move_problem, take_off_problem
+from rcopterx.agents.formation.profile_limits import profile_limits_of
 from rcopterx.agents.formation.topology import FormationGraph, followers, formation_of, places
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.requests.external_control import ExternalControl
@@ -282,8 +282,8 @@ class RequestHandler:
         if problem is not None:
             return reply_of(problem)
         vehicle, models = self._settings.vehicle, self._settings.models
-        turn = turn_limits_of(self._formation()[0], {vehicle: self._pilot.model, **models}, vehicle)
-        return reply_of(self._pilot.guidance.go_to(position_m, yaw_rad, self._pilot.clock.time_s, turn))
+        limits = profile_limits_of(self._formation()[0], {vehicle: self._pilot.model, **models}, vehicle)
+        return reply_of(self._pilot.guidance.go_to(position_m, yaw_rad, self._pilot.clock.time_s, limits))
 
     def _no_trajectory(self) -> str | None:
         return self._changes.promised() or self._pilot.guidance.flight_problem()

@@ -13,7 +13,7 @@ import numpy as np
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.work_ahead import WorkAhead
-from rcopterx.control.interfaces import Controller, Estimate, Estimator, LimitScale, NoSolutionError
+from rcopterx.control.interfaces import Controller, Estimate, Estimator, NoSolutionError
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import YAW
 
@@ -38,7 +38,6 @@ class Tuning:
         configuration: Configuration,
         pilot: Pilot,
         period_s: float,
-        limit_scale: LimitScale,
         wake: Callable[[], None] = lambda: None,
     ) -> None:
         self.configuration = configuration
@@ -49,7 +48,6 @@ class Tuning:
         self._restored: Configuration | None = None
         self._pilot = pilot
         self._period_s = period_s
-        self._limit_scale = limit_scale
         self._work: WorkAhead[Replacement | ValueError] = WorkAhead("tuning", wake)
 
     @property
@@ -112,7 +110,7 @@ class Tuning:
             present.controller,
             present.controller_settings,
         ):
-            controller = wanted.controller_for(model, self._period_s, self._limit_scale)
+            controller = wanted.controller_for(model, self._period_s)
             motion = estimate.motion
             reference = hold(motion[:3], float(motion[YAW]), self._period_s, controller.horizon)
             controller.reset(estimate, last_input)

@@ -8,7 +8,7 @@ import msgspec
 
 from rcopterx.bus.intent import FlownBy
 from rcopterx.bus.message import Setting
-from rcopterx.control.interfaces import Controller, Estimator, LimitScale, ScalesLimits
+from rcopterx.control.interfaces import Controller, Estimator
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.vehicles.model import Model
 
@@ -78,18 +78,15 @@ class Configuration:
         """The configuration with the default estimator."""
         return replace(self, estimator=DEFAULT_ESTIMATOR, estimator_settings={})
 
-    def controller_for(self, model: Model, period_s: float, limit_scale: LimitScale) -> Controller:
-        """Build the controller; a fixed `input_range` of its settings has priority over `limit_scale`.
+    def controller_for(self, model: Model, period_s: float) -> Controller:
+        """Build the controller.
 
         Raises
         ------
         ValueError
             Unknown controller, or a setting it does not accept.
         """
-        built = CONTROLLERS.build(self.controller, model, period_s, self.controller_settings)
-        if isinstance(built, ScalesLimits) and "input_range" not in self.controller_settings:
-            built.set_limit_scale(limit_scale)
-        return built
+        return CONTROLLERS.build(self.controller, model, period_s, self.controller_settings)
 
     def estimator_for(self, model: Model, period_s: float) -> Estimator:
         """Build the estimator.

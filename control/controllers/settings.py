@@ -19,7 +19,6 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 PositiveFloat = Annotated[float, msgspec.Meta(gt=0.0)]
-Fraction = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 Horizon = Annotated[int, msgspec.Meta(ge=2, le=200)]
 TimeLimit = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 

@@ -41,15 +41,27 @@ def quintic(before: Array, after: Array, span: Array, s: Array) -> Array:
         Time between the ends, and the share of it that has passed, shape (k, 1).
     """
     p0, v0, a0 = before[:, :4], before[:, 4:8] * span, before[:, 8:] * span**2
-    p1, v1, a1 = after[:, :4], after[:, 4:8] * span, after[:, 8:] * span**2
-    gap = p1 - p0 - v0 - 0.5 * a0
-    slope, bend = v1 - v0 - a0, a1 - a0
-    c3, c4, c5 = (
-        10 * gap - 4 * slope + 0.5 * bend,
-        -15 * gap + 7 * slope - bend,
-        6 * gap - 3 * slope + 0.5 * bend,
-    )
+    c3, c4, c5 = _powers(before, after, span)
     value = p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
     rate = v0 + s * (a0 + s * (3 * c3 + s * (4 * c4 + 5 * s * c5)))
     acceleration = a0 + s * (6 * c3 + s * (12 * c4 + 20 * s * c5))
     return np.column_stack((value, rate / span, acceleration / span**2))
+
+
+def quintic_jerk(before: Array, after: Array, span: Array, s: Array) -> Array:
+    """Return the third derivatives of `quintic`, shape (k, 4)."""
+    c3, c4, c5 = _powers(before, after, span)
+    return np.asarray((6 * c3 + s * (24 * c4 + 60 * s * c5)) / span**3)
+
+
+def _powers(before: Array, after: Array, span: Array) -> tuple[Array, Array, Array]:
+    """Coefficients of the third to the fifth power of the share of the time."""
+    p0, v0, a0 = before[:, :4], before[:, 4:8] * span, before[:, 8:] * span**2
+    p1, v1, a1 = after[:, :4], after[:, 4:8] * span, after[:, 8:] * span**2
+    gap = p1 - p0 - v0 - 0.5 * a0
+    slope, bend = v1 - v0 - a0, a1 - a0
+    return (
+        10 * gap - 4 * slope + 0.5 * bend,
+        -15 * gap + 7 * slope - bend,
+        6 * gap - 3 * slope + 0.5 * bend,
+    )

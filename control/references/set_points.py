@@ -3,6 +3,7 @@
 A controller samples its reference over the whole horizon at every step, so that it knows the changes ahead.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,20 +11,20 @@ import numpy as np
 from msgspec import Struct
 
 from rcopterx.control.references.paths import FlightPath
-from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic
+from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic, quintic_jerk
 from rcopterx.control.references.trajectory import (
     COLUMNS,
     POSITION,
     YAW,
-    YAW_ACCELERATION,
-    YAW_RATE,
     Trajectory,
     hold,
 )
 from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.tuples import Three
 
-_TURN_DURATIONS_S = np.geomspace(0.2, 120.0, 90)
-_TURN_MOMENTS = np.linspace(0.0, 1.0, 21)
+_DURATIONS_S = np.geomspace(0.2, 120.0, 90)
+_MOMENTS = np.linspace(0.0, 1.0, 21)
+_WAIT_S = 0.1
 
 
 class ReferenceSource(Protocol):
@@ -78,20 +79,27 @@ class Transition(TimedPath, frozen=True):
 
 
 @dataclass(frozen=True, slots=True)
-class TurnLimits:
-    """Limits of a heading that carries other vehicles round.
+class ProfileLimits:
+    """Limits of the way of a leader to a set point: horizontal, vertical, of the heading.
 
-    `acceleration_rad_s2` limits sqrt(psi''^2 + psi'^4): times the arm, the acceleration of a carried vehicle.
+    The acceleration of the heading counts as sqrt(psi''^2 + psi'^4): times an arm, the acceleration of a
+    vehicle that is carried round.
     """
 
-    rate_rad_s: float
-    acceleration_rad_s2: float
+    rate: Three
+    """[m/s], [m/s], [rad/s]."""
+    acceleration: Three
+    jerk: Three
 
-    def used(self, samples: Array) -> Array:
-        """Return the used share of the limits in rows of a trajectory."""
-        rate, acceleration = samples[..., YAW_RATE], samples[..., YAW_ACCELERATION]
-        spin = np.hypot(acceleration, rate**2)
-        return np.maximum(np.abs(rate) / self.rate_rad_s, spin / self.acceleration_rad_s2)
+    def used(self, samples: Array, jerk: Array) -> Array:
+        """Return the largest used share of a limit, shape (k,), in rows of a trajectory and of its jerk."""
+        rate, acceleration = samples[:, 4:8], samples[:, 8:12].copy()
+        acceleration[:, YAW] = np.hypot(acceleration[:, YAW], rate[:, YAW] ** 2)
+        shares = [
+            np.column_stack((np.hypot(each[:, 0], each[:, 1]), np.abs(each[:, 2:]))) / limit
+            for each, limit in ((rate, self.rate), (acceleration, self.acceleration), (jerk, self.jerk))
+        ]
+        return np.asarray(np.max(shares, axis=(0, 2)))
 
 
 def smooth_move(
@@ -105,49 +113,56 @@ def smooth_move(
     return _through(start_s, (0.0, begin), (duration_s, end))
 
 
-def smooth_turn(
-    limits: TurnLimits, position_m: Array, yaw_rad: float, present: Array, time_s: float
+def smooth_way(
+    limits: ProfileLimits, position_m: Array, yaw_rad: float, present: ReferenceSource, time_s: float
 ) -> Transition:
-    """Hold one place and make the shortest turn within limits, by one or two quintic polynomials.
+    """Go from a reference to rest at a set point within limits.
+
+    The way is a quintic polynomial. It begins once the present transition, which is continued till then, can
+    be left within the limits. Another reference that is too fast is stopped first.
 
     Parameters
     ----------
     position_m, yaw_rad
-        Place to hold from now on, shape (3,), and final heading [unwrapped].
+        Place, shape (3,), and heading [unwrapped] at the end.
     present
-        Row of the present reference, shape (12,), from which the heading continues.
+        Reference until now, from which the way begins at `time_s`.
     """
-    begin, end = np.zeros((2, COLUMNS))
-    begin[POSITION] = end[POSITION] = position_m
-    begin[YAW::4] = present[YAW::4]
-    end[YAW] = yaw_rad
-    duration_s, used = _gentle_turn(limits, begin, end[None])
-    if used <= 1.0:
-        return _through(time_s, (0.0, begin), (duration_s, end))
-    # The heading moves too fast, or the other way, for one turn: it comes to rest first.
-    stops = np.tile(begin, (len(_TURN_DURATIONS_S), 1))
-    stops[:, YAW_RATE] = stops[:, YAW_ACCELERATION] = 0.0
+    end = np.zeros(COLUMNS)
+    end[POSITION], end[YAW] = position_m, yaw_rad
+    waits = 1
+    if isinstance(present, Transition):
+        waits += math.ceil(max(0.0, present.start_s + present.path.duration_s - time_s) / _WAIT_S)
+    rows = present.sample(time_s, _WAIT_S, waits).samples
+    for wait, row in enumerate(rows):
+        duration_s, used = _gentle_way(limits, row, end[None])
+        if used <= 1.0:
+            knots = [(number * _WAIT_S, rows[number]) for number in range(wait + 1)]
+            return _through(time_s, *knots, (wait * _WAIT_S + duration_s, end))
+    begin = rows[0]
+    stops = np.tile(begin, (len(_DURATIONS_S), 1))
+    stops[:, 4:] = 0.0
     # Where a quintic that ends at rest loses its highest power, which is the gentlest place to stop.
-    stops[:, YAW] += begin[YAW_RATE] * _TURN_DURATIONS_S / 2
-    stops[:, YAW] += begin[YAW_ACCELERATION] * _TURN_DURATIONS_S**2 / 12
-    stop_s, _ = _gentle_turn(limits, begin, stops)
-    stop = stops[np.searchsorted(_TURN_DURATIONS_S, stop_s)]
-    duration_s, _ = _gentle_turn(limits, stop, end[None])
+    times = _DURATIONS_S[:, None]
+    stops[:, :4] += begin[4:8] * times / 2 + begin[8:] * times**2 / 12
+    stop_s, _ = _gentle_way(limits, begin, stops)
+    stop = stops[np.searchsorted(_DURATIONS_S, stop_s)]
+    duration_s, _ = _gentle_way(limits, stop, end[None])
     return _through(time_s, (0.0, begin), (stop_s, stop), (stop_s + duration_s, end))
 
 
-def _gentle_turn(limits: TurnLimits, begin: Array, ends: Array) -> tuple[float, float]:
+def _gentle_way(limits: ProfileLimits, begin: Array, ends: Array) -> tuple[float, float]:
     """Shortest duration [s] of a quintic within limits, else the gentlest; and its share of the limits.
 
-    Rows `ends` belong to `_TURN_DURATIONS_S`, or one row to all of them.
+    Rows `ends` belong to `_DURATIONS_S`, or one row to all of them.
     """
-    durations, moments = np.meshgrid(_TURN_DURATIONS_S, _TURN_MOMENTS, indexing="ij")
-    after = np.repeat(np.broadcast_to(ends, (len(durations), COLUMNS)), len(_TURN_MOMENTS), axis=0)
-    rows = quintic(begin[None], after, durations.reshape(-1, 1), moments.reshape(-1, 1))
-    used = limits.used(rows).reshape(durations.shape).max(axis=1)
+    durations, moments = np.meshgrid(_DURATIONS_S, _MOMENTS, indexing="ij")
+    after = np.repeat(np.broadcast_to(ends, (len(durations), COLUMNS)), len(_MOMENTS), axis=0)
+    way = (begin[None], after, durations.reshape(-1, 1), moments.reshape(-1, 1))
+    used = limits.used(quintic(*way), quintic_jerk(*way)).reshape(durations.shape).max(axis=1)
     within = used <= 1.0
     best = int(np.argmax(within)) if within.any() else int(np.argmin(used))
-    return float(_TURN_DURATIONS_S[best]), float(used[best])
+    return float(_DURATIONS_S[best]), float(used[best])
 
 
 def _through(start_s: float, *knots: tuple[float, Array]) -> Transition:

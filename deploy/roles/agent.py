@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
-from rcopterx.agents.formation.limit_scaling import limit_scale_of
 from rcopterx.agents.formation.succession import Succession
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.process import run_agent
@@ -73,8 +72,8 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
         ),
         period_s=control.period_s,
         leader_wait_s=control.leader_wait_s,
+        deviation_share=control.deviation_share,
         following=links[name],
-        limit_scale=limit_scale_of(links, models, name),
         models=models,
         succession=succession_of(fleet, name),
         minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,

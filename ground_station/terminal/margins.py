@@ -10,8 +10,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any, Final
 
+from rcopterx.agents.formation.topology import ancestors
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.tuning.loops import loops_of, unknown_loops
+from rcopterx.control.margins.following import LinearVehicle, amplifications, linear_vehicle
 from rcopterx.control.margins.loop import (
     DELAY_LIMIT_S,
     FREQUENCY_LIMIT,
@@ -21,6 +23,7 @@ from rcopterx.control.margins.loop import (
     shortfalls,
 )
 from rcopterx.deploy.roles.run import end_with_parent
+from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import snapshot_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
@@ -31,6 +34,9 @@ COLUMNS: Final = (
     "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "frequency up", "frequency down",
     "below the rule",
 )  # fmt: skip
+FORMATION_COLUMNS: Final = ("vehicle", "vehicles above", "passed on", "errors together")
+LARGEST_AMPLIFICATION: Final = 1.5
+"""Of errors along a formation; a deeper one is below the rule."""
 _NEARLY: Final = 0.999
 
 
@@ -69,6 +75,62 @@ def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
             for axis, loop in loops.items()
         }
     return table
+
+
+def formation_margins(file: FleetFile) -> dict[str, Any]:
+    """Growth of errors along the formation of a fleet file, as a JSON document.
+
+    It has `vehicles` by name with the number of vehicles `above`, the share of deviations that is `passed_on`
+    from each vehicle to the next and the amplification of errors `together`, `limit`, and `beyond`, the
+    vehicles beyond the limit; where a vehicle's controller is not known, `vehicles` is null
+    and `unknown` says why. Raises FleetError for a setting that is not allowed.
+    """
+    unknown = next(
+        (f"{name}: {why}" for name in file.vehicles if (why := unknown_loops(configured(file, name)))), None
+    )
+    document: dict[str, Any] = {"fleet": file.name, "limit": LARGEST_AMPLIFICATION, "unknown": unknown}
+    if unknown is not None:
+        return document | {"vehicles": None, "beyond": []}
+    links, known = links_of(file), dict[tuple[object, ...], LinearVehicle]()
+    leaders = {
+        name: {link.leader: link.weight / sum(each.weight for each in own) for link in own}
+        for name, own in links.items()
+    }
+    shares = {name: vehicle.control.deviation_share for name, vehicle in file.vehicles.items()}
+    vehicles = {name: _linear_vehicle(file, name, known) for name in file.vehicles}
+    together = amplifications(vehicles, leaders, shares)
+    table = {
+        name: {
+            "above": len(ancestors(links, name)),
+            "passed_on": shares[name] * vehicles[name].passed_on if own else 0.0,
+            "together": together[name],
+        }
+        for name, own in links.items()
+    }
+    beyond = [name for name, found in table.items() if not found["together"] <= LARGEST_AMPLIFICATION]
+    return document | {"vehicles": table, "beyond": beyond}
+
+
+def _linear_vehicle(
+    file: FleetFile, name: str, known: dict[tuple[object, ...], LinearVehicle]
+) -> LinearVehicle:
+    """Return a vehicle's linear behaviour; vehicles that are configured alike have the same one."""
+    model, period_s = model_of(file, name), file.vehicles[name].control.period_s
+    changes = {"horizon": file.vehicles[name].control.horizon, "integrators": False}
+    configuration = configured(file, name).changed(None, changes, None, {})
+    key = (model, period_s, repr(configuration))
+    if key not in known:
+        try:
+            known[key] = linear_vehicle(model, configuration.controller_for(model, period_s))
+        except ValueError as error:
+            raise FleetError(f"vehicles.{name}.control: {error}") from None
+    return known[key]
+
+
+def formation_rows(document: dict[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Rows of the table of a formation, in `FORMATION_COLUMNS`."""
+    for name, found in (document["vehicles"] or {}).items():
+        yield name, str(found["above"]), f"{found['passed_on']:.2f}", f"{found['together']:.2f}"
 
 
 def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:

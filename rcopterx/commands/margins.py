@@ -1,5 +1,8 @@
 """Stability margins of vehicles: `margins`."""
 
+from collections.abc import Sequence
+from typing import Annotated
+
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, known_vehicles, user_errors
@@ -10,25 +13,55 @@ from rcopterx.commands.steer import Vehicles
 def margins(
     fleet: FleetArgument,
     vehicles: Vehicles = None,
+    formation: Annotated[
+        bool, typer.Option("--formation", help="Show how errors grow along the formation instead.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Show gain, phase and delay margins of vehicles as a fleet file configures them.
 
-    Exit code 1 if a margin is smaller than the uncertainty of the model requires.
+    With --formation: the largest factor over all frequencies by which deviations grow from vehicle to vehicle
+    in a long line (below 1 they fade), and the horizontal error by gusts on a vehicle and all above it,
+    relative to that by a gust on it alone. Exit code 1 if a margin is smaller than the uncertainty of the
+    model requires, or if errors grow too much along the formation.
     """
-    from rcopterx.ground_station.terminal.margins import COLUMNS, fleet_margins, rows_of
+    from rcopterx.ground_station.terminal.margins import (
+        COLUMNS,
+        FORMATION_COLUMNS,
+        fleet_margins,
+        formation_margins,
+        formation_rows,
+        rows_of,
+    )
 
     with user_errors():
         file = fleet_file(fleet)
         known_vehicles(file.vehicles, vehicles)
-        document = fleet_margins(file, vehicles or file.vehicles)
+        document = formation_margins(file) if formation else fleet_margins(file, vehicles or file.vehicles)
     if as_json:
         print_document(document, as_json)
+    elif formation:
+        print_table(_two_lines(FORMATION_COLUMNS), formation_rows(document))
+        if document["unknown"]:
+            typer.echo(document["unknown"])
+        for name in document["beyond"]:
+            grown = document["vehicles"][name]["together"]
+            typer.echo(
+                f"{name}: errors grow {grown:.2f} times along its leaders, at most {document['limit']} is "
+                "allowed; lower deviation_share, or let it follow a vehicle nearer to the head"
+            )
     else:
-        # With headings of two lines all columns fit into 80 characters.
-        headings = [heading.replace(" ", "\n", 1) for heading in COLUMNS]
         rows = (row for name, found in document["vehicles"].items() for row in rows_of(name, found))
-        print_table(headings, rows)
-    axes = [axis for found in document["vehicles"].values() for axis in (found["axes"] or {}).values()]
-    if any(axis["below_rule"] for axis in axes):
+        print_table(_two_lines(COLUMNS), rows)
+    if formation:
+        below = bool(document["beyond"])
+    else:
+        axes = [axis for found in document["vehicles"].values() for axis in (found["axes"] or {}).values()]
+        below = any(axis["below_rule"] for axis in axes)
+    if below:
         raise typer.Exit(EXIT_FAILED)
+
+
+def _two_lines(headings: Sequence[str]) -> list[str]:
+    """Break headings, with which all columns fit into 80 characters."""
+    return [heading.replace(" ", "\n", 1) for heading in headings]

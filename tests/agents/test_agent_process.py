@@ -1,29 +1,24 @@
 """Promises of the agent on the bus: when it commands, when it keeps silent, and what it says of itself."""
 
 import threading
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from agent_bench import FOLLOWING, HOVER, LEASE, Bench, Join, settings_of
+from agent_bench import FOLLOWING, HOVER, LEASE, Bench, Join
 from support.bus import raw_session
 from support.plans import plan_of
 from support.waiting import DEADLINE_S
 
-from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.inputs import INPUT_UNIT
 from rcopterx.agents.pilot import BLIND_LIMIT_S
 from rcopterx.agents.process import Agent
 from rcopterx.agents.reporting import status_message
-from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Plan
 from rcopterx.bus.requests import TakeOff
 from rcopterx.bus.session import BusAddress, RequestFailedError
 from rcopterx.bus.stepping import SteppedSession
-from rcopterx.control.interfaces import LimitScale
-from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.types import COAXIAL_LAG
 
 
@@ -263,24 +258,6 @@ def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
     bench.step_until(lambda: answers, "no answer")
     asker.join()
     assert answers == ["take-off needs an armed vehicle on the floor, the phase is ground"]
-
-
-def test_a_leader_plans_with_less_than_its_whole_input_range(bus_address: BusAddress) -> None:
-    def most_pitch(share: float) -> float:
-        settings = replace(
-            settings_of(bus_address),
-            configuration=Configuration(controller_settings={"horizon": 20}),
-            limit_scale=LimitScale(4 * (share,)),
-        )
-        pilot = build_pilot(settings)
-        estimate = pilot.estimate
-        estimate.motion[:3] = (0.0, 0.0, 1.0)
-        pilot.controller.reset(estimate, HOVER)
-        step = pilot.controller.step(estimate, hold(np.array([9.0, 0.0, 1.0]), 0.0, 0.02, 20), HOVER)
-        return float(np.abs(step.inputs[:, 0]).max())
-
-    for share in (1.0, 0.8, 0.64):
-        assert most_pitch(share) == pytest.approx(share, abs=0.02)
 
 
 def test_an_agent_wakes_by_itself_when_what_was_tuned_is_ready(join: Join, bus_address: BusAddress) -> None:

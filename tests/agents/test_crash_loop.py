@@ -78,7 +78,7 @@ class Restarted:
             configuration=Configuration("pid", "kalman", {"horizon": 10}),
         )  # fmt: skip
         self.pilot: Pilot = build_pilot(settings)
-        self.tuning = Tuning(settings.configuration, self.pilot, 0.02, settings.limit_scale)
+        self.tuning = Tuning(settings.configuration, self.pilot, 0.02)
         reply = RecallReply(accepted=intent is not None, intent=intent, quick_deaths=quick_deaths)
         self.launcher = Launcher(reply)
         self.handover = Handover(

@@ -4,10 +4,19 @@ import numpy as np
 import pytest
 
 from rcopterx.agents.formation.topology import ancestors, cycle
-from rcopterx.experiments.chain import SHAPES, draw_chain, figures, fly_shape, generation
+from rcopterx.experiments.chain import (
+    SHAPES,
+    Absolute,
+    cases,
+    draw_chain,
+    figures,
+    fly_helicopters,
+    fly_shape,
+    generation,
+)
 from rcopterx.experiments.record import rms
 from rcopterx.experiments.runner import Options, Result
-from rcopterx.simulator.conditions import LABORATORY
+from rcopterx.simulator.conditions import HELICOPTERS, LABORATORY
 
 EACH_TIME = ("chain_heading", "several_leaders")
 
@@ -45,3 +54,21 @@ def test_figures_are_those_of_all_flights_together() -> None:
     figure = Figure()
     draw_chain(Result(Options((0, 1)), {}, {"chain_inertial": table}), figure)
     assert len(figure.axes) == 1
+
+
+def test_chains_of_helicopters_are_flown_with_the_default_and_with_plans_alone() -> None:
+    names = list(cases(Options((100,), preset="helicopters", knowledge=("default",))))
+    assert names[0] == "5 helicopters / default / copies 0.5"
+    assert len(names) == 6
+    flights = {seed: Absolute(np.full(5, 0.003 + seed), np.full(5, 0.01 * seed)) for seed in (0, 1)}
+    table = figures(names[0], flights)
+    assert table["overshoot_mm"] == 5 * [10.0]
+    assert table["hover_mm"] == 5 * [pytest.approx(709.2)]
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(1200)
+def test_errors_do_not_grow_along_a_chain_of_twenty() -> None:
+    flown = fly_helicopters(20, "default", 0.5, False, HELICOPTERS, 0)
+    assert flown.overshoot_m.max() < 0.06
+    assert flown.hover_m.max() < 0.025

@@ -56,7 +56,7 @@ def reference(
     estimate: Estimate = ALOFT,
     delay_s: float = 0.0,
 ) -> Trajectory:
-    return guidance.reference(plans or {}, estimate, time_s, delay_s, PERIOD_S, STAGES)
+    return guidance.references(plans or {}, estimate, time_s, delay_s, PERIOD_S, STAGES).flown
 
 
 def armed() -> Guidance:

@@ -8,7 +8,7 @@ from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
-from rcopterx.control.interfaces import FULL_LIMITS, Measurement
+from rcopterx.control.interfaces import Measurement
 from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
@@ -25,11 +25,11 @@ class HoveringFlight:
         configuration = Configuration(controller, estimator, {"horizon": 20})
         self.pilot = Pilot(
             COAXIAL_LAG,
-            configuration.controller_for(COAXIAL_LAG, PERIOD_S, FULL_LIMITS),
+            configuration.controller_for(COAXIAL_LAG, PERIOD_S),
             configuration.estimator_for(COAXIAL_LAG, PERIOD_S),
             Guidance(),
         )
-        self.tuning = Tuning(configuration, self.pilot, PERIOD_S, FULL_LIMITS)
+        self.tuning = Tuning(configuration, self.pilot, PERIOD_S)
         self.laboratory = Laboratory({"h1": COAXIAL_LAG}, {"h1": Pose((0.0, 0.0, 1.0))}, LABORATORY, 4)
         self.frame = 0
         self.flown: list[ControlOutput] = []

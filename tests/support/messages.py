@@ -100,8 +100,9 @@ def _matrix_or_value(name: str, kind: Any) -> st.SearchStrategy[Any]:
     if any(isinstance(member, inspect.StructType) and member.cls is FloatArray for member in members):
         low, high, columns = COLUMNS[name]
         return _optional(kind, _matrices(low, high, columns))
-    if isinstance(kind, inspect.StructType) and kind.cls is TrajectoryArray:
-        return st.integers(2, 6).flatmap(_trajectory)
+    if any(isinstance(member, inspect.StructType) and member.cls is TrajectoryArray for member in members):
+        # All trajectories of a message have equally many stages.
+        return _optional(kind, st.shared(st.integers(2, 6), key="stages").flatmap(_trajectory))
     if name == "start_s":
         return st.floats(-1, 1)
     if name in ("position_m", "quaternion_xyzw"):

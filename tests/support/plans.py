@@ -57,6 +57,7 @@ def plan_of(
     yaw_rad: float = 0.0,
     reference_m: tuple[float, float, float] | None = None,
     following: tuple[LeaderLink, ...] = (),
+    nominal_stages: int = 0,
 ) -> Plan:
     """Plan of a vehicle that hovers."""
     samples = np.zeros((20, COLUMNS))
@@ -74,4 +75,5 @@ def plan_of(
         trajectory=TrajectoryArray.of(samples),
         reference=None if reference_m is None else (*reference_m, yaw_rad),
         following=following,
+        nominal=TrajectoryArray.of(np.zeros((nominal_stages, COLUMNS))) if nominal_stages else None,
     )

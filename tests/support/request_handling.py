@@ -20,7 +20,7 @@ from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from rcopterx.bus.requests import Follow, GoTo, Reply, Request
 from rcopterx.bus.session import BusAddress
 from rcopterx.bus.subscription import Inbox
-from rcopterx.control.interfaces import FULL_LIMITS, Measurement
+from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.types import COAXIAL_LAG
 from support.flight import ExactEstimator, NotedController, still
 from support.plans import PlanBus, plan_of
@@ -69,7 +69,7 @@ class HandlerBench:
         self.leaders = LeaderPlans("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
         self.statuses: dict[str, Inbox[AgentStatus]] = {}
         peers = PeerStatuses("h9", self.statuses, self.clock)
-        self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02, FULL_LIMITS)
+        self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02)
         external = ExternalControl("h9", self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
         room = Room(SETTINGS.volume_min_m, SETTINGS.volume_max_m, SETTINGS.minimum_distance_m)
         self.changes = LeaderChanges(

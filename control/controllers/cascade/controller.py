@@ -28,8 +28,8 @@ from rcopterx.control.controllers.cascade.weights import (
     default_input_weights,
     default_state_weights,
 )
-from rcopterx.control.controllers.settings import EightWeights, FourWeights, Fraction, MpcSettings
-from rcopterx.control.interfaces import ControlStep, Estimate, LimitScale, Obstacle
+from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
+from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle
 from rcopterx.control.models.lags import LagDynamics
 from rcopterx.control.references.trajectory import COLUMNS, POSITION, Trajectory
 from rcopterx.control.solver.problem import Solver
@@ -57,8 +57,6 @@ class CascadeSettings(MpcSettings, frozen=True, kw_only=True):
     """Predict with the estimated disturbance."""
     integrators: bool | None = None
     """Integral action; by default only while no disturbance is estimated or used."""
-    input_range: Fraction = 1.0
-    """Share of the input range around hovering to plan with; leaders leave their followers the rest."""
     soft_weight: Annotated[float, msgspec.Meta(gt=0.0, le=1e7)] = 1e5
     """Weight of the squared excess over a state bound, in SI units."""
     separation_weight: Annotated[float, msgspec.Meta(gt=0.0, le=1e8)] = 5e5
@@ -98,7 +96,7 @@ class CascadeController(MpcController):
         self._observer = DisturbanceObserver(model, period_s)
         self._filtered_disturbance: Array = np.zeros(INPUT_SIZE)
         self._obstacles: tuple[Obstacle, ...] = ()
-        self.set_limit_scale(LimitScale(4 * (settings.input_range,)))
+        self._plan_limits = PlanLimits.of(self._limits)
 
     def _weights(self) -> CascadeWeights:
         settings, model = self._settings, self._model
@@ -121,15 +119,6 @@ class CascadeController(MpcController):
     def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
         """Keep clear of these in the next step (`rcopterx.control.interfaces.AvoidsObstacles`)."""
         self._obstacles = tuple(obstacles) if self._settings.avoidance else ()
-
-    def set_limit_scale(self, limit_scale: LimitScale) -> None:
-        """Plan within a fraction of the vehicle's limits, from the next step on.
-
-        The fraction of an input is what is left to accelerate with once the disturbance is balanced, because
-        followers must be able to do as well: a gust that carries a leader along does not make it faster, and
-        one that brakes it is balanced with the rest of the range.
-        """
-        self._plan_limits = PlanLimits.scaled(self._model, self._limits, limit_scale)
 
     def _start(self, estimate: Estimate, last_input: Array) -> None:
         self._observer.start(estimate.motion, last_input)
@@ -166,11 +155,7 @@ class CascadeController(MpcController):
         if model.tilt is not None:
             estimate = with_tilt(model, estimate, load, self._settings.disturbance_compensation)
         load[U_THRUST] -= model.gravity_m_s2
-        balance = load / model.b
-        if model.tilt is not None:
-            balance[HORIZONTAL] = estimate.tilt.trim
-        bounds = self._plan_limits.bounds(estimate.motion, balance, self._recovery)
-        return Task(estimate, load, reference, bounds)
+        return Task(estimate, load, reference, self._plan_limits.bounds(estimate.motion, self._recovery))
 
     def _clearances(self, task: Task) -> Clearances:
         """Separation constraints around the previous plan."""

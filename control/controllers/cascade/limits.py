@@ -5,12 +5,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from rcopterx.control.controllers.settings import Limits
-from rcopterx.control.interfaces import Estimate, LimitScale
-from rcopterx.vehicles.model import Model
+from rcopterx.control.interfaces import Estimate
 from rcopterx.vehicles.state import XD_BODY, YAW_RATE, Array
 
-NARROWEST: Final = 0.01
-"""Range of an input that is still worth planning with."""
 RECOVERY_S: Final = 0.2
 """Time constant with which a velocity beyond its bounds returns to them."""
 
@@ -36,46 +33,36 @@ class PlanLimits(NamedTuple):
     """Body frame."""
     input: Array
     """Sticks."""
-    share: Array
-    """Sticks around hovering that are left once the disturbance is balanced; infinite where all are."""
 
     @classmethod
-    def scaled(cls, model: Model, limits: Limits, scale: LimitScale) -> "PlanLimits":
-        """Return a vehicle's limits, with velocities and the share of the sticks scaled."""
-        sticks = np.array((limits.input_min, limits.input_max))
+    def of(cls, limits: Limits) -> "PlanLimits":
+        """Return the limits of a vehicle by axes."""
         states = np.array((limits.state_min, limits.state_max))
-        fraction = np.array(scale.inputs)
-        share = np.where(fraction < 1.0, fraction, np.inf) * (sticks - model.hover_input)
         positions = np.column_stack((states[:, :3], (-np.inf, np.inf)))
-        return cls(positions, states[:, 3:] * np.array(scale.rates), sticks, share)
+        return cls(positions, states[:, 3:], np.array((limits.input_min, limits.input_max)))
 
-    def bounds(self, motion: Array, balance: Array, recovery: Array) -> Bounds:
+    def bounds(self, motion: Array, recovery: Array) -> Bounds:
         """Return the bounds of a control step.
 
         A velocity measured beyond its limits returns to them with `RECOVERY_S`: by noise and gusts a vehicle
         that flies along a limit is beyond it half of the time, and to be back at the next stage would take a
-        stick from stop to stop. Where balancing leaves less than `NARROWEST` of the share of a stick, the
-        whole range counts.
+        stick from stop to stop.
 
         Parameters
         ----------
         motion
             Estimated motion state, shape (8,).
-        balance
-            Sticks that balance the disturbance, shape (4,).
         recovery
             Share of an excess that is left at every stage, shape (N, 1).
         """
         measured = motion[XD_BODY : YAW_RATE + 1]
         below = np.minimum(measured - self.velocity[0], 0.0)
         above = np.maximum(measured - self.velocity[1], 0.0)
-        low = np.maximum(self.input[0], self.share[0] - balance)
-        high = np.minimum(self.input[1], self.share[1] - balance)
         return Bounds(
             self.position,
             self.velocity[0] + recovery * below,
             self.velocity[1] + recovery * above,
-            np.where(high - low > NARROWEST, (low, high), self.input),
+            self.input,
         )
 
 

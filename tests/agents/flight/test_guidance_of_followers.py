@@ -11,6 +11,7 @@ from support.guidance import (
     PERIOD_S,
     STAGES,
     armed,
+    at,
     flying,
     moving_leader,
     offset,
@@ -20,6 +21,7 @@ from support.guidance import (
 
 from rcopterx.agents.flight.guidance import OFFSET_SPEED_M_S
 from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
+from rcopterx.control.references.trajectory import Trajectory, hold
 
 
 @settings(max_examples=20, deadline=None)
@@ -145,3 +147,59 @@ def test_a_vehicle_on_the_floor_may_be_told_to_follow_and_does_so_in_the_air() -
     assert not guidance.follows
     reference(guidance, {}, 60.0)
     assert guidance.follows
+
+
+def deviating(by_m: float, nominal_m: float = 0.0, yaw_rad: float = 0.0) -> LeaderPlan:
+    """Leader whose plan is beside its nominal trajectory."""
+    nominal = hold(np.array([nominal_m, 0.0, 1.0]), yaw_rad, PERIOD_S, STAGES)
+    samples = nominal.samples.copy()
+    samples[:, 0] += by_m
+    return LeaderPlan(Trajectory(samples, PERIOD_S), 0.0, nominal=nominal)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_a_follower_copies_a_share_of_its_leaders_deviation(share: float) -> None:
+    guidance = flying((FollowedLeader("h1", offset(0.2)),))
+    guidance.deviation_share = share
+    for time_s in (0.0, 99.0):
+        found = guidance.references({"h1": deviating(0.1)}, ALOFT, time_s, 0.0, PERIOD_S, STAGES)
+    assert found.flown.position_m[:, 0] == pytest.approx(0.2 + 0.1 * share)
+    assert found.nominal.position_m[:, 0] == pytest.approx(0.2)
+
+
+def test_of_a_leader_without_a_nominal_trajectory_the_plan_counts() -> None:
+    guidance = flying((FollowedLeader("h1", offset(0.2)),))
+    plan = LeaderPlan(deviating(0.1).trajectory, 0.0)
+    for time_s in (0.0, 99.0):
+        found = guidance.references({"h1": plan}, ALOFT, time_s, 0.0, PERIOD_S, STAGES)
+    assert found.flown.position_m[:, 0] == pytest.approx(0.3)
+    assert found.nominal.position_m[:, 0] == pytest.approx(0.3)
+
+
+def test_the_nominal_trajectory_of_the_head_reaches_the_end_of_a_chain_unchanged() -> None:
+    plan = deviating(0.1)
+    for _ in range(20):
+        guidance = flying((FollowedLeader("h1", offset(0.2)),))
+        for time_s in (0.0, 99.0):
+            found = guidance.references({"h1": plan}, ALOFT, time_s, 0.0, PERIOD_S, STAGES)
+        plan = LeaderPlan(found.flown, 0.0, nominal=found.nominal)
+    assert found.nominal.position_m[:, 0] == pytest.approx(20 * 0.2)
+    assert found.flown.position_m[:, 0] == pytest.approx(20 * 0.2, abs=1e-6)
+
+
+def test_plan_and_nominal_trajectory_count_the_same_turns() -> None:
+    here = at((0.0, 0.0, 1.0), -3.1)
+    guidance = flying((FollowedLeader("h1", offset(0.2, yaw_rad=3.1)),), here)
+    plans = {"h1": deviating(0.1, yaw_rad=4 * np.pi)}
+    for time_s in (0.0, 99.0):
+        found = guidance.references(plans, here, time_s, 0.0, PERIOD_S, STAGES)
+    assert found.nominal.yaw_rad == pytest.approx(found.flown.yaw_rad)
+
+
+def test_another_leader_is_followed_from_the_own_place_without_a_jump() -> None:
+    guidance = flying((FollowedLeader("h1", offset(0.2)),), at((0.2, 0.0, 1.0)))
+    plans = {"h1": deviating(0.1), "h2": deviating(-0.1, 0.5)}
+    guidance.references(plans, at((0.2, 0.0, 1.0)), 0.0, 0.0, PERIOD_S, STAGES)
+    guidance.follow((FollowedLeader("h2", offset(0.2)),), plans, at((0.23, 0.0, 1.0)), 5.0, None)
+    found = guidance.references(plans, at((0.23, 0.0, 1.0)), 5.0, 0.0, PERIOD_S, STAGES)
+    assert found.flown.position_m[0, 0] == pytest.approx(0.23)

@@ -52,6 +52,22 @@ def test_plans_are_aligned_by_the_difference_of_frames_and_their_own_delay(
     assert plan.followable
 
 
+def test_a_nominal_trajectory_comes_with_its_plan(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
+    leaders.subscribe_to(["h1", "h3"])
+    plan_bus.deliver(plan_of("h1", 10))
+    plan_bus.deliver(plan_of("h3", 10, nominal_stages=20))
+    plans = leaders.plans(clock_at(10))
+    assert plans["h1"].nominal is None
+    assert plans["h3"].undisturbed().position_m == pytest.approx(0.0)
+
+
+def test_a_nominal_trajectory_of_other_stages_is_refused(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
+    leaders.subscribe_to(["h1"])
+    plan_bus.deliver(plan_of("h1", 10, nominal_stages=19))
+    assert leaders.newest("h1") is None
+    assert sum(leaders.rejected.values()) == 1
+
+
 def test_frames_that_were_coasted_count(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
     leaders.subscribe_to(["h1"])
     plan_bus.deliver(plan_of("h1", 10, start_s=0.0))

@@ -255,18 +255,24 @@ def test_without_avoidance_set_points_at_the_places_of_others_are_refused(bench:
     assert bench.ask(go_to(0.1, -0.3, 1.0)).refusal is None
 
 
-def test_a_leader_turns_slowly_enough_for_those_it_carries_round(bench: HandlerBench) -> None:
+def test_a_leader_goes_smoothly_and_turns_slowly_for_those_it_carries_round(
+    bench: HandlerBench,
+) -> None:
     bench.fly()
-    turned = GoTo(set_point=SetPoint(position_m=(0.0, 0.0, 1.0), yaw_rad=1.5))
-    for frame, step_rad in (("inertial", 1.5), ("heading", 0.0)):
-        abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.6, 0.0), frame=frame)
-        say(bench, "h2", hovering((0.0, 0.6, 1.0), abreast))
-        bench.ask(go_to(0.0, 0.0, 1.0))
+    turned = GoTo(set_point=SetPoint(position_m=(0.3, 0.0, 1.0), yaw_rad=1.5))
+    durations_s = []
+    for frame in (None, "inertial", "heading"):
         bench.pilot.guidance.go_to(np.array([0.0, 0.0, 1.0]), 0.0)
+        if frame is not None:
+            abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.6, 0.0), frame=frame)
+            say(bench, "h2", hovering((0.0, 0.6, 1.0), abreast))
         assert bench.ask(turned).refusal is None
-        now = bench.pilot.guidance.source.sample(bench.pilot.clock.time_s, 0.02, 50)
-        assert now.yaw_rad[0] == pytest.approx(step_rad)
+        source, time_s = bench.pilot.guidance.source, bench.pilot.clock.time_s
+        start = source.sample(time_s, 0.02, 1).samples[0]
+        assert start[:4] == pytest.approx([0.3, 0.0, 1.0, 1.5] if frame is None else [0.0, 0.0, 1.0, 0.0])
         assert bench.pilot.guidance.set_point()[1] == 1.5
+        durations_s.append(next(t for t in np.arange(0.0, 9.0, 0.1) if source.finished(time_s + t)))
+    assert 0.0 == durations_s[0] < durations_s[1] < durations_s[2]
 
 
 @pytest.mark.parametrize("asked", [{"horizon": 30}, {"effort_factors": [1.0, 1.0, 1.0]}])

@@ -19,11 +19,11 @@ from rcopterx.bus.intent import Intent
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.set_points import (
     PathReference,
+    ProfileLimits,
     ReferenceSource,
     SetPointReference,
-    TurnLimits,
     smooth_move,
-    smooth_turn,
+    smooth_way,
 )
 from rcopterx.control.references.trajectory import COLUMNS, YAW, Trajectory
 
@@ -41,15 +41,16 @@ def sources(draw: st.DrawFn) -> ReferenceSource:
     start_m, end_m, yaw_rad, begun_s = draw(places), draw(places), draw(headings), draw(times)
     present = np.zeros(COLUMNS)
     present[:3], present[YAW] = start_m, draw(headings)
-    turn = smooth_turn(TurnLimits(1.0, 1.0), start_m, yaw_rad, present, begun_s)
     knots = np.array([[0.0, *present], [draw(durations), *end_m, yaw_rad, *np.zeros(8)]])
+    limits = ProfileLimits(3 * (1.0,), 3 * (1.0,), 3 * (9.0,))
+    way = smooth_way(limits, end_m, yaw_rad, SetPointReference(start_m, 0.0), begun_s)
     return draw(
         st.sampled_from(
             [
                 SetPointReference(end_m, yaw_rad),
                 smooth_move(start_m, end_m, yaw_rad, begun_s, 1.0),
                 PathReference(FlightPath(knots), begun_s),
-                turn,
+                way,
             ]
         )
     )
@@ -116,7 +117,7 @@ def test_guidance_of_a_successor_asks_for_the_same_reference(
         guidance = Guidance()
         guidance.on_event(Event.RESUME, still(UP))
         guidance.restore(restored, still(UP), now_s)
-        references.append(guidance.reference(plans, still(UP), now_s, 0.06, 0.02, 40).samples)
+        references.append(guidance.references(plans, still(UP), now_s, 0.06, 0.02, 40).flown.samples)
     assert references[1] == pytest.approx(references[0], abs=1e-5)
 
 
@@ -138,11 +139,11 @@ def test_offsets_wait_for_the_first_plan_after_a_restart() -> None:
     guidance = Guidance()
     guidance.on_event(Event.RESUME, still(UP))
     guidance.restore(task, still(UP), 1.0)
-    guidance.reference({}, still(UP), 1.0, 0.0, 0.02, 10)
-    guidance.reference({"h1": plan(0.0)}, still(UP), 1.1, 0.0, 0.02, 10)
+    guidance.references({}, still(UP), 1.0, 0.0, 0.02, 10)
+    guidance.references({"h1": plan(0.0)}, still(UP), 1.1, 0.0, 0.02, 10)
     assert guidance.followed == (link,)
-    guidance.reference({}, still(UP), 1.5, 0.0, 0.02, 10)
-    guidance.reference({"h1": plan(0.0)}, still(UP), 1.6, 0.0, 0.02, 10)
+    guidance.references({}, still(UP), 1.5, 0.0, 0.02, 10)
+    guidance.references({"h1": plan(0.0)}, still(UP), 1.6, 0.0, 0.02, 10)
     assert guidance.followed[0].start_s == 1.6, "later a leader that was missing is joined anew"
 
 

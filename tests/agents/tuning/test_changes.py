@@ -9,7 +9,6 @@ from support.hovering import PERIOD_S, HoveringFlight
 from rcopterx.agents.phases import Event
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
-from rcopterx.control.interfaces import FULL_LIMITS
 
 BUMP = 0.3
 """Largest step of any input at a switch, of a range from -1 to 1; gusts alone make steps of 0.1."""
@@ -109,7 +108,7 @@ def test_on_the_floor_a_change_takes_over_before_the_take_off() -> None:
 
 def test_the_loop_is_woken_when_a_change_is_ready() -> None:
     flight, woken = HoveringFlight("cascade"), threading.Event()
-    tuning = Tuning(flight.tuning.configuration, flight.pilot, PERIOD_S, FULL_LIMITS, woken.set)
+    tuning = Tuning(flight.tuning.configuration, flight.pilot, PERIOD_S, woken.set)
     for weight, kind in ((2.0, str), (-1.0, ValueError)):
         woken.clear()
         tuning.begin(tuning.configuration.changed(None, {"soft_weight": weight}, None, {}))

@@ -5,7 +5,7 @@ import pytest
 
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.controllers.external import ExternalController
-from rcopterx.control.interfaces import FULL_LIMITS, Estimate
+from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.types import COAXIAL_LAG
 
@@ -17,7 +17,7 @@ REFERENCE = hold(np.array([0.0, 0.0, 1.0]), 0.0, PERIOD_S, 10)
 
 @pytest.fixture
 def controller() -> ExternalController:
-    own = Configuration("pid", "kalman", {"horizon": 10}).controller_for(COAXIAL_LAG, PERIOD_S, FULL_LIMITS)
+    own = Configuration("pid", "kalman", {"horizon": 10}).controller_for(COAXIAL_LAG, PERIOD_S)
     external = ExternalController(own, COAXIAL_LAG, patience_s=0.1)
     external.reset(REST, HOVER)
     return external
@@ -28,7 +28,7 @@ def step(controller: ExternalController) -> np.ndarray:
 
 
 def test_the_own_controller_flies_until_the_first_answer(controller: ExternalController) -> None:
-    own = Configuration("pid", "kalman", {"horizon": 10}).controller_for(COAXIAL_LAG, PERIOD_S, FULL_LIMITS)
+    own = Configuration("pid", "kalman", {"horizon": 10}).controller_for(COAXIAL_LAG, PERIOD_S)
     own.reset(REST, HOVER)
     assert step(controller) == pytest.approx(own.step(REST, REFERENCE, HOVER).inputs[0])
 

@@ -17,7 +17,7 @@ from rcopterx.control.controllers.cascade.weights import (
 )
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
-from rcopterx.control.interfaces import LimitScale, Measurement
+from rcopterx.control.interfaces import Measurement
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
 from rcopterx.control.margins.loop import FeedbackLoop, Perturbation
 from rcopterx.control.models.linear import zero_order_hold
@@ -87,8 +87,8 @@ def weights_of(states: tuple[float, ...], efforts: tuple[float, ...]) -> Cascade
 
 def resting(model: Model) -> Task:
     """Task of a vehicle that rests at the origin."""
-    estimate, limits = at_rest(model), PlanLimits.scaled(model, CascadeSettings().limits(model), LimitScale())
-    bounds = limits.bounds(estimate.motion, np.zeros(4), recovery(PERIOD_S, 20))
+    estimate, limits = at_rest(model), PlanLimits.of(CascadeSettings().limits(model))
+    bounds = limits.bounds(estimate.motion, recovery(PERIOD_S, 20))
     return Task(estimate, np.zeros(4), np.zeros((21, 12)), bounds)
 
 

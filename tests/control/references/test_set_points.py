@@ -1,55 +1,93 @@
-"""Promises of smooth turns: within their limits, from where the heading is, to its end."""
+"""Promises of smooth ways: within their limits, from where the reference is, to rest at their end."""
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rcopterx.control.references.set_points import SetPointReference, Transition, TurnLimits, smooth_turn
+from rcopterx.control.references.paths import FlightPath
+from rcopterx.control.references.set_points import (
+    PathReference,
+    ProfileLimits,
+    SetPointReference,
+    Transition,
+    smooth_way,
+)
 from rcopterx.control.references.trajectory import COLUMNS
 
 PERIOD_S = 0.01
-PLACE = np.array([0.3, -0.2, 1.0])
+START = np.array([0.3, -0.2, 1.0])
+places = st.tuples(*3 * [st.floats(-2.0, 2.0)]).map(np.array)
 headings = st.floats(-10.0, 10.0)
-limits = st.builds(TurnLimits, st.floats(0.3, 3.0), st.floats(0.3, 6.0))
 
 
-def flown(turn: Transition, from_s: float = 0.0) -> np.ndarray:
-    return turn.sample(from_s, PERIOD_S, 15000).samples
+def three(low: float, high: float) -> st.SearchStrategy[tuple[float, float, float]]:
+    return st.tuples(*3 * [st.floats(low, high)])
 
 
-@given(headings, headings, limits)
-def test_a_turn_from_rest_keeps_its_limits_and_ends_at_its_heading(
-    start: float, end: float, limit: TurnLimits
+limits = st.builds(ProfileLimits, three(0.3, 3.0), three(0.3, 6.0), three(2.0, 40.0))
+
+
+def flown(way: Transition, from_s: float = 0.0) -> np.ndarray:
+    left_s = way.start_s + way.path.duration_s - from_s
+    return way.sample(from_s, PERIOD_S, round(left_s / PERIOD_S) + 2).samples
+
+
+def used(limit: ProfileLimits, rows: np.ndarray) -> float:
+    jerk = np.diff(rows[:, 8:], axis=0) / PERIOD_S
+    return float(limit.used(rows[1:], jerk).max())
+
+
+def check(rows: np.ndarray, limit: ProfileLimits, place: np.ndarray, yaw_rad: float) -> None:
+    assert rows[-1] == pytest.approx([*place, yaw_rad, *np.zeros(8)])
+    assert used(limit, rows) <= 1.03
+    for low in (0, 4):
+        steps = np.diff(rows[:, low : low + 4], axis=0)
+        assert steps == pytest.approx(PERIOD_S * 0.5 * (rows[1:] + rows[:-1])[:, low + 4 : low + 8], abs=2e-3)
+
+
+@given(places, headings, headings, limits)
+@settings(max_examples=50)
+def test_a_way_from_rest_keeps_its_limits_and_ends_at_its_set_point(
+    place: np.ndarray, start_rad: float, end_rad: float, limit: ProfileLimits
 ) -> None:
-    present = SetPointReference(PLACE + 1.0, start).sample(0.0, 1.0, 1).samples[0]
-    rows = flown(smooth_turn(limit, PLACE, end, present, 0.0))
-    assert np.abs(rows[:, :3] - PLACE).max() < 1e-6
-    assert rows[0, 3::4] == pytest.approx([start, 0.0, 0.0])
-    assert rows[-1, 3::4] == pytest.approx([end, 0.0, 0.0])
-    assert limit.used(rows).max() <= 1.02
-    assert np.abs(np.gradient(rows[:, 3], PERIOD_S) - rows[:, 7])[1:-1].max() < 0.01
+    rows = flown(smooth_way(limit, place, end_rad, SetPointReference(START, start_rad), 0.0))
+    assert rows[0] == pytest.approx([*START, start_rad, *np.zeros(8)])
+    check(rows, limit, place, end_rad)
 
 
-@given(headings, headings, limits, st.floats(0.0, 1.0))
-def test_a_new_heading_on_the_way_is_taken_up_without_a_step(
-    first: float, second: float, limit: TurnLimits, share: float
+@given(places, places, headings, limits, st.lists(st.floats(0.0, 1.0), min_size=1, max_size=3))
+@settings(max_examples=50)
+def test_new_set_points_on_the_way_keep_the_limits_without_a_jump(
+    first: np.ndarray, second: np.ndarray, yaw_rad: float, limit: ProfileLimits, shares: list[float]
 ) -> None:
-    present = np.zeros(COLUMNS)
-    before = smooth_turn(limit, PLACE, first, present, 0.0)
-    at_s = share * before.path.duration_s
-    there = before.sample(at_s, PERIOD_S, 1).samples[0]
-    after = smooth_turn(limit, PLACE, second, there, at_s)
-    rows = flown(after, at_s)
-    assert rows[0, 3::4] == pytest.approx(there[3::4])
-    assert rows[-1, 3] == pytest.approx(second)
-    assert limit.used(rows).max() <= 1.02
+    way, at_s = smooth_way(limit, first, 0.0, SetPointReference(START, 0.0), 0.0), 0.0
+    for number, share in enumerate(shares):
+        before = way
+        at_s += share * (way.start_s + way.path.duration_s - at_s)
+        place = (second, first)[number % 2]
+        way = smooth_way(limit, place, yaw_rad, before, at_s)
+        rows = flown(way, at_s)
+        assert rows[0] == pytest.approx(before.sample(at_s, PERIOD_S, 1).samples[0])
+        check(rows, limit, place, yaw_rad)
 
 
-def test_a_turn_takes_no_longer_than_its_limits_ask_for() -> None:
-    present = np.zeros(COLUMNS)
-    turn = smooth_turn(TurnLimits(1.0, 100.0), PLACE, np.pi, present, 5.0)
-    shortest_s = 1.875 * np.pi
-    assert shortest_s <= turn.path.duration_s <= 1.1 * shortest_s
-    assert not turn.finished(5.0 + 0.9 * shortest_s)
-    assert turn.finished(5.0 + 1.1 * shortest_s)
+def test_a_trajectory_that_is_too_fast_is_left_without_a_jump() -> None:
+    knots = np.zeros((2, 1 + COLUMNS))
+    knots[1, :2] = 2.0, 4.0
+    knots[:, 5] = 2.0
+    limit = ProfileLimits(3 * (1.0,), 3 * (1.0,), 3 * (9.0,))
+    rows = flown(smooth_way(limit, START, 0.0, PathReference(FlightPath(knots), 0.0), 1.0), 1.0)
+    assert rows[0, :8] == pytest.approx([2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0])
+    assert rows[-1] == pytest.approx([*START, *np.zeros(9)])
+    assert np.abs(rows[:, 4]).max() <= 2.01
+    assert np.abs(np.diff(rows[:, 0])).max() <= 2.01 * PERIOD_S
+
+
+def test_a_way_takes_no_longer_than_its_limits_require() -> None:
+    limit = ProfileLimits(3 * (1.0,), 3 * (100.0,), 3 * (1e4,))
+    way = smooth_way(limit, np.array([2.0, 0.0, 0.0]), 0.0, SetPointReference(np.zeros(3), 0.0), 5.0)
+    shortest_s = 1.875 * 2.0
+    assert shortest_s <= way.path.duration_s <= 1.1 * shortest_s
+    assert not way.finished(5.0 + 0.9 * shortest_s)
+    assert way.finished(5.0 + 1.1 * shortest_s)

@@ -6,9 +6,7 @@ import pytest
 from support.fleets import PAIR
 
 from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
-from rcopterx.agents.formation.limit_scaling import LEADER_LIMIT_SCALE
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
-from rcopterx.control.interfaces import FULL_LIMITS
 from rcopterx.deploy.roles.agent import agent_settings
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
@@ -19,12 +17,10 @@ def _own_run_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
 
 
-def test_agents_get_their_leaders_and_the_limits_their_followers_leave_them() -> None:
+def test_agents_get_their_leaders_and_the_models_of_all_vehicles() -> None:
     fleet = parse_fleet(PAIR)
     leader, follower = agent_settings(fleet, "h1"), agent_settings(fleet, "h2")
     assert leader.following == ()
-    assert leader.limit_scale.inputs == 4 * (LEADER_LIMIT_SCALE,)
-    assert follower.limit_scale == FULL_LIMITS
     assert [(link.leader, link.offset_m) for link in follower.following] == [("h1", (-0.4, 0.5, 0.0))]
     assert leader.vehicles == tuple(leader.models) == ("h1", "h2")
     assert leader.volume_max_m == fleet.volume.max_m
