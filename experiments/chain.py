@@ -38,6 +38,9 @@ LENGTHS: Final = (5, 10, 20)
 SHARES: Final = (0.5, 1.0)
 """Of a leader's deviation that its follower copies: the default, and the paper's plan alone."""
 DEEP_HORIZON: Final = 30
+DEEP_START: Final = (1.0, 0.0, 1.0, 0.0)
+HOVER_FROM_S: Final = 4.0
+"""Horizon of chains of helicopters, where their head begins, and from when on their hovering counts."""
 STEPPED_S: Final = 12.0
 STEP_S: Final = 8.0
 STEP_M: Final = 0.4
@@ -82,9 +85,10 @@ def vehicles(
     seed: int,
     horizon: int = HORIZON,
     scheme: Scheme = CASCADE,
+    start: tuple[float, float, float, float] = START,
 ) -> list[RigVehicle]:
     """Vehicles of a formation in the air, each at its place."""
-    where = places(links, {HEAD: np.array(START)})
+    where = places(links, {HEAD: np.array(start)})
     found = []
     for name, following in links.items():
         x, y, z, yaw = where[name].tolist()
@@ -137,20 +141,20 @@ def fly_helicopters(
     rig = Rig(
         [
             replace(vehicle, deviation_share=share)
-            for vehicle in vehicles(links, conditions, seed, horizon, scheme)
+            for vehicle in vehicles(links, conditions, seed, horizon, scheme, DEEP_START)
         ],
         conditions,
         seed,
     )
-    x, y, z, yaw = START
-    stepped_s, end_s = (SETTLED_S + 1.0, SETTLED_S + 3.0) if quick else (STEPPED_S, STEPPED_S + STEP_S)
+    x, y, z, yaw = DEEP_START
+    stepped_s, end_s = (HOVER_FROM_S + 1.0, HOVER_FROM_S + 3.0) if quick else (STEPPED_S, STEPPED_S + STEP_S)
     record = rig.fly(end_s, [GoTo(stepped_s, HEAD, (x, y + STEP_M, z), yaw)], progress)
-    where = places(links, {HEAD: np.array(START)})
+    where = places(links, {HEAD: np.array(DEEP_START)})
     hover, overshoot = [], []
     for name in names:
         flown = record[name]
         error = flown.motion[:, :2] - where[name][:2]
-        hover.append(rms(error[(flown.time_s >= SETTLED_S) & (flown.time_s < stepped_s)]))
+        hover.append(rms(error[(flown.time_s > HOVER_FROM_S) & (flown.time_s < stepped_s)]))
         overshoot.append(float(error[flown.time_s >= stepped_s, 1].max()) - STEP_M)
     return Absolute(np.array(hover), np.array(overshoot))
 

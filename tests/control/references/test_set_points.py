@@ -47,7 +47,7 @@ def check(rows: np.ndarray, limit: ProfileLimits, place: np.ndarray, yaw_rad: fl
 
 
 @given(places, headings, headings, limits)
-@settings(max_examples=50)
+@settings(max_examples=20, deadline=None)
 def test_a_way_from_rest_keeps_its_limits_and_ends_at_its_set_point(
     place: np.ndarray, start_rad: float, end_rad: float, limit: ProfileLimits
 ) -> None:
@@ -57,7 +57,7 @@ def test_a_way_from_rest_keeps_its_limits_and_ends_at_its_set_point(
 
 
 @given(places, places, headings, limits, st.lists(st.floats(0.0, 1.0), min_size=1, max_size=3))
-@settings(max_examples=50)
+@settings(max_examples=20, deadline=None)
 def test_new_set_points_on_the_way_keep_the_limits_without_a_jump(
     first: np.ndarray, second: np.ndarray, yaw_rad: float, limit: ProfileLimits, shares: list[float]
 ) -> None:
