@@ -14,7 +14,6 @@ from rcopterx.commands import (
     export,
     flights,
     fly,
-    foxglove,
     ground,
     identify,
     laboratory,
@@ -42,7 +41,7 @@ app = typer.Typer(
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Fly": (launch.up, launch.host, launch.demo, fly.fly),
     "Watch a running fleet": (
-        watch.status, watch.check, logs.logs, watch.top, ground.ground, foxglove.foxglove,
+        watch.status, watch.check, logs.logs, watch.top, ground.ground,
     ),
     "Steer a running fleet": (
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,

@@ -1,1 +1,1 @@
-"""Flights in Foxglove's standard schemas: as files, and live for Foxglove and PlotJuggler."""
+"""Flights in Foxglove's standard schemas."""

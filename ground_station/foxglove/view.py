@@ -1,4 +1,4 @@
-"""Turns what is on the bus into Foxglove's channels; the same for files and for live viewers."""
+"""Turns recorded messages into Foxglove's channels."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -23,13 +23,13 @@ NANO: Final = 1e9
 SCENE_NS: Final = 100_000_000
 """Plans are drawn ten times a second."""
 REPEAT_NS: Final = 1_000_000_000
-"""Constant messages are repeated for viewers that connect later or jump in time."""
+"""Constant messages are repeated for viewers that jump in time."""
 NUMBERS: Final = {"type": "object", "additionalProperties": {"type": "number"}}
 """JSON schema of plots."""
 
 
 class FoxgloveView:
-    """Channels of a fleet in a context of the SDK, whose sinks are a file or a server."""
+    """Channels of a fleet in a context of the SDK, which writes a file."""
 
     def __init__(self, fleet: FleetFile, context: foxglove.Context) -> None:
         # Channels are closed with their context.
