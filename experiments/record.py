@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.pilot import ControlOutput, Pilot
+from rcopterx.agents.pilot import ControlOutput
 from rcopterx.simulator.plant import Plant
 from rcopterx.vehicles.state import YAW, Array
 
@@ -24,10 +24,6 @@ class VehicleRecord:
         Shape (K,).
     motion
         True motion state of `rcopterx.vehicles.state`, shape (K, 8).
-    estimate
-        Estimated motion state, shape (K, 8).
-    disturbance
-        Estimated disturbance, shape (K, 4).
     reference
         First stage of the reference: x, y, z [m], yaw [rad], shape (K, 4). It belongs to the time at which
         the command begins to act.
@@ -36,8 +32,6 @@ class VehicleRecord:
         vehicle does not follow.
     inputs
         Commands, shape (K, 4).
-    step_s
-        Processor time of each control step, shape (K,).
     fallbacks
         How often each fallback was taken.
     left_volume, touchdowns
@@ -46,12 +40,9 @@ class VehicleRecord:
 
     time_s: Array
     motion: Array
-    estimate: Array
-    disturbance: Array
     reference: Array
     station: Array
     inputs: Array
-    step_s: Array
     fallbacks: Mapping[str, int]
     left_volume: bool
     touchdowns: int
@@ -73,36 +64,27 @@ class Recorder:
         self._rows: list[tuple[object, ...]] = []
 
     def add(
-        self,
-        time_s: float,
-        motion: tuple[float, ...],
-        pilot: Pilot,
-        flight: ControlOutput,
-        step_s: float,
-        station: Array | None,
+        self, time_s: float, motion: tuple[float, ...], flight: ControlOutput, station: Array | None
     ) -> None:
         """Add a control period."""
         self._rows.append(
             (
                 time_s,
                 motion,
-                pilot.estimate.motion,
-                pilot.estimate.disturbance,
                 _UNKNOWN if flight.reference is None else flight.reference.copy(),
                 _UNKNOWN if station is None else station,
                 flight.input,
-                step_s,
             )
         )
 
     def record(self, fallbacks: Mapping[str, int], plant: Plant) -> VehicleRecord:
         """Everything collected, as arrays."""
-        time_s, motion, estimate, disturbance, reference, station, inputs, step_s = (
+        time_s, motion, reference, station, inputs = (
             np.array(column, dtype=float) for column in zip(*self._rows, strict=True)
         )
         return VehicleRecord(
-            time_s, motion, estimate, disturbance, reference, station, inputs, step_s,
-            Counter(fallbacks), plant.left_volume, plant.touchdowns,
+            time_s, motion, reference, station, inputs, Counter(fallbacks), plant.left_volume,
+            plant.touchdowns,
         )  # fmt: skip
 
 

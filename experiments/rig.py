@@ -5,7 +5,6 @@ the pilots are built as the agent process builds them. Plans go from leaders to 
 as on the bus. Same vehicles, conditions, events and seed, same flight.
 """
 
-import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,14 +16,12 @@ import numpy as np
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import target_link
-from rcopterx.agents.following.traffic import ellipsoid_scale
 from rcopterx.agents.formation.profile_limits import profile_limits_of
-from rcopterx.agents.formation.topology import leaders_of, places
+from rcopterx.agents.formation.topology import leaders_of
 from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
-from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
-from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.agents.tuning.configuration import DEFAULT_ESTIMATOR, Configuration
 from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
@@ -33,7 +30,7 @@ from rcopterx.control.interfaces import Measurement
 from rcopterx.experiments.events import Event, Scene
 from rcopterx.experiments.record import FlightRecord, Recorder
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.laboratory import Laboratory, Particulars
+from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
@@ -43,11 +40,11 @@ Progress = Callable[[float], None]
 
 NO_BUS: Final = BusAddress((), "rig")
 ROOM_M: Final = 100.0
+PERIOD_S: Final = 0.02
+"""Period of the motion capture and of control."""
 PROGRESS_EVERY_S: Final = 5.0
 SETTLED_S: Final = 5.0
 """Errors of experiments count from here on: estimators start at rest without knowing trim and turbulence."""
-SCALES_EVERY_FRAMES: Final = 10
-"""As often as agents receive each other's statuses."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,6 @@ class RigVehicle:
     """One vehicle: the settings of its agent, and where it hovers at time 0.
 
     `plant_type` is the type that truly flies, and with it the true transport delay; None for `model`.
-    `particulars` are the true parameters of a helicopter, or another tilt; None for what the conditions give.
     `as_published` are references as in the paper: set points step, and followers copy their leader's plan.
     """
 
@@ -64,13 +60,10 @@ class RigVehicle:
     start: Pose
     controller: str
     controller_settings: Mapping[str, object] = field(default_factory=dict)
-    estimator: str = "extended_kalman"
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     horizon: int = 50
-    period_s: float = 0.02
     following: tuple[LeaderLink, ...] = ()
     plant_type: Model | None = None
-    particulars: Particulars | None = None
     deviation_share: float = 0.5
     as_published: bool = False
 
@@ -81,22 +74,15 @@ class RigOptions:
 
     Attributes
     ----------
-    frame_period_s
-        Period of the motion capture; control periods are whole multiples of it.
     previous_frame
         Followers get their leaders' plans of the previous control period instead of the present one.
-    clearance
-        Separation of the vehicles; None for experiments about the formation law alone, in which references
-        may cross.
     guard
         Vehicles that oscillate lower their bandwidth, as in agents. A change is used from the next period on.
     watch
         Vehicles that do not follow their commands land by themselves, as in agents.
     """
 
-    frame_period_s: float = 0.02
     previous_frame: bool = False
-    clearance: SeparationEllipsoid | None = None
     guard: bool = False
     watch: bool = False
 
@@ -115,7 +101,7 @@ class Rig:
     Raises
     ------
     RigError
-        Unknown leader, a cycle of leaders, or periods that do not fit the frames.
+        Unknown leader, or a cycle of leaders.
     """
 
     def __init__(
@@ -132,20 +118,11 @@ class Rig:
             {name: vehicle.start for name, vehicle in self._vehicles.items()},
             conditions,
             seed,
-            {
-                name: vehicle.particulars
-                for name, vehicle in self._vehicles.items()
-                if vehicle.particulars is not None
-            },
         )
         self._frame = 0
         self._plans: dict[str, tuple[int, ControlOutput]] = {}
-        self._scales: dict[str, dict[str, float]] = {}
         self._logs: dict[str, FlightLog] = {}
         self._seen: dict[str, StampedMeasurement] = {}
-        self._frames_per_tick = {
-            name: self._frames_per_period(vehicle) for name, vehicle in self._vehicles.items()
-        }
         links = {name: vehicle.following for name, vehicle in self._vehicles.items()}
         flying_order({name: leaders_of(links, name) for name in links})
         settings = {name: self._settings(vehicle) for name, vehicle in self._vehicles.items()}
@@ -169,7 +146,7 @@ class Rig:
 
     def log(self, name: str) -> FlightLog:
         """Log poses and sticks of a vehicle from now on, for an identification."""
-        self._logs[name] = FlightLog(self._vehicles[name].model.kind, self._vehicles[name].period_s)
+        self._logs[name] = FlightLog(self._vehicles[name].model.kind, PERIOD_S)
         return self._logs[name]
 
     def fly(
@@ -182,22 +159,19 @@ class Rig:
         RigError
             A vehicle refused an event.
         """
-        period_s = self._options.frame_period_s
-        frames = round(duration_s / period_s)
+        frames = round(duration_s / PERIOD_S)
         waiting = deque(sorted(events, key=lambda event: event.time_s))
         recorders = {name: Recorder() for name in self._vehicles}
         for flown in range(frames):
-            now_s = self._frame * period_s
+            now_s = self._frame * PERIOD_S
             while waiting and waiting[0].time_s <= now_s + 1e-9:
                 self._apply(waiting.popleft())
-            if self._frame % SCALES_EVERY_FRAMES == 0:
-                self._update_scales()
             self._control(now_s, recorders)
-            self._laboratory.advance(period_s)
+            self._laboratory.advance(PERIOD_S)
             self._frame += 1
             for name, pilot in self.pilots.items():
                 pilot.observe(self._measured(name))
-            if progress is not None and flown % round(PROGRESS_EVERY_S / period_s) == 0:
+            if progress is not None and flown % round(PROGRESS_EVERY_S / PERIOD_S) == 0:
                 progress(flown / frames)
         return FlightRecord(
             {
@@ -218,29 +192,19 @@ class Rig:
             volume_max_m=(ROOM_M, ROOM_M, ROOM_M),
             configuration=Configuration(
                 vehicle.controller,
-                vehicle.estimator,
+                DEFAULT_ESTIMATOR,
                 {"horizon": vehicle.horizon, **vehicle.controller_settings},
                 vehicle.estimator_settings,
             ),
-            period_s=vehicle.period_s,
+            period_s=PERIOD_S,
             following=vehicle.following,
             deviation_share=1.0 if vehicle.as_published else vehicle.deviation_share,
-            separation=self._options.clearance,
         )
-
-    def _frames_per_period(self, vehicle: RigVehicle) -> int:
-        ratio = vehicle.period_s / self._options.frame_period_s
-        if ratio < 1 or abs(ratio - round(ratio)) > 1e-9:
-            raise RigError(
-                f"{vehicle.name}: control period {vehicle.period_s} s is no whole multiple of the frame "
-                f"period {self._options.frame_period_s} s"
-            )
-        return round(ratio)
 
     def _measured(self, name: str) -> StampedMeasurement:
         pose = self._laboratory.measured_pose(name)
         measurement = Measurement.of_pose(pose.position_m, pose.quaternion_xyzw)
-        self._seen[name] = StampedMeasurement(1, self._frame, self._options.frame_period_s, measurement)
+        self._seen[name] = StampedMeasurement(1, self._frame, PERIOD_S, measurement)
         return self._seen[name]
 
     def _apply(self, event: Event) -> None:
@@ -258,14 +222,8 @@ class Rig:
     def _control(self, now_s: float, recorders: Mapping[str, Recorder]) -> None:
         known = dict(self._plans) if self._options.previous_frame else self._plans
         for name in flying_order({name: self._leaders(pilot) for name, pilot in self.pilots.items()}):
-            if self._frame % self._frames_per_tick[name]:
-                continue
             pilot = self.pilots[name]
-            plans = self._leader_plans(name, known, self._leaders(pilot))
-            neighbours = self._neighbours(name, known)
-            started_s = time.thread_time()
-            flight = pilot.control(plans, neighbours)
-            step_s = time.thread_time() - started_s
+            flight = pilot.control(self._leader_plans(name, known, self._leaders(pilot)))
             if self._options.guard:
                 self.guards[name].watch(flight)
                 self.tunings[name].wait()
@@ -275,16 +233,14 @@ class Rig:
             # The transmitter gateway reports the applied input before the next pose.
             pilot.note_applied("armed", pilot.sequence, flight.input)
             self._plans[name] = (self._frame, flight)
-            recorders[name].add(
-                now_s, self._laboratory.plant(name).motion, pilot, flight, step_s, self._station(pilot)
-            )
+            motion = self._laboratory.plant(name).motion
+            recorders[name].add(now_s, motion, flight, self._station(pilot))
 
     def _add_to_log(self, name: str, flight: ControlOutput) -> None:
         log, measurement = self._logs.get(name), self._seen[name].measurement
         if log is not None and measurement is not None:
-            tick = self._frame // self._frames_per_tick[name]
-            log.add_pose(tick, measurement)
-            log.add_input(tick, flight.input)
+            log.add_pose(self._frame, measurement)
+            log.add_input(self._frame, flight.input)
 
     @staticmethod
     def _leaders(pilot: Pilot) -> list[str]:
@@ -296,28 +252,6 @@ class Rig:
             name: tuple(target_link(link) for link in pilot.guidance.followed)
             for name, pilot in self.pilots.items()
         }
-
-    def _update_scales(self) -> None:
-        """Scale the separation of each pair, as agents do from each other's statuses."""
-        clearance = self._options.clearance
-        if clearance is None:
-            return
-        links = self._links()
-        heads = {name: np.append(*pilot.guidance.set_point()) for name, pilot in self.pilots.items()}
-        where, order = places(links, heads), list(self.pilots)
-        self._scales = {
-            name: {
-                other: ellipsoid_scale(clearance, links, where, name, other)
-                for other in order
-                if other != name
-            }
-            for name in order
-        }
-
-    def _neighbours(self, name: str, known: Mapping[str, tuple[int, ControlOutput]]) -> dict[str, Neighbour]:
-        scales = self._scales.get(name, {})
-        plans = self._leader_plans(name, known, [other for other, scale in scales.items() if scale > 0.0])
-        return {other: Neighbour(plan, scales[other]) for other, plan in plans.items()}
 
     def _leader_plans(
         self, name: str, known: Mapping[str, tuple[int, ControlOutput]], leaders: Sequence[str]

@@ -6,40 +6,26 @@ No sockets and no clock; the caller advances the time.
 
 import math
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import NOISE, random_stream
 from rcopterx.simulator.downwash import set_downwash
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
-from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.types import COAXIAL
 
-Particulars = HelicopterParameters
-"""Parameters of a vehicle in place of those that the conditions give."""
 
-
-def plant_of(
-    name: str,
-    model: Model,
-    conditions: Conditions,
-    seed: int,
-    start: Pose,
-    particulars: Particulars | None = None,
-) -> Plant:
+def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> Plant:
     """Plant of a vehicle at time 0: a helicopter if it is coaxial and the conditions require it, else
     equation (1).
 
-    `particulars` replace the helicopter's parameters of the conditions. Raises `ValueError` for a start pose
-    that is not finite or below the floor.
+    Raises `ValueError` for a start pose that is not finite or below the floor.
     """
     if model.kind == COAXIAL.kind and conditions.coaxial_plant != "first_order":
-        flown = particulars or helicopter_of(name, conditions, seed)
-        return Helicopter(name, model, conditions, seed, start, flown)
+        return Helicopter(name, model, conditions, seed, start, helicopter_of(name, conditions, seed))
     return FirstOrderPlant(name, model, conditions, seed, start)
 
 
@@ -47,9 +33,8 @@ class Laboratory:
     """Plants that advance together.
 
     Order and number of the models do not change what happens to each vehicle. A vehicle that starts on the
-    floor (z = 0) stands with motors stopped, else it hovers. `particulars` replace parameters that the
-    conditions give. Raises `ValueError` if models and start poses differ in their vehicles, or for a negative
-    seed.
+    floor (z = 0) stands with motors stopped, else it hovers. Raises `ValueError` if models and
+    start poses differ in their vehicles, or for a negative seed.
     """
 
     def __init__(
@@ -58,7 +43,6 @@ class Laboratory:
         start: Mapping[str, Pose],
         conditions: Conditions,
         seed: int = 0,
-        particulars: Mapping[str, Particulars] = MappingProxyType({}),
     ) -> None:
         if seed < 0:
             raise ValueError(f"laboratory: seed {seed} is negative")
@@ -69,15 +53,12 @@ class Laboratory:
         self._start = dict(start)
         self._conditions = conditions
         self._seed = seed
-        self._particulars = dict(particulars)
         self.reset()
 
     def reset(self) -> None:
         """Restart at time 0: the same inputs then lead to exactly the same flight."""
         self._plants = {
-            name: plant_of(
-                name, model, self._conditions, self._seed, self._start[name], self._particulars.get(name)
-            )
+            name: plant_of(name, model, self._conditions, self._seed, self._start[name])
             for name, model in self._models.items()
         }
         self._noise = {name: random_stream(self._seed, name, NOISE) for name in self._models}

@@ -103,13 +103,6 @@ def test_cascade_keeps_the_formation_in_the_laboratory() -> None:
         assert not record[name].touchdowns
 
 
-def test_control_period_may_be_several_frames() -> None:
-    rig = Rig(pair(), LABORATORY, 0, RigOptions(frame_period_s=0.005))
-    record = rig.fly(3.0, (replace(STEP, time_s=1.0),))
-    assert np.diff(record["h1"].time_s) == pytest.approx(0.02)
-    assert record.formation_error_m(1.0).max() < 0.045
-
-
 def test_rig_flies_on_from_where_it_stopped() -> None:
     parts = Rig(pair(), LABORATORY, 5)
     first, second = parts.fly(2.0, (STEP,)), parts.fly(2.0, (STEP,))
@@ -213,11 +206,6 @@ def test_cycle_of_leaders_is_refused() -> None:
     circle = replace(leader(), following=(LeaderLink(leader="h2"),))
     with pytest.raises(RigError, match="h1 follows h2 follows h1"):
         Rig([circle, follower()], IDEAL)
-
-
-def test_control_period_that_fits_no_frames_is_refused() -> None:
-    with pytest.raises(RigError, match="no whole multiple of the frame period"):
-        Rig([leader()], IDEAL, 0, RigOptions(frame_period_s=0.015))
 
 
 @pytest.mark.parametrize(
