@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rcopterx.control.references.path_shapes import circle, figure_eight, spiral, through
     from rcopterx.control.references.paths import FlightPath, PathError
-    from rcopterx.ground_station.scripting.asynchronous import AsyncFleet, AsyncVehicle
     from rcopterx.ground_station.scripting.fleet import Fleet
     from rcopterx.ground_station.scripting.launched import launched
     from rcopterx.ground_station.scripting.state import VehicleState
@@ -17,14 +16,13 @@ if TYPE_CHECKING:
     from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 __all__ = [
-    "AsyncFleet", "AsyncVehicle", "Fleet", "FlightPath", "NotReachedError", "PathError", "RefusedError",
-    "Vehicle", "VehicleState", "circle", "figure_eight", "launched", "spiral", "through",
+    "Fleet", "FlightPath", "NotReachedError", "PathError", "RefusedError", "Vehicle", "VehicleState",
+    "circle", "figure_eight", "launched", "spiral", "through",
 ]  # fmt: skip
 
 _MODULES = {
     "control.references.path_shapes": ("circle", "figure_eight", "spiral", "through"),
     "control.references.paths": ("FlightPath", "PathError"),
-    "ground_station.scripting.asynchronous": ("AsyncFleet", "AsyncVehicle"),
     "ground_station.scripting.fleet": ("Fleet",),
     "ground_station.scripting.launched": ("launched",),
     "ground_station.scripting.state": ("VehicleState",),

@@ -9,7 +9,6 @@ import pytest
 from support.scripted import fleet_file_text, scripted
 
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.ground_station.scripting.asynchronous import AsyncFleet
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.reference import PAGE, reference, with_reference
 from rcopterx.ground_station.scripting.vehicle import Vehicle
@@ -34,7 +33,6 @@ def trio(
     path.write_text(fleet_file_text(bus_address, ("h1", "h2", "h3")))
     monkeypatch.setattr("rcopterx.ground_station.scripting.fleet.fleet_path", lambda name: path)
     monkeypatch.setattr("rcopterx.launched", Fleet.connect)
-    monkeypatch.setattr(AsyncFleet, "launched", AsyncFleet.connect)
     with scripted(join(), "h1", "h2", "h3"):
         yield
 

@@ -59,18 +59,3 @@ def test_what_cannot_be_mended_is_said(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["recover", str(tmp_path / "a.mcap")])
     assert result.exit_code == 1
     assert "not an MCAP file" in result.output
-
-
-def test_a_flight_is_exported_for_foxglove(tmp_path: Path) -> None:
-    pytest.importorskip("foxglove")
-    flight = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"
-    result = CliRunner().invoke(app, ["export", str(flight), "--to", "foxglove", "-o", str(tmp_path / "out")])
-    assert result.exit_code == 0, result.output
-    assert (tmp_path / "out" / "layout.json").is_file()
-
-
-def test_a_library_that_an_export_needs_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("rcopterx.commands.export.find_spec", lambda _: None)
-    result = CliRunner().invoke(app, ["export", "x", "--to", "foxglove"])
-    assert result.exit_code == 1
-    assert "pip install 'rcopterx[foxglove]'" in result.output

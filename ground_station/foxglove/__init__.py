@@ -1,1 +1,0 @@
-"""Flights in Foxglove's standard schemas."""
