@@ -104,7 +104,7 @@ def test_seeds_are_consecutive_or_those_named(monkeypatch: pytest.MonkeyPatch) -
     seen: list[Options] = []
     monkeypatch.setattr("rcopterx.experiments.catalogue.EXPERIMENTS", without_flights(seen))
     for arguments in (
-        ["chain"],
+        ["chain", "--conditions", "laboratory"],
         ["preview", "--seeds", "9,4", "--quick", "--conditions", "laboratory"],
         ["family", "--quick"],
     ):

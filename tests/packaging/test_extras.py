@@ -11,7 +11,7 @@ EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["p
     "optional-dependencies"
 ]
 NAMED = re.compile(r"rcopterx\[(\w+)\]")
-FOR_THIS_TREE = {"browser", "docs", "mutation", "package", "test"}
+FOR_THIS_TREE = {"browser", "docs", "fuzz", "mutation", "package", "test"}
 """Installed by targets of the Makefile."""
 PAGES = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
 SOURCES = [path for path in (ROOT / "rcopterx").glob("*/**/*.py") if "__pycache__" not in path.parts]
