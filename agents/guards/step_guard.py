@@ -24,9 +24,29 @@ from rcopterx.control.solver.candidates import shift
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, XD_BODY, YAW, Array, turned_about_z
 
+SHIFTED_PLAN: Final = "shifted_plan"
+"""Counted for every step that the previous plan flew."""
+SHIFTED_PLAN_LIMIT_S: Final = 0.3
+"""Age from which a plan says nothing about a vehicle that has not been steered since."""
+DEFAULT_CONTROLLER: Final = "default_controller"
+"""Counted for every step that the default controller flew for one that failed."""
+HOVER: Final = "hover"
+"""Counted for every step that the feedback law flew, or that had no reference to fly."""
+
+PATIENCE_S: Final = 0.1
+"""Failures in a row for so long mean that the controller is given up."""
+FIRST_STEPS: Final = 5
+FIRST_STEPS_FACTOR: Final = 4.0
+"""The first steps load code and fill caches; they may take so many times as long."""
+
 _STIFFNESS: Final = np.array([2.0, 2.0, 4.0, 9.0])
 _DAMPING: Final = np.array([2.5, 2.5, 4.0, 6.0])
 _ERROR_CAP: Final = np.array([0.4, 0.4, 0.4, 0.8])
+"""Of `hovering_input`: per square second, per second, and largest errors; x, y, z, yaw."""
+_TOLERANCE: Final = 1e-6
+_LARGEST: Final = 1e6
+_ESTIMATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0] + 4 * [2.0] + 4 * [100.0])
+"""Motion, actuators, disturbance: no vehicle is beyond these; estimates are cut to keep arithmetic finite."""
 
 
 def hovering_input(model: Model, motion: Array, set_point: Array) -> Array:
@@ -45,27 +65,6 @@ def hovering_input(model: Model, motion: Array, set_point: Array) -> Array:
     error = turned_about_z(error, -float(motion[YAW]))
     acceleration = -_STIFFNESS * error - _DAMPING * motion[XD_BODY:]
     return np.asarray(model.hover_input + acceleration / model.b)
-
-
-SHIFTED_PLAN: Final = "shifted_plan"
-"""Counted for every step that the previous plan flew."""
-SHIFTED_PLAN_LIMIT_S: Final = 0.3
-"""Age from which a plan says nothing about a vehicle that has not been steered since."""
-DEFAULT_CONTROLLER: Final = "default_controller"
-"""Counted for every step that the default controller flew for one that failed."""
-HOVER: Final = "hover"
-"""Counted for every step that the feedback law flew, or that had no reference to fly."""
-
-PATIENCE_S: Final = 0.1
-"""Failures in a row for so long mean that the controller is given up."""
-FIRST_STEPS: Final = 5
-FIRST_STEPS_FACTOR: Final = 4.0
-"""The first steps load code and fill caches; they may take so many times as long."""
-
-_TOLERANCE: Final = 1e-6
-_LARGEST: Final = 1e6
-_ESTIMATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0] + 4 * [2.0] + 4 * [100.0])
-"""Motion, actuators, disturbance: no vehicle is beyond these; estimates are cut to keep arithmetic finite."""
 
 
 class _Task(NamedTuple):
