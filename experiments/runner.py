@@ -104,11 +104,10 @@ class Experiment(Generic[T]):
     beside_ideal: bool = False
     compares_knowledge: bool = False
 
-    def seeds(self, preset: str, first: int | None = None) -> tuple[int, ...]:
+    def seeds(self, preset: str) -> tuple[int, ...]:
         """Consecutive seeds for a preset."""
-        if first is None:
-            drawn = PRESETS[preset].coaxial_plant == "drawn_helicopter"
-            first = FIRST_REPORTED_VEHICLE if drawn else 0
+        drawn = PRESETS[preset].coaxial_plant == "drawn_helicopter"
+        first = FIRST_REPORTED_VEHICLE if drawn else 0
         count = self.flights.get(preset, next(iter(self.flights.values())))
         return tuple(range(first, first + count))
 
