@@ -112,6 +112,7 @@ class ForkedProcess:
                 if result is not None:
                     status = result.si_status
                     self.returncode = status if result.si_code == os.CLD_EXITED else -status
+                    # `Thread.start` would wait until the thread runs, which has no real-time priority.
                     start_new_thread(_remove, (self.pid,))
             return self.returncode
 
