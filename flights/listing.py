@@ -85,7 +85,7 @@ def mend(path: Path, schemas: dict[str, tuple[str, bytes]]) -> Mended:
     """
     contents, read, count = contents_of(path), Contents(), 0
     target = path.with_name(path.name + ".new")
-    with target.open("xb") as file:
+    with target.open("wb") as file:
         mcap = McapFile(file, schemas)
         for name, table in contents.metadata.items():
             mcap.add_metadata(name, table)

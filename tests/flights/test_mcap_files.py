@@ -92,6 +92,14 @@ def test_a_mended_file_is_complete_and_holds_everything_that_was_left(path: Path
     assert [found.data for _, _, found in reader.iter_messages()] == [b"payload 1"]
 
 
+def test_what_an_interrupted_repair_has_left_does_not_keep_the_next_one_from_its_work(path: Path) -> None:
+    path.write_bytes(written([[message(1)], [message(2)]], finish=False)[:-60])
+    path.with_name(path.name + ".new").write_bytes(b"half a file")
+    assert mend(path, SCHEMAS).messages == 1
+    assert contents_of(path).complete
+    assert list(path.parent.iterdir()) == [path]
+
+
 def test_a_damaged_chunk_is_left_out_and_counted(path: Path) -> None:
     data = bytearray(written([[message(1)], [message(2)], [message(3)]]))
     data[data.index(b"zstd", data.index(b"zstd") + 1) + 40] ^= 0xFF
