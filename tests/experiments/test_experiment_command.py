@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.waiting import DEADLINE_S, wait_for
+from support.waiting import DEADLINE_S, is_running, wait_for
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
@@ -210,8 +210,8 @@ def test_workers_end_with_their_experiment(tmp_path: Path) -> None:
     try:
         # Two workers, and the process with which multiprocessing tracks its resources.
         wait_for(lambda: len(children.read_text().split()) == 3, "there are no workers")
-        pids = children.read_text().split()
+        pids = [int(pid) for pid in children.read_text().split()]
     finally:
         experiment.terminate()
         experiment.wait(DEADLINE_S)
-    wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids), "workers stay behind")
+    wait_for(lambda: not any(map(is_running, pids)), "workers stay behind")

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 DEADLINE_S = 60.0
 """Only bounds how long a test takes to fail: a busy machine may stall for seconds."""
@@ -15,6 +16,15 @@ def wait_for(condition: Callable[[], object], what: str, deadline_s: float = DEA
     while not condition():
         assert time.monotonic() < end_s, f"after {deadline_s:g} s: {what}"
         time.sleep(POLL_S)
+
+
+def is_running(pid: int) -> bool:
+    """Whether a process has not ended; one whose parent has not noticed that has."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return status.rsplit(")", 1)[1].split()[0] != "Z"
 
 
 class FakeClock:

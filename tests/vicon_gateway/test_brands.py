@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from datastream_strategies import float32
 from support.records import replace
+from support.waiting import is_running
 from tracker_bench import BODIES
 
 from rcopterx.simulator.faults import Close, Occlude, Silence
@@ -42,14 +43,6 @@ def run_until(
         if frame is not None:
             frames.append(frame)
     return frames
-
-
-def is_running(pid: int) -> bool:
-    try:
-        status = Path(f"/proc/{pid}/stat").read_text()
-    except FileNotFoundError:
-        return False
-    return status.rsplit(")", 1)[1].split()[0] != "Z"
 
 
 def test_frames_of_the_library_arrive_as_frames_like_all_others() -> None:
