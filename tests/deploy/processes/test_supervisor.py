@@ -1,23 +1,24 @@
 """Promises of the supervisor, with harmless processes that do nothing but live and die."""
 
 import os
-import re
-import shlex
 import shutil
 import signal
-import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.waiting import DEADLINE_S, FakeClock, PatientClock, wait_for
+from support.supervised import (
+    DIES,
+    LIMITS,
+    Supervise,
+    fake,
+    kill,
+    watch_into,
+    watch_until,
+)
+from support.waiting import DEADLINE_S, FakeClock, wait_for
 
 import rcopterx.deploy.processes.supervisor
 from rcopterx.deploy.processes.child import MAX_PAUSE_S, QUICK_RESTARTS, restart_pause_s
@@ -25,100 +26,6 @@ from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S, STOP_LIMIT_S, Supervisor
 from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, ProcessSpec
 from rcopterx.deploy.spares.spares import Spares
-from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
-
-SLEEPS = "exec sleep 600"
-DIES = "exit 3"
-# Of the clock, shorter than what a watchdog takes for a stall of its own.
-READING_S = 0.02
-LIMITS = WatchdogLimits(flight_s=0.5, floor_s=0.5, start_s=60.0)
-BEATS = """
-import mmap, os, sys, time
-words = memoryview(mmap.mmap(int(os.environ["RCOPTERX_HEARTBEAT"]), 4096)).cast("Q")
-spins = "spins" in sys.argv
-if "in real time" in sys.argv:
-    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
-while True:
-    words[0], words[1] = words[0] + 1, 1
-    while spins and words[0] > 20:
-        pass
-    works_until_s = time.process_time() + (0.01 if "works" in sys.argv else 0.0)
-    while time.process_time() < works_until_s:
-        pass
-    time.sleep(0.01)
-"""
-"""Shows progress; with an argument it spins after a while, or works 10 ms in each turn."""
-
-
-@dataclass(frozen=True)
-class Fake(ProcessSpec):
-    """A process that runs a line of shell."""
-
-    shell: str = SLEEPS
-
-    def command(self, fleet_path: Path, *, take_over: bool = False) -> list[str]:
-        return ["/bin/sh", "-c", self.shell, str(fleet_path)]
-
-
-def beating(name: str, *words: str) -> Fake:
-    shell = "exec " + shlex.join([sys.executable, "-S", "-c", BEATS, *words])
-    return Fake(name, "helper", "main", 0, shell=shell)
-
-
-def fake(name: str, shell: str = SLEEPS, stop_order: int = 0) -> Fake:
-    return Fake(name, "simulator", "main", stop_order, shell=shell)
-
-
-Supervise = Callable[..., Supervisor]
-
-
-@pytest.fixture
-def supervise(tmp_path: Path) -> Iterator[Supervise]:
-    with ExitStack() as stack:
-
-        def build(*specs: Fake, **options: Any) -> Supervisor:
-            forks = ForkServer(clock=options.get("clock", time.monotonic))
-            supervisor = Supervisor(list(specs), tmp_path / "lab.toml", tmp_path, forks, **options)
-            stack.callback(supervisor.stop_all)
-            return supervisor
-
-        yield build
-
-
-def kill(supervisor: Supervisor, name: str, number: signal.Signals = signal.SIGKILL) -> int:
-    pid = supervisor.pid(name)
-    assert pid is not None
-    os.kill(pid, number)
-    return pid
-
-
-def may_be_real_time() -> bool:
-    """Whether processes started here may have real-time priorities, and leave other processes a processor."""
-    code = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))"
-    tried = subprocess.run([sys.executable, "-c", code], check=False, stderr=subprocess.DEVNULL)
-    return tried.returncode == 0 and len(os.sched_getaffinity(0)) > 1
-
-
-def watch_until(
-    supervisor: Supervisor, condition: Callable[[], object], what: str, deadline_s: float = DEADLINE_S
-) -> list[str]:
-    lines: list[str] = []
-    watch_into(lines, supervisor, condition, what, deadline_s)
-    return lines
-
-
-def watch_into(
-    lines: list[str],
-    supervisor: Supervisor,
-    condition: Callable[[], object],
-    what: str,
-    deadline_s: float = DEADLINE_S,
-) -> None:
-    def watched() -> bool:
-        lines.extend(supervisor.watch(0.01))
-        return bool(condition())
-
-    wait_for(watched, what, deadline_s)
 
 
 def test_processes_are_started_in_the_order_of_the_list(supervise: Supervise, tmp_path: Path) -> None:
@@ -423,114 +330,3 @@ def test_an_error_in_the_supervisor_is_reported_once_and_everything_else_goes_on
     assert sum("ValueError: an unforeseen value (test_supervisor.py" in line for line in lines) == 1
     assert supervisor.turns > turns
     monkeypatch.undo()
-
-
-def beats_of(supervisor: Supervisor, name: str) -> int:
-    process = supervisor.children[name].process
-    return 0 if process is None else process.page.beats
-
-
-def test_a_process_that_is_stopped_is_replaced_reported_and_counted(supervise: Supervise) -> None:
-    clock = FakeClock()
-    supervisor = supervise(beating("one"), beating("two"), watchdog=LIMITS, clock=clock)
-    supervisor.start_all()
-    watch_until(supervisor, lambda: all(beats_of(supervisor, name) for name in ("one", "two")), "no beats")
-    other, before = supervisor.pid("two"), kill(supervisor, "one", signal.SIGSTOP)
-    lines: list[str] = []
-    while supervisor.children["one"].restarts == 0:
-        beats = beats_of(supervisor, "two")
-        wait_for(lambda beats=beats: beats_of(supervisor, "two") > beats, "the other one makes no progress")
-        clock.advance(READING_S)
-        lines += supervisor.watch(0.0)
-        assert clock() < 200.0, "not replaced"
-    assert re.match(
-        r"one: hung: no progress for 0\.\d\d s, 0\.5 s are allowed; killed by SIGKILL; log: ", lines[0]
-    )
-    assert supervisor.pid("one") != before
-    assert supervisor.pid("two") == other
-    assert (supervisor.children["one"].hung, supervisor.children["two"].hung) == (1, 0)
-    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "the successor shows no progress")
-
-
-@pytest.mark.timeout(400)
-@pytest.mark.parametrize(
-    "how", [(), pytest.param(("in real time",), marks=pytest.mark.campaign)], ids=["normal", "real time"]
-)
-def test_a_process_that_spins_is_replaced(supervise: Supervise, how: tuple[str, ...]) -> None:
-    if how and not may_be_real_time():
-        pytest.skip("no right to real-time priorities")
-    # A supervisor that gets no processor itself forgives all processes.
-    clock = PatientClock(READING_S)
-    supervisor = supervise(beating("one", "spins", *how), watchdog=LIMITS, clock=clock)
-    supervisor.start_all()
-    replaced = watch_until(
-        supervisor, lambda: supervisor.children["one"].restarts == 1, "not replaced", deadline_s=300.0
-    )
-    assert "one: hung: no progress for" in replaced[0]
-
-
-@contextmanager
-def starved(process: int) -> Iterator[None]:
-    """Leave a process hardly any processor time."""
-    processor = min(os.sched_getaffinity(0))
-    spins = f"import os\nos.sched_setaffinity(0, {{{processor}}})\nwhile True: pass"
-    os.sched_setaffinity(process, {processor})
-    os.setpriority(os.PRIO_PROCESS, process, 19)
-    # Linux shares processors among sessions first.
-    with suppress(OSError):
-        Path(f"/proc/{process}/autogroup").write_text("19", encoding="ascii")
-    command = [sys.executable, "-S", "-c", spins]
-    spinning = [subprocess.Popen(command, start_new_session=True) for _ in range(3)]
-    try:
-        yield
-    finally:
-        for program in spinning:
-            program.kill()
-            program.wait()
-
-
-@pytest.mark.parametrize("pause_s", [0.01, 0.06], ids=["checked in time", "checked late"])
-def test_a_process_that_gets_no_processor_is_waited_for(supervise: Supervise, pause_s: float) -> None:
-    supervisor = supervise(
-        beating("one", "works"),
-        *(beating(name) for name in ("two", "three", "four")),
-        watchdog=WatchdogLimits(flight_s=0.15, floor_s=0.15, start_s=60.0),
-    )
-    supervisor.start_all()
-    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
-    pid = supervisor.pid("one")
-    assert pid is not None
-    with starved(pid):
-        end_s = time.monotonic() + DEADLINE_S
-        while supervisor.longest_silence_s("one") < 0.6:
-            time.sleep(pause_s)
-            lines = supervisor.watch(0.0)
-            assert not any(line.startswith("one: ") for line in lines)
-            assert time.monotonic() < end_s, f"not starved: {supervisor.longest_silence_s('one')} s"
-    watch_until(supervisor, lambda: supervisor.forgiven.get("load", 0) > 0, "it does not go on")
-    assert supervisor.pid("one") == pid
-
-
-def test_without_a_watchdog_a_process_may_be_stopped(supervise: Supervise) -> None:
-    supervisor = supervise(beating("one"))
-    supervisor.start_all()
-    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
-    pid = kill(supervisor, "one", signal.SIGSTOP)
-    stopped_s = time.monotonic()
-    watch_until(supervisor, lambda: time.monotonic() > stopped_s + 2 * LIMITS.floor_s, "no time passes")
-    assert supervisor.pid("one") == pid
-    assert not supervisor.watchdog_on
-    kill(supervisor, "one")
-
-
-def test_the_longest_silence_of_a_process_is_known(supervise: Supervise) -> None:
-    supervisor = supervise(beating("one"), watchdog=WatchdogLimits(DEADLINE_S, DEADLINE_S, DEADLINE_S))
-    supervisor.start_all()
-    watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
-    pid = kill(supervisor, "one", signal.SIGSTOP)
-    watch_until(supervisor, lambda: supervisor.longest_silence_s("one") > 0.1, "not noticed")
-    os.kill(pid, signal.SIGCONT)
-    before = beats_of(supervisor, "one")
-    watch_until(supervisor, lambda: beats_of(supervisor, "one") > before, "it does not go on")
-    assert supervisor.children["one"].hung == 0
-    assert supervisor.longest_silence_s("one") > 0.1
