@@ -89,11 +89,14 @@ class Agent:
         parts = self.parts
         self._update_lease()
         self._take_requests()
+        was_informed = self._pilot.informed
         found_flying = parts.observation.take_applied()
         other_intent = parts.handover.receive_intents()
         if (found_flying or other_intent) and parts.handover.resume():
             parts.changes.update_subscriptions()
             parts.lost.expect()
+        elif self._pilot.informed and not was_informed:
+            parts.handover.resume_take_off()
         for began_s in parts.observation.frames(self._now_s):
             self._begin_period(began_s)
 

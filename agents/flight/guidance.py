@@ -149,6 +149,11 @@ class Guidance:
         """Make the present place the set point."""
         self.source = SetPointReference(estimate.motion[:3].copy(), float(estimate.motion[YAW]))
 
+    def takes_off_to(self, height_m: float) -> bool:
+        """Whether the vehicle takes off to this height above its floor now."""
+        end_m = self._touchdown.floor_m + height_m
+        return self.phase is Phase.TAKEOFF and math.isclose(self._climb_end_m[2], end_m, abs_tol=1e-6)
+
     def take_off_problem(self) -> str | None:
         """Return why the vehicle cannot take off now; None if it can."""
         if self.phase is Phase.ARMED:

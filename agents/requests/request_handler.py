@@ -252,13 +252,15 @@ class RequestHandler:
         return None
 
     def _take_off(self, request: TakeOff) -> Reply:
+        guidance = self._pilot.guidance
+        if guidance.takes_off_to(request.height_m):
+            return reply_of(None)  # The sender repeats a request whose reply was lost.
         floor_m = float(self._pilot.estimate.motion[2])
         top_m = self._settings.volume_max_m[2]
         if floor_m + request.height_m > top_m:
             return reply_of(
                 f"height_m: {request.height_m:g} m is above the flight volume, which ends at {top_m:g} m"
             )
-        guidance = self._pilot.guidance
         problem = guidance.take_off_problem() or take_off_problem(
             self._settings.vehicle,
             self._pilot.estimate.motion[:3],

@@ -139,6 +139,8 @@ LATE_INTENT_S: Final = 0.5
 LONG_PERIOD_S: Final = 1.0
 """Publication period of an unchanged intent with a path, which is long."""
 RECALL_TIMEOUT_S: Final = 0.2
+RECENT_TAKE_OFF_S: Final = 1.5
+"""Largest age of the intent of a predecessor whose take-off from the floor begins again."""
 PREVIOUS_AFTER: Final = 1
 """Number of quick deaths after which the last change of the configuration is withdrawn."""
 DEFAULTS_AFTER: Final = 2
@@ -210,11 +212,22 @@ class Handover:
         if intent is None:
             return False
         self._restore_configuration(intent)
-        age_s = self._bus.clock() - self._predecessor_s
-        since_s = passed_s(intent, age_s, clock.epoch, clock.current_frame, clock.period_s)
-        task = task_of(intent, clock.time_s, since_s)
+        task = task_of(intent, clock.time_s, self._passed_s(intent))
         self._pilot.guidance.restore(task, self._pilot.estimate, clock.time_s)
         return True
+
+    def resume_take_off(self) -> None:
+        """Begin the take-off of a predecessor again, if it ended while the armed vehicle still stood."""
+        intent, pilot = self.predecessor, self._pilot
+        if intent is None or pilot.guidance.phase is not Phase.ARMED:
+            return
+        if Phase.TAKEOFF in (intent.phase, intent.interrupted) and self._passed_s(intent) < RECENT_TAKE_OFF_S:
+            pilot.take_off(intent.set_point.position_m[2] - intent.floor_m)
+
+    def _passed_s(self, intent: Intent) -> float:
+        """Time since the predecessor published an intent [s]."""
+        clock, age_s = self._pilot.clock, self._bus.clock() - self._predecessor_s
+        return passed_s(intent, age_s, clock.epoch, clock.current_frame, clock.period_s)
 
     def _restore_configuration(self, intent: Intent) -> None:
         """Restore the configuration of the predecessor, unless it is what ends the process."""

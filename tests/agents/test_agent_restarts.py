@@ -103,6 +103,34 @@ def test_an_agent_that_starts_on_the_floor_forgets_the_task_of_its_predecessor(
     assert bench.status().following == ()
 
 
+CLIMBING = msgspec.structs.replace(
+    INTENT, phase="takeoff", set_point=SetPoint(position_m=(0.0, 0.0, 0.9), yaw_rad=0.0), floor_m=0.1
+)
+
+
+def test_a_take_off_begins_again_if_the_agent_restarts_while_the_rotor_turns_up(
+    join: Join, bus_address: BusAddress
+) -> None:
+    bench = successor(join, bus_address, CLIMBING)
+    bench.start("armed", 0.1)
+    assert bench.status().phase == "takeoff"
+    # The test shows the standing vehicle at a height of 1 m.
+    assert bench.pilot.guidance.set_point()[0][2] == pytest.approx(1.8)
+
+
+@pytest.mark.parametrize(("intent", "state"), [
+    (msgspec.structs.replace(CLIMBING, frame=0), "armed"),
+    (CLIMBING, "disarmed"),
+    (msgspec.structs.replace(CLIMBING, phase="landing"), "armed"),
+])  # fmt: skip
+def test_no_take_off_begins_by_an_old_intent_or_without_arming(
+    join: Join, bus_address: BusAddress, intent: Intent, state: str
+) -> None:
+    bench = successor(join, bus_address, intent)
+    bench.start(state, 0.1)
+    assert bench.status().phase in ("ground", "armed")
+
+
 def test_an_agent_tells_its_intent_for_its_successor(bench: Bench) -> None:
     intents = bench.others.subscribe(channels.INTENT, "h9")
     bench.start()

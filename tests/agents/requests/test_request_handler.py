@@ -94,6 +94,15 @@ def test_take_off_above_the_volume_is_refused(bench: HandlerBench) -> None:
     assert bench.pilot.guidance.phase is Phase.TAKEOFF
 
 
+def test_a_repeated_take_off_is_accepted_and_one_to_another_height_refused(bench: HandlerBench) -> None:
+    bench.arm()
+    assert bench.ask(TakeOff(height_m=1.0)).refusal is None
+    assert bench.ask(TakeOff(height_m=1.0)).refusal is None
+    refusal = bench.ask(TakeOff(height_m=1.2)).refusal
+    assert refusal is not None
+    assert "the phase is takeoff" in refusal
+
+
 def test_land_is_accepted_in_the_air(bench: HandlerBench) -> None:
     bench.fly()
     assert bench.ask(Land()).refusal is None
