@@ -11,6 +11,7 @@ from typing import Any, Final
 from rcopterx.experiments.faults.fault_flight import FaultFlight
 from rcopterx.experiments.faults.flying import FaultRange
 from rcopterx.experiments.faults.load import loaded
+from rcopterx.experiments.faults.observation import broken_in, seen_of
 from rcopterx.experiments.faults.promise import Seen
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
@@ -66,8 +67,10 @@ class Chaos:
         except FLIGHT_ERRORS as error:
             problem = "; ".join(lines_of(error))
             place.bench.say(f"ended early: {problem}")
-        seen = place.stop(places_m)
-        return chaos_report(self, seen, problem, time.monotonic() - started_s)
+        recording = place.stop()
+        if problem is None and (broken := broken_in(recording)):
+            problem = "; ".join(broken)
+        return chaos_report(self, seen_of(recording, places_m), problem, time.monotonic() - started_s)
 
     def _fly(self, started_s: float) -> None:
         due_s = started_s

@@ -1,7 +1,7 @@
 """Flights of the rows of the table of faults on a fleet."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Final
@@ -12,11 +12,11 @@ from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S
 from rcopterx.experiments import steps
 from rcopterx.experiments.faults.bench import Bench
 from rcopterx.experiments.faults.fault_flight import FaultFlight
-from rcopterx.experiments.faults.observation import WATCHED, seen_of
-from rcopterx.experiments.faults.promise import Promise, Seen
+from rcopterx.experiments.faults.observation import WATCHED, broken_in, seen_of
+from rcopterx.experiments.faults.promise import Promise
 from rcopterx.experiments.faults.reports import Report, report_of
 from rcopterx.experiments.paper_sequence import leader_of
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 from rcopterx.vehicles.tuples import Three
@@ -67,7 +67,9 @@ class FaultRange:
         except FLIGHT_ERRORS as error:
             problem = "; ".join(lines_of(error))
             self.bench.say(f"ended early: {problem}")
-        return report_of(row, self.stop(places_m), problem, time.monotonic() - started_s)
+        seconds = time.monotonic() - started_s
+        recording = self.stop()
+        return report_of(row, seen_of(recording, places_m), problem, seconds, broken_in(recording))
 
     def start(self) -> dict[str, Three]:
         """Start recording; returns the place of each vehicle [m]."""
@@ -76,9 +78,9 @@ class FaultRange:
         self.bench.wait(BEFORE_S)
         return places_m
 
-    def stop(self, places_m: Mapping[str, Three]) -> dict[str, Seen]:
-        """Stop recording; returns the figures of each vehicle."""
-        return seen_of(self._recorder.stop(), places_m)
+    def stop(self) -> Recording:
+        """Stop recording."""
+        return self._recorder.stop()
 
     def on_floor(self) -> list[str]:
         """Vehicles on the floor."""

@@ -2,19 +2,20 @@
 
 from collections.abc import Mapping
 from itertools import groupby, pairwise
+from typing import Any, Final
 
 import numpy as np
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.host_messages import LaboratoryVehicle
-from rcopterx.bus.message import Message
 from rcopterx.experiments.faults.promise import Seen
+from rcopterx.ground_station.report.promises import NEEDED, broken_promises
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.vehicles.tuples import Three
 
-WATCHED: tuple[Channel[Message], ...] = (channels.LABORATORY, channels.APPLIED)  # type: ignore[assignment]
-"""Channels that `seen_of` needs."""
+WATCHED: Final[tuple[Channel[Any], ...]] = (channels.LABORATORY, *NEEDED)
+"""Channels that `seen_of` and `broken_in` need."""
 
 
 def seen_of(recording: Recording, places_m: Mapping[str, Three]) -> dict[str, Seen]:
@@ -34,6 +35,11 @@ def seen_of(recording: Recording, places_m: Mapping[str, Three]) -> dict[str, Se
         )
         for name, place_m in places_m.items()
     }
+
+
+def broken_in(recording: Recording) -> list[str]:
+    """Promises of every flight that a recording breaks, as text."""
+    return [f"{vehicle}: {promise}" for _, vehicle, promise in broken_promises(recording)]
 
 
 def _seen(recording: Recording, name: str, place_m: Three, truth: list[LaboratoryVehicle]) -> Seen:

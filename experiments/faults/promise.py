@@ -1,6 +1,6 @@
 """Promises about flights with a fault, and checks of what was seen against them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final
@@ -67,12 +67,24 @@ class Seen:
 Check = dict[str, Any]
 
 
-def judged(promise: Promise, down: tuple[str, ...], limits: Limits, seen: Mapping[str, Seen]) -> list[Check]:
-    """Checks of a flight (`name`, `passed`, `figure`); only the vehicles `down` may come down."""
+def judged(
+    promise: Promise,
+    down: tuple[str, ...],
+    limits: Limits,
+    seen: Mapping[str, Seen],
+    broken: Sequence[str] = (),
+) -> list[Check]:
+    """Checks of a flight (`name`, `passed`, `figure`); only the vehicles `down` may come down.
+
+    `broken` are the promises of every flight that this one breaks.
+    """
     flown = {name: vehicle for name, vehicle in seen.items() if name not in down}
     landed = {name: vehicle for name, vehicle in seen.items() if name in down}
     blind = [name for name, vehicle in seen.items() if vehicle.states < CHECKED_AT_LEAST]
-    checks = [_check("the true states of all vehicles are known", not blind, blind)]
+    checks = [
+        _check("the true states of all vehicles are known", not blind, blind),
+        _check("the promises of every flight hold", not broken, list(broken)),
+    ]
     if promise is not Promise.REFUSED:
         fallen = [name for name, vehicle in flown.items() if vehicle.down]
         checks.append(_check("no other vehicle comes down", not fallen, fallen))

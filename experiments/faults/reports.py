@@ -10,9 +10,15 @@ FIGURES: Final = ("deviation_mm", "drift_mm", "touchdown_m_s", "silence_ms")
 Report = dict[str, Any]
 
 
-def report_of(row: FaultFlight, seen: Mapping[str, Seen], problem: str | None, seconds: float) -> Report:
-    """Report of a row that was flown; `problem` is what ended it early."""
-    checks = judged(row.promise, row.down, row.allowed, seen) if seen else []
+def report_of(
+    row: FaultFlight,
+    seen: Mapping[str, Seen],
+    problem: str | None,
+    seconds: float,
+    broken: Sequence[str] = (),
+) -> Report:
+    """Report of a row that was flown; `problem` is what ended it early, `broken` as in `judged`."""
+    checks = judged(row.promise, row.down, row.allowed, seen, broken) if seen else []
     passed = problem is None and bool(checks) and all(check["passed"] for check in checks)
     return not_flown(row, problem) | {
         "verdict": "passed" if passed else "failed",
