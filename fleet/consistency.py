@@ -1,11 +1,10 @@
 """Checks that names, hosts, leaders and devices in a fleet file are consistent."""
 
-import ipaddress
 import os.path
 from collections.abc import Mapping
 
 from rcopterx.bus.keys import EVERY_FLEET
-from rcopterx.fleet.schema import RESERVED_PROCESSES, RESERVED_UNITS, FleetError, FleetFile
+from rcopterx.fleet.schema import RESERVED_PROCESSES, RESERVED_UNITS, FleetError, FleetFile, is_loopback
 
 
 def check_consistency(fleet: FleetFile) -> None:
@@ -55,7 +54,7 @@ def _check_unique(field_name: str, values: Mapping[str, str]) -> None:
 def _check_hosts(fleet: FleetFile) -> None:
     addresses: dict[str, str] = {}
     for name, host in fleet.hosts.items():
-        address = f"{host.address}:{host.router_port}"
+        address = f"{host.address}:{fleet.router_port(name)}"
         other = addresses.setdefault(address, name)
         if other != name:
             raise FleetError(f"hosts.{name}.router_port: {address} is already that of hosts.{other}")
@@ -118,14 +117,6 @@ def _check_security(fleet: FleetFile) -> None:
                 "any program there can steer the fleet; name a directory in security.certificates and make "
                 "them by rcopterx certs, or write insecure = true under [security]"
             )
-
-
-def is_loopback(address: str) -> bool:
-    """Whether only this computer can reach an address."""
-    try:
-        return ipaddress.ip_address(address).is_loopback
-    except ValueError:
-        return address == "localhost"
 
 
 def _check_leaders(fleet: FleetFile) -> None:

@@ -3,6 +3,7 @@
 The docstrings of fields are the user documentation in `docs/fleet_file.md`.
 """
 
+import ipaddress
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct, field
@@ -14,6 +15,7 @@ from rcopterx.bus.messages import LeaderLink
 Text = Annotated[str, Meta(min_length=1)]
 
 DEFAULT_HOST = "main"
+ROUTER_PORT = 7447
 RESERVED_UNITS = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
 """Units of the bus other than vehicles."""
 RESERVED_PROCESSES = ("router", "simulator", "tracker", "recorder", "spare")
@@ -75,13 +77,21 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     """Initial x, y, z [m] and yaw [rad] by vehicle; by default the place in the formation, on the floor."""
 
 
+def is_loopback(address: str) -> bool:
+    """Whether only this computer can reach an address."""
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"
+
+
 class HostConfig(Table, frozen=True, kw_only=True):
     """A computer that runs part of the fleet."""
 
     address: str = "127.0.0.1"
     """Address at which other hosts reach it."""
-    router_port: Annotated[int, Meta(ge=1, le=65535)] = 7447
-    """TCP port of the bus router."""
+    router_port: Annotated[int, Meta(ge=1, le=65535)] | None = None
+    """TCP port of the bus router. Default: 7447, but none in a fleet of one computer without certificates."""
     steering: bool = True
     """Whether operators may steer through the router of this host, in a fleet with certificates."""
 
@@ -305,7 +315,17 @@ class FleetFile(Table, frozen=True, kw_only=True):
             if self.gateways[vehicle.transmitter.gateway].host == host
         )
 
+    def router_port(self, host: str) -> int:
+        """Return the TCP port at which others reach the router of a host."""
+        return self.hosts[host].router_port or ROUTER_PORT
+
+    def listens(self, host: str) -> bool:
+        """Whether the router of a host listens for others than processes of its own user on its computer."""
+        place = self.hosts[host]
+        alone = len(self.hosts) == 1 and is_loopback(place.address) and self.security.certificates is None
+        return place.router_port is not None or not alone
+
     def endpoint(self, host: str) -> str:
-        """Return the Zenoh endpoint at which other hosts reach the router of a host."""
+        """Return the Zenoh endpoint at which others reach the router of a host, if it listens for them."""
         protocol = "tcp" if self.security.certificates is None else "tls"
-        return f"{protocol}/{self.hosts[host].address}:{self.hosts[host].router_port}"
+        return f"{protocol}/{self.hosts[host].address}:{self.router_port(host)}"

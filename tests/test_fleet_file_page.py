@@ -29,7 +29,11 @@ def test_every_key_has_a_type_a_default_and_a_meaning() -> None:
 @pytest.mark.parametrize(
     ("key", "cells"),
     [
-        ("router_port", "| `router_port` | integer, 1 to 65535 |  | `7447` | TCP port of the bus router. |"),
+        (
+            "router_port",
+            "| `router_port` | integer, 1 to 65535 |  | none | TCP port of the bus router. Default: 7447, "
+            "but none in a fleet of one computer without certificates. |",
+        ),
         ("max_m", "| `max_m` | 3 times float | m | `[1.2, 1.2, 2.0]` | Highest x, y, z."),
         ("then", '| `then` | `hold` or `land` or `promote` |  | `"hold"` | Keep the place;'),
         ("subject", "| `subject` | text |  | **needed** | Name of the vehicle's subject"),

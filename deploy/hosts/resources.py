@@ -10,6 +10,7 @@ from pathlib import Path
 from rcopterx.deploy.certificates.files import directory_of
 from rcopterx.deploy.certificates.names import host_name
 from rcopterx.deploy.hosts.run_directory import serial_path
+from rcopterx.deploy.hosts.running import running_fleets
 from rcopterx.deploy.roles.tracker import check_motion_capture, tracker_address
 from rcopterx.fleet.schema import FleetError, FleetFile
 
@@ -33,8 +34,7 @@ def check_resources(fleet: FleetFile, host: str, directory: Path, without: Colle
 
     Raises `FleetError`: names the field and the address or device.
     """
-    place = fleet.hosts[host]
-    check_free(place.address, place.router_port, f"hosts.{host}.router_port")
+    check_router(fleet, host)
     if host == fleet.tracker.host:
         check_motion_capture(fleet)
     if fleet.simulator is not None:
@@ -68,6 +68,18 @@ def check_without(fleet: FleetFile, without: Collection[str]) -> None:
             raise FleetError(f"--without: unknown vehicle {name!r}, known are {', '.join(fleet.vehicles)}")
     if len(set(without)) == len(fleet.vehicles):
         raise FleetError("--without: at least one vehicle must take part")
+
+
+def check_router(fleet: FleetFile, host: str) -> None:
+    """Check that the router of a host can listen, and that the fleet is not up on this computer.
+
+    Raises `FleetError`: the fleet is up, or another program listens at the address.
+    """
+    for running in running_fleets():
+        if (running.fleet, running.namespace, running.host) == (fleet.name, fleet.bus.namespace, host):
+            raise FleetError(f"{fleet.name} is already up on this computer; stop it first")
+    if fleet.listens(host):
+        check_free(fleet.hosts[host].address, fleet.router_port(host), f"hosts.{host}.router_port")
 
 
 def check_free(address: str, port: int, where: str) -> None:

@@ -8,7 +8,7 @@ from rcopterx.fleet.schema import FleetFile
 
 
 def bus_address(fleet: FleetFile, host: str) -> BusAddress:
-    """Return where processes of a host find their router: at its socket, else at its TCP address."""
+    """Return where processes of a host find their router: at its socket, or at its TCP address."""
     return BusAddress(
         endpoints=tuple(router_endpoints(fleet, host)),
         fleet=fleet.name,
@@ -22,4 +22,5 @@ def bus_address(fleet: FleetFile, host: str) -> BusAddress:
 def router_endpoints(fleet: FleetFile, host: str) -> list[str]:
     """Return the endpoints of the router of a host, the fastest first."""
     local = router_socket(host, run_directory(fleet.name, fleet.bus.namespace))
-    return [fleet.endpoint(host)] if local is None else [local, fleet.endpoint(host)]
+    others = [fleet.endpoint(host)] if fleet.listens(host) or local is None else []
+    return others if local is None else [local, *others]

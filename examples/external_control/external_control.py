@@ -10,26 +10,42 @@ All values are plain numbers and lists, so that MATLAB and other languages with 
 
 import contextlib
 import json
+import os
+import pathlib
 import queue
 import struct
+import tempfile
 
 import msgpack
 import zenoh
 
-ROUTER = "tcp/127.0.0.1:7447"
+
+def router_of(fleet):
+    """Endpoint of the router of a fleet that is up on this computer, from the record in its run directory."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime and os.access(runtime, os.W_OK):
+        usual = pathlib.Path(runtime, "rcopterx")
+    else:
+        usual = pathlib.Path(tempfile.gettempdir(), f"rcopterx-{os.getuid()}")
+    for path in pathlib.Path(os.environ.get("RCOPTERX_RUN", usual)).glob("*/up-*.json"):
+        record = json.loads(path.read_text())
+        if record["fleet"] == fleet:
+            return record["endpoints"][0]
+    raise RuntimeError(f"{fleet} is not up on this computer; give the address of its router")
 
 
 class ExternalControl:
     """Authority over one vehicle, from `take` (or entering a `with` block) to `release`.
 
     `fleet` is the name in the fleet file; `name` is the name of this program in small letters, digits and
-    underscores; `namespace` is that of the bus, if the fleet file sets one.
+    underscores; `router` is the address of the fleet's router, needed on another computer; `namespace` is
+    that of the bus, if the fleet file sets one.
     """
 
-    def __init__(self, fleet, vehicle, name="my_controller", router=ROUTER, namespace=None):
+    def __init__(self, fleet, vehicle, name="my_controller", router=None, namespace=None):
         settings = {
             "mode": "client",
-            "connect": {"endpoints": [router]},
+            "connect": {"endpoints": [router or router_of(fleet)]},
             "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
         }
         if namespace:

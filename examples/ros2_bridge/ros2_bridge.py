@@ -1,8 +1,8 @@
 """Show a fleet to ROS 2: poses, plans and commands as standard messages, without ROS on this computer.
 
-    python ros2_bridge.py --fleet trio --rcopterx tcp/127.0.0.1:7447 --ros tcp/192.168.1.20:7447
+    python ros2_bridge.py --fleet trio --ros tcp/192.168.1.20:7447
 
-needs eclipse-zenoh, msgpack, numpy and pycdr2. Reads the fleet's bus and writes to the Zenoh router of ROS 2:
+needs rcopterx and pycdr2. Reads the fleet's bus and writes to the Zenoh router of ROS 2:
 that of `rmw_zenoh` (default), or `zenoh-bridge-ros2dds` with `--keys ros2dds`. Nothing goes from ROS 2 to the
 fleet.
 """
@@ -19,6 +19,8 @@ import numpy as np
 import zenoh
 from ros_messages import Header, Joy, Path, Point, Pose, PoseStamped, Quaternion, Time
 from zenoh.ext import z_serialize
+
+from rcopterx.deploy.hosts.running import running_fleets
 
 FRAME_ID = "world"
 TOPICS = {"pose": PoseStamped, "plan": Path, "command": Joy}
@@ -167,16 +169,26 @@ def session_to(endpoint, namespace=None):
     return zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
 
 
+def router_of(fleet):
+    """Endpoint of the router of a fleet that is up on this computer."""
+    for running in running_fleets():
+        if running.fleet == fleet:
+            return running.endpoints[0]
+    raise SystemExit(f"{fleet} is not up on this computer; give the address of its router by --rcopterx")
+
+
 def main():
     """Bridge until Ctrl-C."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     options.add_argument("--fleet", default="trio")
-    options.add_argument("--rcopterx", default="tcp/127.0.0.1:7447", help="router of the fleet")
+    options.add_argument("--rcopterx", help="router of the fleet; default: that of this computer")
     options.add_argument("--ros", required=True, help="router of ROS 2")
     options.add_argument("--keys", choices=("rmw_zenoh", "ros2dds"), default="rmw_zenoh")
     options.add_argument("--domain", type=int, default=0, help="ROS_DOMAIN_ID")
     chosen = options.parse_args()
-    bridge = Bridge(chosen.fleet, chosen.rcopterx, chosen.ros, chosen.keys, chosen.domain)
+    bridge = Bridge(
+        chosen.fleet, chosen.rcopterx or router_of(chosen.fleet), chosen.ros, chosen.keys, chosen.domain
+    )
     try:
         while True:
             time.sleep(1.0)

@@ -9,7 +9,7 @@ from typing import Final
 import msgspec
 
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.deploy.hosts.resources import check_free
+from rcopterx.deploy.hosts.resources import check_router
 from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import Supervisor
@@ -39,7 +39,7 @@ def fleet_of(parts: Sequence[Path]) -> FleetFile:
 def router_up(fleet: FleetFile) -> Iterator[BusAddress]:
     """Run the router of a recorded fleet; raises FleetError if its address is in use."""
     host = next(iter(fleet.hosts))
-    check_free(fleet.hosts[host].address, fleet.hosts[host].router_port, f"hosts.{host}.router_port")
+    check_router(fleet, host)
     directory = run_directory(fleet.name, fleet.bus.namespace)
     snapshot = snapshot_path(host, directory)
     write_snapshot(fleet, snapshot)

@@ -259,3 +259,17 @@ def test_errors_of_a_file_begin_with_its_path(tmp_path: Path) -> None:
         load_fleet(path)
     path.write_text(PAIR)
     assert list(load_fleet(path).vehicles) == ["h1", "h2"]
+
+
+@pytest.mark.parametrize(
+    ("text", "listens"),
+    [
+        (ONE, False),
+        (ONE + "[hosts.main]\nrouter_port = 7448", True),
+        (ONE + '[hosts.main]\naddress = "192.0.2.7"\n[security]\ninsecure = true', True),
+        (ONE + '[security]\ncertificates = "~/certificates"', True),
+        (PAIR + '[hosts.main]\n[hosts.roof]\naddress = "127.0.0.2"', True),
+    ],
+)
+def test_router_listens_for_others_only_if_there_are_others(text: str, listens: bool) -> None:
+    assert parse_fleet(text).listens("main") is listens

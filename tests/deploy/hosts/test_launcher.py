@@ -15,6 +15,7 @@ from rcopterx.bus.session import BusUnreachableError
 from rcopterx.deploy.hosts.launcher import Launcher, call_in_realtime, watchdog_limits
 from rcopterx.deploy.hosts.resources import check_resources
 from rcopterx.deploy.hosts.run_directory import router_socket, run_directory, serial_path
+from rcopterx.deploy.hosts.running import RunningFleet, recorded
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
 from rcopterx.fleet.reading import parse_fleet
@@ -87,6 +88,16 @@ def test_an_address_in_use_is_refused_by_its_field(
         ):
             Launcher(parse_fleet(text), "main")
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_fleet_that_is_up_is_not_started_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    fleet = parse_fleet(PAIR)
+    directory = run_directory(fleet.name, None)
+    running = RunningFleet(fleet.name, "", None, "main", [], [], [], "")
+    with recorded(directory, running), pytest.raises(FleetError, match="already up on this computer"):
+        check_resources(fleet, "main", directory)
+    check_resources(fleet, "main", directory)
 
 
 def test_a_recording_that_cannot_be_created_is_refused_on_the_host_that_records(tmp_path: Path) -> None:
