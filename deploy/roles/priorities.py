@@ -9,15 +9,16 @@ class Priority(IntEnum):
     """Priority relative to the fleet's real-time priority.
 
     Processes that others wait for come first. The supervisor precedes them all, so that it can kill a process
-    that spins. The simulator runs when no agent needs the processor, and no process waits for the recorder.
+    that spins. The simulator stands for hardware, which needs no processor and is never late. No process
+    waits for the recorder.
     """
 
     SUPERVISOR = 8
+    SIMULATOR = 7
     ROUTER = 6
     GATEWAY = 4
     LEADER = 2
     FOLLOWER = 1
-    SIMULATOR = 0
     RECORDER = -1
 
     def of(self, fleet: FleetFile) -> int:
