@@ -72,7 +72,7 @@ class Observation:
             pose = received.message
             if pilot.observe(_stamped(pose)):
                 self.seen = received
-                pacing.on_pose(received.arrived_s, pose.period_s)
+                pacing.on_pose(pose.frame, received.arrived_s, pose.period_s)
                 if pilot.ready:
                     yield received.arrived_s
         overdue_at_s = pacing.overdue_at_s

@@ -207,7 +207,8 @@ class Agent:
     def _after_control(self, output: ControlOutput, step_s: float) -> None:
         """Do what can wait until the command of the period is under way."""
         parts = self.parts
-        parts.relief.watch(self._now_s - self._period_began_s + step_s, self._pilot.guidance.rotor_on)
+        late_s = parts.pacing.pose_delay_s + self._now_s - self._period_began_s + step_s
+        parts.relief.watch(late_s, self._pilot.guidance.rotor_on)
         parts.external.after_control()
         if parts.pacing.every == 1:
             # At another rate an oscillation would look like a slower one.

@@ -181,7 +181,7 @@ class Reporter:
     def report(self) -> None:
         """Publish status and intent."""
         now_s, pilot, parts, vehicle = self._bus.clock(), self._pilot, self._parts, self._settings.vehicle
-        slower = SPARSE if parts.relief.relief >= Relief.STATUSES else 1
+        slower = SPARSE if parts.relief.relief >= Relief.REPORTS else 1
         self.due_s = now_s + slower * REPORT_PERIOD_S
         diagnostics = diagnostics_of(self._settings, pilot, parts, self._realtime, now_s)
         remarks = set(diagnostics.remarks)
@@ -238,6 +238,7 @@ def diagnostics_of(
         host=settings.bus.host or None,
         remarks=tuple(filter(None, remarks)),
         processor_share=relief.processor_share(),
+        late_share=relief.late_share,
     )
 
 

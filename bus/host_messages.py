@@ -89,15 +89,23 @@ class LauncherStatus(Message, frozen=True, kw_only=True):
     """How often a process was silent for longer than its limit and did not hang, by reason."""
     stalled_s: Seconds = 0.0
     """For how long the launcher has not checked its processes: those that die or hang are not replaced."""
-    flies: Count | None = None
-    """Estimated number of vehicles like its own that this computer flies without missed periods."""
+    flies: tuple[Count, ...] = ()
+    """Estimated numbers of vehicles like its own that this computer flies with every control period computed,
+    with one of two, and so on; the last one is the most that it flies at all. Empty if that is not known."""
     measuring: bool = False
     """That estimate is still being measured and may be too low: take-offs should wait."""
 
     @property
-    def crowding(self) -> float:
-        """Agents that run here for each vehicle that the computer flies; 0 if that is not known."""
-        return 0.0 if self.flies is None else len(self.running) / max(self.flies, 0.5)
+    def control_every(self) -> int:
+        """One of so many control periods is to be computed, so that this computer flies all that run here."""
+        agents = len(self.running)
+        fitting = (every for every, flown in enumerate(self.flies, 1) if agents <= flown)
+        return next(fitting, max(1, len(self.flies)))
+
+    @property
+    def crowded(self) -> bool:
+        """Whether more agents run here than this computer flies at all."""
+        return bool(self.flies) and len(self.running) > self.flies[-1]
 
 
 RouterId = Annotated[str, Meta(pattern="^[0-9a-f]{1,32}$")]

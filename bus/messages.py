@@ -308,6 +308,8 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Notes for people: what failed, and what replaces it."""
     processor_share: Seconds = 0.0
     """Share of one processor that the agent has used since the previous status."""
+    late_share: Seconds = 0.0
+    """Share of the commands of the last second that were late or missing."""
 
 
 class AgentStatus(Message, frozen=True, kw_only=True):

@@ -2,8 +2,7 @@
 
 Poses, commands and the arbiter are never left out. The horizon stays, too: half the stages save a tenth of a
 control step. Where more agents run on a computer than it serves, control periods are left out from take-off
-on. Detecting the overload in flight would need all processors for a while, and starve processes of lower
-priority.
+on: until an overload is detected in flight, it starves what has no real-time priority, such as serial lines.
 """
 
 import time
@@ -20,12 +19,10 @@ from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox, Received
 
 LATE_PERIODS: Final = 0.9
-"""A command that leaves so many control periods after its pose arrived is late."""
+"""A command that leaves so many control periods after its pose was due is late."""
 WINDOW_S: Final = 1.0
 LATE_SHARE: Final = 0.3
 """Share of late and missed control periods in a window above which work is left out."""
-HALF_RATE_SERVES: Final = 1.3
-"""Vehicles that a computer flies at half rate, over those at full rate."""
 EASE_AFTER_S: Final = 10.0
 """Time without overload after which the last work that was left out is done again."""
 LONGEST_EASE_AFTER_S: Final = 160.0
@@ -36,44 +33,31 @@ class Relief(IntEnum):
     """Work that is left out; each level includes all before it."""
 
     NONE = 0
-    STATUSES = 1
-    """Statuses and intents are published half as often."""
-    TELEMETRY = 2
-    """The inputs of steps are not published: the replay has a gap there."""
-    FAR_PLANS = 3
-    """Only the plans of the nearest vehicles are received for avoidance."""
-    HALF_RATE = 4
+    REPORTS = 1
+    """Statuses and intents are published half as often, and inputs of steps not at all: the replay has a gap
+    there. For avoidance only the plans of the nearest vehicles are received."""
+    HALF_RATE = 2
     """Every second control period flies the input that was planned for it."""
-    QUARTER_RATE = 5
+    THIRD_RATE = 3
+    """Two of three do."""
+    QUARTER_RATE = 4
     """Three of four do."""
 
     @property
     def every(self) -> int:
         """One of so many control periods is computed."""
-        return _EVERY.get(self, 1)
+        return max(1, self.value)
 
     @property
     def description(self) -> str:
         """For people; empty for none."""
-        return _DESCRIPTIONS[self]
+        rate = f", control at {self.name.lower().replace('_', ' ')}" if self.every > 1 else ""
+        return f"fewer statuses, no replay, only the nearest plans received{rate}" if self else ""
 
 
-_EVERY: Final = {Relief.HALF_RATE: 2, Relief.QUARTER_RATE: 4}
-_DESCRIPTIONS: Final = {
-    Relief.NONE: "",
-    Relief.STATUSES: "fewer statuses",
-    Relief.TELEMETRY: "fewer statuses, no replay",
-    Relief.FAR_PLANS: "fewer statuses, no replay, only the nearest plans heard",
-    Relief.HALF_RATE: "fewer statuses, no replay, only the nearest plans heard, control at half rate",
-    Relief.QUARTER_RATE: "fewer statuses, no replay, only the nearest plans heard, control at quarter rate",
-}
-
-
-def planned_relief(crowding: float) -> Relief:
-    """Return the relief from take-off on, by the agents per vehicle that the computer can fly."""
-    if crowding <= 1.0:
-        return Relief.NONE
-    return Relief.HALF_RATE if crowding <= HALF_RATE_SERVES else Relief.QUARTER_RATE
+def planned_relief(every: int) -> Relief:
+    """Return the relief with which one of so many control periods is computed."""
+    return Relief.NONE if every == 1 else Relief(min(every, max(Relief)))
 
 
 class Overload:
@@ -87,32 +71,44 @@ class Overload:
         self._ease_after_s = EASE_AFTER_S
         self._eased = False
 
-    def observe(self, late_s: float, missed: int) -> bool:
-        """Process a control period; return whether `relief` has changed, by one level.
+    @property
+    def late_share(self) -> float:
+        """Share of the last control periods that were late or missed."""
+        return sum(self._late) / (self._late.maxlen or 1)
 
-        `late_s` is the time from the arrival of its pose to its command; `missed` periods before it had
+    def observe(self, late_s: float, missed: int) -> bool:
+        """Process a control period in flight; return whether `relief` has changed, by one level.
+
+        `late_s` is the time from when its pose was due to its command; `missed` periods before it had
         something to compute.
         """
-        period_s = self._period_s * self.relief.every
-        if missed:
-            self._late.extend([True] * missed)
-        self._late.append(late_s > LATE_PERIODS * period_s)
-        self._calm_s += period_s
-        if sum(self._late) > LATE_SHARE * (self._late.maxlen or 1):
+        self._note(late_s, missed)
+        self._calm_s += self._period_s * self.relief.every
+        if self.late_share > LATE_SHARE:
             return self._leave_out()
         return self._calm_s >= self._ease_after_s and self._do_again()
 
+    def stand(self, late_s: float) -> bool:
+        """Process a control period on the floor, where no more than planned is left out.
+
+        Returns whether it was more.
+        """
+        changed, self.relief = self.relief is not self._planned, self._planned
+        self._calm_s, self._ease_after_s, self._eased = 0.0, EASE_AFTER_S, False
+        self._note(late_s, 0)
+        return changed
+
+    def _note(self, late_s: float, missed: int) -> None:
+        # At a lower rate a period counts as often as it is longer.
+        every = self.relief.every
+        late = late_s > LATE_PERIODS * self._period_s * every
+        self._late.extend([True] * (every * missed) + [late] * every)
+
     def plan(self, relief: Relief) -> None:
         """Leave out at least this from now on, and forget what was observed."""
-        self._planned = relief
-        self.forget()
-
-    def forget(self) -> bool:
-        """Leave out no more than is planned, as the vehicle does not fly; return whether it was more."""
-        changed, self.relief = self.relief is not self._planned, self._planned
+        self.relief = self._planned = relief
         self._late.clear()
         self._calm_s, self._ease_after_s, self._eased = 0.0, EASE_AFTER_S, False
-        return changed
 
     def _leave_out(self) -> bool:
         if self._eased:
@@ -185,8 +181,13 @@ class LoadRelief:
         reason = "more agents run on this computer than it serves" if self._planned else TOO_SLOW
         return f"{reason}: {self.relief.description}"
 
+    @property
+    def late_share(self) -> float:
+        """Share of the last commands that were late or missing."""
+        return self._overload.late_share
+
     def watch(self, late_s: float, flying: bool) -> None:
-        """Process a control period, which took `late_s` from the arrival of its pose to its command."""
+        """Process a control period, whose command left `late_s` after its pose was due."""
         pacing, (missed_before, overtaken_before) = self._pacing, self._seen
         self._seen = pacing.missed_ticks, pacing.overtaken_ticks
         # Periods missed for want of poses count once, those missed for want of time count all.
@@ -194,7 +195,7 @@ class LoadRelief:
         if self.relief:
             self._pace(flying)
         overload = self._overload
-        if overload.observe(late_s, missed) if flying else overload.forget():
+        if overload.observe(late_s, missed) if flying else overload.stand(late_s):
             self._bus.note(_EVENTS[overload.relief])
 
     def update(self) -> bool:
@@ -211,7 +212,7 @@ class LoadRelief:
         if received is None or received is self._launcher_status:
             return False
         self._launcher_status = received
-        planned = planned_relief(received.message.crowding)
+        planned = planned_relief(received.message.control_every)
         if planned is self._planned:
             return False
         # Earlier decisions belong to another load.
@@ -232,8 +233,8 @@ class LoadRelief:
             name = f"left_out_{relief.name.lower()}"
             self.events[name] = self.events.get(name, 0) + 1
         self.relief = relief
-        self._bus.publish_steps(relief < Relief.TELEMETRY)
-        self._traffic.most = NEAREST if relief >= Relief.FAR_PLANS else MOST
+        self._bus.publish_steps(relief < Relief.REPORTS)
+        self._traffic.most = NEAREST if relief >= Relief.REPORTS else MOST
         self._pace(flying=False)
 
     def _pace(self, flying: bool) -> None:

@@ -11,6 +11,10 @@ COAST_AFTER_PERIODS = 1.5
 WINDOW = 500
 NEVER: Final = (-1, -1)
 """Earlier than epoch and frame of every period."""
+STRETCH: Final = 1.01
+"""Factor of the periods of poses when they are expected: lasting delays and inexact rates are no lateness."""
+LONGEST_DELAY_S: Final = 0.3
+"""A pose that is later begins the expectation anew: its Tracker has paused."""
 REST_SPARE = 0.5
 """Time before the next control period at which an agent that rests reads messages again, in frames."""
 
@@ -29,7 +33,10 @@ class Pacing:
         self._period_s, self._place = period_s, place
         self._last_control_frame: int | None = None
         self._begun = self._commanded = NEVER
-        self._last_arrival_s = math.inf
+        self._last_arrival_s = self._due_s = math.inf
+        self._last_frame = 0
+        self.pose_delay_s = 0.0
+        """How much later than due the newest pose arrived, by the frame numbers of those before."""
         self._frame_period_s = period_s
         self._coasts = 0
         self.every = 1
@@ -45,8 +52,13 @@ class Pacing:
         """Number of frames in one control period."""
         return max(1, round(self._period_s / self._frame_period_s))
 
-    def on_pose(self, arrived_s: float, frame_period_s: float) -> None:
-        """Process the arrival of a pose of a stream with this period."""
+    def on_pose(self, frame: int, arrived_s: float, frame_period_s: float) -> None:
+        """Process the arrival of the pose of a frame of a stream with this period."""
+        elapsed, self._last_frame = frame - self._last_frame, frame
+        due_s = self._due_s + STRETCH * elapsed * frame_period_s
+        if elapsed <= 0 or not 0.0 <= arrived_s - due_s <= LONGEST_DELAY_S:
+            due_s = arrived_s
+        self._due_s, self.pose_delay_s = due_s, arrived_s - due_s
         self._last_arrival_s, self._frame_period_s, self._coasts = arrived_s, frame_period_s, 0
 
     def on_coast(self) -> None:

@@ -2,7 +2,8 @@
 
 A standing vehicle costs as much processor time as a flying one, except for its control periods: agent,
 router, gateways and simulator work all the time. The processor time of a standing fleet is read from the
-kernel, and control periods are timed in another process (`control_time`).
+kernel, and control periods are timed in another process (`control_time`). At a lower control rate a computer
+flies more.
 """
 
 import os
@@ -13,6 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from rcopterx.agents.load.load_relief import Relief
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 from rcopterx.deploy.watchdog.processor_time import Threads, threads_of
 
@@ -20,7 +22,9 @@ MODULE: Final = "rcopterx.deploy.hosts.control_time"
 AGENT: Final = "agent"
 USABLE: Final = 0.65
 """Share of the processors beyond which control periods are missed."""
-SURE: Final = 3
+USABLE_AT_MOST: Final = 0.75
+"""Share beyond which serial lines starve and vehicles come down, at the lowest control rate."""
+SURE: Final = 1.5
 """Vehicles for each processor that any computer can fly."""
 STANDING_S: Final = 3.0
 """How long the processor time of the standing fleet is measured."""
@@ -30,8 +34,13 @@ Roles = Mapping[int, str]
 """Roles of processes by process id."""
 
 
-def vehicles_flown(standing_share: float, control_s: float, period_s: float, processors: int) -> int:
+def vehicles_flown(
+    standing_share: float, control_s: float, period_s: float, processors: int
+) -> tuple[int, ...]:
     """Estimate how many vehicles a computer flies without missing control periods.
+
+    The numbers are those with every control period computed, with one of two, and so on; the last one is the
+    most that the computer flies at all.
 
     Parameters
     ----------
@@ -40,7 +49,9 @@ def vehicles_flown(standing_share: float, control_s: float, period_s: float, pro
     control_s
         Processor time of a control period.
     """
-    return int(USABLE * processors / (standing_share + control_s / period_s))
+    shares = [standing_share + control_s / (every * period_s) for every in range(1, max(Relief).every + 1)]
+    at_most = max(USABLE_AT_MOST * processors / shares[-1], SURE * processors)
+    return *(int(USABLE * processors / share) for share in shares[:-1]), int(at_most)
 
 
 def may_be_crowded(agents: int) -> bool:
@@ -84,19 +95,20 @@ class CapacityMeasurement:
         self.done = False
         """Whether the measurement has ended, with or without success."""
 
-    def step(self, ready: bool) -> int | str | None:
+    def step(self, ready: bool) -> tuple[int, ...] | str | None:
         """Start the measurement when the computer is ready for it, and later collect the result.
 
         Parameters
         ----------
         ready
-            Whether all processes have started and no vehicle flies. If that changes during a measurement, it
-            is abandoned and begun again later: it would disturb, and be wrong.
+            Whether all processes have started, no vehicle flies and no agent is late. If that changes during
+            a measurement, it is abandoned and begun again later: it would disturb, and be wrong. Processes
+            that wait for processors use less of them than they need.
 
         Returns
         -------
-        int, str or None
-            The number of vehicles, or the reason why it is not known; None before and after.
+        tuple[int, ...], str or None
+            The numbers of `vehicles_flown`, or the reason why they are not known; None before and after.
         """
         if self.done:
             return None
@@ -108,7 +120,7 @@ class CapacityMeasurement:
                 if AGENT in self._roles().values():
                     self._begin()
                 return None
-            result: int | str | None = self._result(self._process)
+            result: tuple[int, ...] | str | None = self._result(self._process)
             if result is None:
                 return None
         except (OSError, ValueError) as error:
@@ -128,8 +140,8 @@ class CapacityMeasurement:
         assert self._place is not None
         return Path(self._place.name) / "output"
 
-    def _result(self, process: ForkedProcess) -> int | None:
-        """Return the number of vehicles; None while the measurement is under way."""
+    def _result(self, process: ForkedProcess) -> tuple[int, ...] | None:
+        """Return the numbers of vehicles; None while the measurement is under way."""
         elapsed_s = self._clock() - self._began_s
         if self._standing_share is None and elapsed_s >= STANDING_S:
             self._standing_share = self._share_per_vehicle(elapsed_s)

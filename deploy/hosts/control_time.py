@@ -3,7 +3,6 @@
 `python -m rcopterx.deploy.hosts.control_time SNAPSHOT VEHICLE` prints it in seconds, for `capacity`.
 """
 
-import os
 import statistics
 import sys
 import time
@@ -14,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.bus.realtime import request_realtime
 from rcopterx.control.interfaces import Measurement
-from rcopterx.deploy.processes.background import move_to_background
 from rcopterx.deploy.roles.agent import ready_pilot
 from rcopterx.deploy.roles.run import end_with_parent, name_process
 from rcopterx.fleet.reading import load_fleet
@@ -57,9 +56,10 @@ def main() -> int:
     """Print the processor time of a control period [s] of a vehicle of a fleet."""
     end_with_parent()
     name_process("capacity")
-    move_to_background(os.getpid())
     fleet, vehicle = load_fleet(Path(sys.argv[1])), sys.argv[2]
-    _, pilot = ready_pilot(fleet, vehicle)
+    settings, pilot = ready_pilot(fleet, vehicle)
+    # As an agent: take-offs wait for the result, also on a computer that does much else.
+    request_realtime(settings.realtime_priority)
     period_s = fleet.vehicles[vehicle].control.period_s
     print(control_time_s(pilot, period_s, time.sleep, time.thread_time))
     return 0

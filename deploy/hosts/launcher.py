@@ -151,11 +151,14 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._floor_due_s = self._measure_due_s = 0.0
         self._recall: RecallService | None = None
         self._membership: MembershipService | None = None
-        self._capacity: CapacityMeasurement | None = None
-        if self._home:
-            vehicle = self._home[0]
-            period_s = fleet.vehicles[vehicle].control.period_s
-            self._capacity = CapacityMeasurement(self._snapshot, vehicle, period_s, self._forks, self._roles)
+        self._capacity = self._measurement() if self._home else None
+        self._not_measured = ""
+        """Why the capacity could not be measured the last time."""
+
+    def _measurement(self) -> CapacityMeasurement:
+        vehicle = self._home[0]
+        period_s = self._fleet.vehicles[vehicle].control.period_s
+        return CapacityMeasurement(self._snapshot, vehicle, period_s, self._forks, self._roles)
 
     def _make_spares(self, specs: Sequence[ProcessSpec], count: int) -> Spares:
         jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
@@ -258,21 +261,25 @@ class Launcher(AbstractContextManager["Launcher"]):
         return {child.process.pid: child.spec.role for child in children if child.process is not None}
 
     def _measure(self) -> list[str]:
-        """Measure how many vehicles this computer flies; return a line if that fails."""
+        """Measure how many vehicles this computer flies; return a line if that fails for a new reason."""
         membership = self._membership
         if self._capacity is None or membership is None or time.monotonic() < self._measure_due_s:
             return []
         self._measure_due_s = time.monotonic() + MEASURE_S
         flying = self.supervisor.flying
-        result = self._capacity.step(self.supervisor.spare_ready and not flying)
+        ready = self.supervisor.spare_ready and not (flying or membership.agents_are_late)
+        result = self._capacity.step(ready)
         children = self.supervisor.children.values()
         agents = sum(child.wanted and child.spec.role == AGENT for child in children)
-        membership.measuring = not self._capacity.done and not flying and may_be_crowded(agents)
-        if isinstance(result, str):
-            return [result]
-        if result is not None:
+        if isinstance(result, tuple):
             membership.flies = result
-        return []
+        membership.measuring = not (membership.flies or flying) and may_be_crowded(agents)
+        if membership.measuring and self._capacity.done:
+            self._capacity = self._measurement()
+        if not isinstance(result, str) or result == self._not_measured:
+            return []
+        self._not_measured = result
+        return [result]
 
     def _report(self, lines: list[str]) -> None:
         """Log lines, and keep them for the program that started the fleet and for the bus."""

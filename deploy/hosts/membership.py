@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from rcopterx.agents.load.load_relief import LATE_SHARE
 from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus
@@ -67,8 +68,8 @@ class MembershipService:
         self._home = frozenset(home)
         self.started = begin is None
         """Whether the processes of the host run, and not only its daemon."""
-        self.flies: int | None = None
-        """About how many vehicles the host can fly, if that is known."""
+        self.flies: tuple[int, ...] = ()
+        """How many vehicles the host can fly at every control rate (`vehicles_flown`), if that is known."""
         agents = [child for child in supervisor.children.values() if child.spec.role == AGENT]
         self.measuring = may_be_crowded(sum(child.wanted for child in agents))
         """Whether `flies` is being measured and may be less than what runs here; published from the first
@@ -186,6 +187,12 @@ class MembershipService:
             return Reply(accepted=True, reason=f"the agent of {vehicle} runs on {self._host} already")
         child.take_over = child.wanted = True
         return Reply(accepted=True, reason=f"the agent of {vehicle} starts on {self._host}")
+
+    @property
+    def agents_are_late(self) -> bool:
+        """Whether the commands of an agent of this host are late."""
+        statuses = (self._last_status(vehicle) for vehicle in self._agents)
+        return any(status is not None and status.diagnostics.late_share > LATE_SHARE for status in statuses)
 
     def _phase(self, vehicle: str) -> str:
         status = self._last_status(vehicle)

@@ -18,6 +18,7 @@ from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.vehicle_models import limits_of
 from rcopterx.ground_station.scripting.joining import fleet_that_is_up
+from rcopterx.ground_station.scripting.notes import capacity_notes
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.regroup import (
     RegroupError,
@@ -165,7 +166,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         Raises
         ------
         RefusedError
-            A vehicle is killed, or returned to the floor; says why.
+            A vehicle is killed, or returned to the floor, or a host can fly fewer vehicles than its agents
+            are; says why.
         NotReachedError
             Not all reached their height in time.
         """
@@ -230,10 +232,14 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         return {name: self.problems([name]) for name in killed}
 
     def _wait_for_capacity(self) -> None:
-        """Wait a while until agents know whether they are too many and control at half rate."""
+        """Wait a while until hosts know how many vehicles they can fly; refuse a take-off of more."""
+        # A launcher that is late has not finished.
         self._notifier.wait_until(
-            lambda: not any(status.measuring for status in self.launchers().values()), MEASURING_S
+            lambda: not any(status.measuring for status in self.last_launchers().values()), MEASURING_S
         )
+        for host, status in self.last_launchers().items():
+            if status.crowded or status.measuring:
+                raise RefusedError("; ".join(capacity_notes(host, status)))
 
     def join(self, name: str, height_m: float = 1.0, timeout_s: float = 20.0) -> str:
         """Start a vehicle that does not take part yet, take off, and follow its leaders of the fleet file.

@@ -61,13 +61,22 @@ def launcher_notes(host: str, status: LauncherStatus) -> list[str]:
 def capacity_notes(host: str, status: LauncherStatus) -> list[str]:
     """A line if a host runs more agents than it serves without missed periods, or measures that."""
     if status.measuring:
-        return [f"host {host}: measures how many vehicles it can fly; take-off waits for the result"]
-    if status.crowding <= 1.0:
+        return [
+            f"host {host}: measures how many vehicles it can fly, as soon as no command is late; "
+            "take-off waits for the result"
+        ]
+    if status.crowded:
+        return [
+            f"host {host}: runs the agents of {len(status.running)} vehicles, but can fly at most about "
+            f"{status.flies[-1]}, and {status.flies[0]} without lower control rates; fly fewer, move some to "
+            "other hosts, or use shorter horizons, longer control periods or fewer frames per second"
+        ]
+    if status.control_every == 1:
         return []
     return [
-        f"host {host}: can fly about {status.flies} such vehicles, but runs the agents of "
-        f"{len(status.running)}, which therefore control at a lower rate; move some to other hosts, or "
-        "shorten their horizons"
+        f"host {host}: can fly about {status.flies[0]} such vehicles, but runs the agents of "
+        f"{len(status.running)}, which therefore control one of {status.control_every} periods; move some to "
+        "other hosts, or shorten their horizons"
     ]
 
 

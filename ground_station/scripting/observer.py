@@ -169,6 +169,11 @@ class Observer:
         """Statuses of the launchers by host, without silent ones."""
         return _alive(self._launchers.inboxes, self.session.clock())
 
+    def last_launchers(self) -> dict[str, LauncherStatus]:
+        """Last statuses of the launchers by host, also of silent ones."""
+        found = {host: _newest(inbox, 0.0)[0] for host, inbox in tuple(self._launchers.inboxes.items())}
+        return {host: status for host, status in found.items() if status is not None}
+
     def _router_statuses(self) -> dict[str, RouterStatus]:
         return _alive(self._routers.inboxes, self.session.clock())
 

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.agents.load.load_relief import LATE_SHARE
 from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, TransmitterStatus
 from rcopterx.ground_station.report.latency import Percentiles
@@ -156,6 +157,11 @@ class VehicleState:
             found.append(f"{self.name}: no pose{since(self.agent.diagnostics.pose_age_s)}")
         elif self.seen_age_s is None or self.seen_age_s > stale_s:
             found.append(f"{self.name}: the motion capture does not see it{since(self.seen_age_s)}")
+        elif (late_share := self.agent.diagnostics.late_share) > LATE_SHARE and not self.airborne:
+            found.append(
+                f"{self.name}: {late_share:.0%} of its commands are late while it stands; fly fewer vehicles "
+                "on this computer, or end other programs"
+            )
         if self.transmitter is None or self.transmitter_age_s is None or self.transmitter_age_s > stale_s:
             found.append(f"{self.name}: transmitter gateway not responding{since(self.transmitter_age_s)}")
         elif not self.transmitter.ready:

@@ -35,9 +35,9 @@ def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
 
     problems, notes = fleet.problems(names), [*fleet.notes(), *flying_warnings(fleet)]
     notes += [
-        f"host {host}: can fly about {status.flies} such vehicles"
+        f"host {host}: can fly about {status.flies[0]} such vehicles"
         for host, status in fleet.launchers().items()
-        if status.flies is not None and len(status.running) <= status.flies
+        if status.flies and status.control_every == 1
     ]
     return {"fleet": fleet.file.name, "ready": not problems, "problems": problems, "notes": notes}
 

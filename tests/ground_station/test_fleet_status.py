@@ -202,9 +202,15 @@ def test_a_launcher_that_does_not_check_its_processes_is_reported() -> None:
 
 def test_a_host_with_more_agents_than_it_serves_is_told() -> None:
     status = LauncherStatus(running=("h1", "h2"), absent=(), watchdog=True)
-    for flies in (None, 2, 7):
+    for flies in ((), (2, 3, 4, 5), (7, 8, 9, 9)):
         assert launcher_notes("main", msgspec.structs.replace(status, flies=flies)) == []
     (line,) = launcher_notes("main", msgspec.structs.replace(status, measuring=True))
-    assert line == "host main: measures how many vehicles it can fly; take-off waits for the result"
-    (line,) = launcher_notes("main", msgspec.structs.replace(status, flies=1))
-    assert line.startswith("host main: can fly about 1 such vehicles, but runs the agents of 2, which")
+    assert line.startswith("host main: measures how many vehicles it can fly, as soon as no command is late;")
+    (line,) = launcher_notes("main", msgspec.structs.replace(status, flies=(1, 1, 2, 3)))
+    assert line.startswith(
+        "host main: can fly about 1 such vehicles, but runs the agents of 2, which therefore control one "
+    )
+    (line,) = launcher_notes("main", msgspec.structs.replace(status, flies=(0, 0, 1, 1)))
+    assert line.startswith(
+        "host main: runs the agents of 2 vehicles, but can fly at most about 1, and 0 without lower "
+    )

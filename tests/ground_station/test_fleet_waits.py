@@ -14,6 +14,7 @@ from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import Session
 from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 Vehicles = dict[str, ScriptedVehicle]
@@ -124,17 +125,49 @@ def test_a_take_off_waits_until_hosts_know_how_many_vehicles_they_serve(
     assert (early, vehicles["h1"].verbs) == ([], ["Arm", "TakeOff"])
 
 
-def test_a_take_off_does_not_wait_forever_for_a_host_that_does_not_find_out(
-    fleet: Fleet, join: Callable[..., Session], monkeypatch: pytest.MonkeyPatch
+def test_a_launcher_that_is_late_has_not_finished_measuring(
+    fleet: Fleet, vehicles: Vehicles, join: Callable[..., Session]
+) -> None:
+    host, refused = join(), list[str]()
+    measuring = LauncherStatus(running=("h1", "h2"), absent=(), measuring=True)
+
+    def received() -> bool:
+        host.publish(channels.LAUNCHER, "main", measuring)
+        return bool(fleet.launchers())
+
+    wait_for(received, "the host is not received")
+    wait_for(lambda: not fleet.launchers(), "the host is not silent")
+
+    def take_off() -> None:
+        with pytest.raises(RefusedError) as caught:
+            fleet.take_off()
+        refused.append(str(caught.value))
+
+    attempt = threading.Thread(target=take_off)
+    attempt.start()
+    found = msgspec.structs.replace(measuring, measuring=False, flies=(0, 0, 1, 1))
+
+    def ended() -> bool:
+        host.publish(channels.LAUNCHER, "main", found)
+        return not attempt.is_alive()
+
+    wait_for(ended, "the take-off waits")
+    assert vehicles["h1"].verbs == []
+    assert refused[0].startswith("host main: runs the agents of 2 vehicles, but can fly at most about 1")
+
+
+def test_a_take_off_is_refused_where_a_host_does_not_find_out_how_many_vehicles_it_flies(
+    fleet: Fleet, vehicles: Vehicles, join: Callable[..., Session], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rcopterx.ground_station.scripting.fleet.MEASURING_S", 0.05)
     host = join()
     measuring = LauncherStatus(running=("h1", "h2"), absent=(), measuring=True)
 
-    def told() -> bool:
+    def received() -> bool:
         host.publish(channels.LAUNCHER, "main", measuring)
         return any(status.measuring for status in fleet.launchers().values())
 
-    wait_for(told, "the host is not heard")
-    fleet.take_off()
-    fleet.wait_for_phase("flying")
+    wait_for(received, "the host is not received")
+    with pytest.raises(RefusedError, match="host main: measures how many vehicles it can fly"):
+        fleet.take_off()
+    assert vehicles["h1"].verbs == []

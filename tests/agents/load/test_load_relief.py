@@ -16,6 +16,10 @@ from rcopterx.bus.subscription import Inbox
 LATE_S = 0.05
 
 
+FLIES = (10, 13, 15, 17)
+"""How many vehicles a computer flies at full, half, third and quarter rate."""
+
+
 class NoteBus:
     """Takes notes, and lets them take effect when the test says so."""
 
@@ -58,7 +62,7 @@ class Scene:
         self.bus.effective, self.bus.notes = set(self.bus.notes[-1:]), []
         return self.relief.update()
 
-    def hear(self, agents: int, flies: int | None) -> bool:
+    def hear(self, agents: int, flies: tuple[int, ...]) -> bool:
         """What the launcher tells takes effect at the next step, without a note."""
         status = LauncherStatus(running=tuple(f"h{n}" for n in range(agents)), absent=(), flies=flies)
         self.launcher.store(encode(status), self.bus.now_s)
@@ -66,6 +70,7 @@ class Scene:
         return self.relief.update()
 
     def overload(self) -> None:
+        self.bus.notes = []
         while not self.bus.notes:
             self.relief.watch(LATE_S, flying=True)
 
@@ -79,7 +84,7 @@ def test_nothing_changes_before_the_note_takes_effect() -> None:
     assert scene.relief.relief is Relief.NONE
     assert scene.relief.remark == ""
     assert scene.take_effect()
-    assert scene.relief.relief is Relief.STATUSES
+    assert scene.relief.relief is Relief.REPORTS
     scene.bus.effective.clear()
     assert not scene.relief.update()
 
@@ -87,15 +92,14 @@ def test_nothing_changes_before_the_note_takes_effect() -> None:
 def test_one_thing_after_the_other_is_left_out_and_counted() -> None:
     scene = Scene()
     found = []
-    for _ in range(4):
+    for _ in range(3):
         scene.overload()
         scene.take_effect()
+        scene.relief.watch(0.0, flying=True)
         found.append(scene.doing())
-    assert found == [(True, MOST, 1), (False, MOST, 1), (False, NEAREST, 1), (False, NEAREST, 2)]
-    assert scene.relief.remark.endswith("control at half rate")
-    assert scene.relief.events == {
-        "left_out_statuses": 1, "left_out_telemetry": 1, "left_out_far_plans": 1, "left_out_half_rate": 1
-    }  # fmt: skip
+    assert found == [(False, NEAREST, 1), (False, NEAREST, 2), (False, NEAREST, 3)]
+    assert scene.relief.remark.endswith("control at third rate")
+    assert scene.relief.events == {"left_out_reports": 1, "left_out_half_rate": 1, "left_out_third_rate": 1}
 
 
 def test_on_the_floor_everything_is_done_again() -> None:
@@ -128,7 +132,7 @@ def test_the_share_of_a_processor_is_that_since_the_last_look() -> None:
 
 def test_an_agent_at_half_rate_commands_every_second_frame_and_plans_for_the_other(bench: Bench) -> None:
     bench.start()
-    bench.bus.note("relief_4")
+    bench.bus.note("relief_2")
     bench.step_until(lambda: bench.agent.parts.pacing.every == 2, "half rate does not begin")
     # The second vehicle of the fleet, so its turn is with odd frames.
     if bench.frame % 2 == 0:
@@ -149,7 +153,7 @@ def test_an_agent_at_half_rate_commands_every_second_frame_and_plans_for_the_oth
 
 def test_an_agent_at_quarter_rate_rests_until_shortly_before_its_turn(bench: Bench) -> None:
     bench.start()
-    status = LauncherStatus(running=("h1", "h9"), absent=(), flies=1)
+    status = LauncherStatus(running=("h1", "h9"), absent=(), flies=(0, 1, 1, 2))
 
     def told() -> bool:
         bench.others.publish(channels.LAUNCHER, "main", status)
@@ -204,33 +208,37 @@ def test_periods_behind_which_it_lags_count_all_and_those_without_poses_once() -
 
 def test_where_more_agents_run_than_the_computer_serves_half_rate_is_planned() -> None:
     scene = Scene()
-    assert not scene.hear(agents=10, flies=None)
-    assert not scene.hear(agents=10, flies=10)
-    assert scene.hear(agents=11, flies=10)
+    assert not scene.hear(agents=10, flies=())
+    assert not scene.hear(agents=10, flies=FLIES)
+    assert scene.hear(agents=11, flies=FLIES)
     assert scene.doing() == (False, NEAREST, 2)
     assert "more agents" in scene.relief.remark
     assert "half rate" in scene.relief.remark
-    assert not scene.hear(agents=11, flies=10)
+    assert not scene.hear(agents=11, flies=FLIES)
     # Neither calm nor a landing ends it.
     for flying in (True, False):
         for _ in range(2000):
             scene.relief.watch(0.0, flying)
     assert scene.bus.notes == []
-    assert scene.hear(agents=10, flies=10)
+    assert scene.hear(agents=10, flies=FLIES)
     assert scene.doing() == (True, MOST, 1)
 
 
 @pytest.mark.parametrize(
     ("agents", "flies", "relief"),
     [
-        (10, 10, Relief.NONE),
-        (11, 10, Relief.HALF_RATE),
-        (13, 10, Relief.HALF_RATE),
-        (14, 10, Relief.QUARTER_RATE),
-        (1, 0, Relief.QUARTER_RATE),
+        (10, FLIES, Relief.NONE),
+        (11, FLIES, Relief.HALF_RATE),
+        (13, FLIES, Relief.HALF_RATE),
+        (14, FLIES, Relief.THIRD_RATE),
+        (16, FLIES, Relief.QUARTER_RATE),
+        (99, FLIES, Relief.QUARTER_RATE),
+        (1, (0, 0, 0, 0), Relief.QUARTER_RATE),
     ],
 )
-def test_the_more_agents_too_many_the_lower_the_rate(agents: int, flies: int, relief: Relief) -> None:
+def test_the_more_agents_too_many_the_lower_the_rate(
+    agents: int, flies: tuple[int, ...], relief: Relief
+) -> None:
     scene = Scene()
     scene.hear(agents, flies)
     assert scene.relief.relief is relief
@@ -238,7 +246,7 @@ def test_the_more_agents_too_many_the_lower_the_rate(agents: int, flies: int, re
 
 def test_on_the_floor_the_rate_is_never_below_half_because_arming_asks_for_fresh_commands() -> None:
     scene = Scene()
-    scene.hear(agents=9, flies=6)
+    scene.hear(agents=16, flies=FLIES)
     assert scene.pacing.every == 2
     scene.relief.watch(0.0, flying=True)
     assert scene.pacing.every == 4
@@ -252,9 +260,18 @@ def test_what_was_decided_under_another_load_is_forgotten() -> None:
     for _ in range(2):
         scene.overload()
         scene.take_effect()
-    assert scene.hear(agents=11, flies=10)
-    assert scene.hear(agents=10, flies=10)
+    assert scene.hear(agents=11, flies=FLIES)
+    assert scene.hear(agents=10, flies=FLIES)
     assert scene.relief.relief is Relief.NONE
     scene.overload()
     scene.take_effect()
-    assert scene.relief.relief is Relief.STATUSES
+    assert scene.relief.relief is Relief.REPORTS
+
+
+def test_commands_that_are_late_on_the_floor_are_reported() -> None:
+    scene = Scene()
+    assert scene.relief.late_share == 0.0
+    for _ in range(50):
+        scene.relief.watch(LATE_S, flying=False)
+    assert scene.relief.late_share == 1.0
+    assert scene.bus.notes == []

@@ -53,7 +53,7 @@ def test_missed_periods_count_like_late_ones() -> None:
     overload = Overload(PERIOD_S)
     changed = [overload.observe(0.0, missed=1) for _ in range(WINDOW)]
     assert any(changed)
-    assert overload.relief >= Relief.STATUSES
+    assert overload.relief >= Relief.REPORTS
 
 
 def test_who_flies_one_period_in_six_leaves_everything_out_as_soon_as_who_is_late() -> None:
@@ -89,9 +89,32 @@ def test_what_had_to_be_left_out_again_at_once_waits_longer_and_longer_but_not_f
 def test_on_the_floor_everything_is_done_again() -> None:
     overload = Overload(PERIOD_S)
     after(overload, LATE_S, 3.0)
-    assert overload.forget()
+    assert overload.stand(0.0)
     assert overload.relief is Relief.NONE
-    assert not overload.forget()
+    assert not overload.stand(0.0)
+
+
+def test_a_vehicle_that_stands_notes_late_commands_and_leaves_nothing_out() -> None:
+    overload = Overload(PERIOD_S)
+    for _ in range(WINDOW):
+        overload.stand(LATE_S)
+    assert overload.late_share == 1.0
+    assert overload.relief is Relief.NONE
+    for _ in range(WINDOW):
+        overload.stand(0.0)
+    assert overload.late_share == 0.0
+
+
+def test_every_level_is_reached_equally_fast() -> None:
+    """A lower rate, at which fewer periods are observed, delays no decision."""
+    overload, reached_s, now_s = Overload(PERIOD_S), dict[Relief, float](), 0.0
+    while overload.relief is not Relief.QUARTER_RATE:
+        now_s += PERIOD_S * overload.relief.every
+        overload.observe(LATE_S, missed=0)
+        reached_s.setdefault(overload.relief, now_s)
+    assert list(reached_s) == list(Relief)
+    steps_s = [later - earlier for earlier, later in pairwise(list(reached_s.values())[1:])]
+    assert steps_s == pytest.approx([reached_s[Relief.REPORTS]] * 3, abs=4 * PERIOD_S)
 
 
 @given(periods)
@@ -116,12 +139,12 @@ def test_after_whatever_it_was_calm_brings_everything_back(course: list[tuple[fl
 
 def test_what_is_planned_stays_left_out_in_calm_and_on_the_floor() -> None:
     overload = Overload(PERIOD_S)
-    overload.plan(Relief.FAR_PLANS)
-    assert set(after(overload, 0.0, 3 * EASE_AFTER_S)) == {Relief.FAR_PLANS}
-    assert not overload.forget()
+    overload.plan(Relief.HALF_RATE)
+    assert set(after(overload, 0.0, 3 * EASE_AFTER_S)) == {Relief.HALF_RATE}
+    assert not overload.stand(0.0)
     after(overload, LATE_S, 3.0)
     assert overload.relief is Relief.QUARTER_RATE
     calm = after(overload, 0.0, 5 * EASE_AFTER_S)
-    assert list(dict.fromkeys(calm)) == [Relief.QUARTER_RATE, Relief.HALF_RATE, Relief.FAR_PLANS]
+    assert list(dict.fromkeys(calm)) == [Relief.QUARTER_RATE, Relief.THIRD_RATE, Relief.HALF_RATE]
     overload.plan(Relief.NONE)
     assert overload.relief is Relief.NONE

@@ -10,7 +10,7 @@ from rcopterx.agents.load.pacing import Pacing, SolveTimer
 
 
 def due(pacing: Pacing, frames: range | list[int], period_s: float, flying: bool = True) -> list[int]:
-    pacing.on_pose(0.0, period_s)
+    pacing.on_pose(0, 0.0, period_s)
     return [frame for frame in frames if pacing.control_due(frame, flying)]
 
 
@@ -116,14 +116,51 @@ def test_periods_and_missed_periods_add_up_to_the_time_flown(steps: list[int], p
 def test_a_pose_is_overdue_after_one_and_a_half_periods_and_then_every_period() -> None:
     pacing = Pacing(0.02)
     assert pacing.overdue_at_s == math.inf
-    pacing.on_pose(100.0, 0.02)
+    pacing.on_pose(0, 100.0, 0.02)
     overdue = []
     for _ in range(3):
         overdue.append(pacing.overdue_at_s)
         pacing.on_coast()
     assert overdue == pytest.approx([100.03, 100.05, 100.07])
-    pacing.on_pose(100.1, 0.01)
+    pacing.on_pose(1, 100.1, 0.01)
     assert pacing.overdue_at_s == pytest.approx(100.115)
+
+
+def delays_s(arrivals_s: list[float], frames: list[int] | None = None, period_s: float = 0.02) -> list[float]:
+    """How late each pose of a stream is."""
+    pacing, delays = Pacing(0.02), []
+    for frame, arrived_s in zip(frames or range(len(arrivals_s)), arrivals_s, strict=True):
+        pacing.on_pose(frame, arrived_s, period_s)
+        delays.append(pacing.pose_delay_s)
+    return delays
+
+
+def test_poses_that_wait_for_a_processor_are_late_although_they_have_just_arrived() -> None:
+    steady = [100.0 + 0.02 * frame for frame in range(50)]
+    assert delays_s(steady) == pytest.approx([0.0] * 50, abs=1e-3)
+    starved = [arrived_s + (0.03 if 10 <= frame < 30 else 0.0) for frame, arrived_s in enumerate(steady)]
+    late = [frame for frame, delay_s in enumerate(delays_s(starved)) if delay_s > 0.018]
+    assert late == list(range(10, 30))
+
+
+def test_missing_frames_make_the_next_pose_no_later() -> None:
+    frames = [0, 1, 5, 6, 9]
+    assert delays_s([0.02 * frame for frame in frames], frames) == pytest.approx([0.0] * 5, abs=1e-3)
+
+
+def test_a_stream_that_is_slower_than_it_says_is_not_late() -> None:
+    assert max(delays_s([0.0201 * frame for frame in range(1000)])) < 1e-6
+
+
+def test_a_lasting_delay_is_no_lateness_in_the_long_run() -> None:
+    delays = delays_s([0.02 * frame + (0.05 if frame >= 10 else 0.0) for frame in range(500)])
+    assert delays[10] > 0.045
+    assert delays[-1] == 0.0
+
+
+def test_a_stream_that_pauses_or_begins_anew_is_not_late() -> None:
+    assert delays_s([0.0, 0.02, 7.0, 7.02], [0, 1, 2, 3]) == pytest.approx([0.0] * 4, abs=1e-3)
+    assert delays_s([0.0, 0.02, 0.04, 0.06], [700, 701, 1, 2]) == pytest.approx([0.0] * 4, abs=1e-3)
 
 
 def test_solver_times_are_percentiles_of_the_recent_steps_in_milliseconds() -> None:
@@ -161,7 +198,7 @@ def test_at_half_rate_neighbours_in_the_fleet_take_turns(place: int, frames: lis
 
 def test_at_half_rate_a_plan_of_the_period_before_is_new_enough() -> None:
     pacing = Pacing(0.02)
-    pacing.on_pose(0.0, 0.01)
+    pacing.on_pose(0, 0.0, 0.01)
     assert pacing.plan_frame(100) == 100
     pacing.every = 2
     assert pacing.plan_frame(100) == 96

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 from support.bus import asked
 from support.statuses import flying_status
@@ -85,12 +86,28 @@ def test_the_launcher_says_while_it_measures_what_the_host_flies(
     membership: MembershipService, join: Join
 ) -> None:
     session = join()
-    assert status_of(session, lambda _: True).crowding == 0.0
+    assert status_of(session, lambda _: True).control_every == 1
     membership.measuring = True
-    assert status_of(session, lambda status: status.measuring).flies is None
-    membership.measuring, membership.flies = False, 2
+    assert status_of(session, lambda status: status.measuring).flies == ()
+    membership.measuring, membership.flies = False, (0, 1, 1, 2)
     status = status_of(session, lambda status: not status.measuring)
-    assert (status.flies, status.crowding) == (2, 0.5)
+    assert (status.flies, status.control_every, status.crowded) == ((0, 1, 1, 2), 2, False)
+
+
+def test_late_commands_of_an_agent_of_this_host_are_noticed(
+    membership: MembershipService, join: Join
+) -> None:
+    session = join()
+
+    def noticed(late_share: float) -> bool:
+        status = flying_status()
+        diagnostics = msgspec.structs.replace(status.diagnostics, late_share=late_share)
+        session.publish(channels.AGENT_STATUS, "h1", msgspec.structs.replace(status, diagnostics=diagnostics))
+        return membership.agents_are_late
+
+    assert not membership.agents_are_late
+    wait_for(lambda: noticed(0.5), "late commands are not noticed")
+    wait_for(lambda: not noticed(0.1), "commands are in time again")
 
 
 def test_that_it_is_not_known_what_the_host_flies_is_said_from_the_first_status_on(
