@@ -92,18 +92,21 @@ class CapacityMeasurement:
         self._began_s = 0.0
         self._before: dict[int, Threads] = {}
         self._standing_share: float | None = None
+        self._late = False
         self.done = False
         """Whether the measurement has ended, with or without success."""
 
-    def step(self, ready: bool) -> tuple[int, ...] | str | None:
+    def step(self, ready: bool, late: bool = False) -> tuple[int, ...] | str | None:
         """Start the measurement when the computer is ready for it, and later collect the result.
 
         Parameters
         ----------
         ready
-            Whether all processes have started, no vehicle flies and no agent is late. If that changes during
-            a measurement, it is abandoned and begun again later: it would disturb, and be wrong. Processes
-            that wait for processors use less of them than they need.
+            Whether all processes have started and no vehicle flies. If that changes during a measurement, it
+            is abandoned and begun again later: it would disturb, and be wrong.
+        late
+            Whether commands of an agent are late. Processes that wait for processors use less of them than
+            they need; so the result assumes that those which run need all, and is measured again.
 
         Returns
         -------
@@ -116,6 +119,7 @@ class CapacityMeasurement:
             if not ready:
                 self._abandon()
                 return None
+            self._late |= late
             if self._process is None:
                 if AGENT in self._roles().values():
                     self._begin()
@@ -125,7 +129,9 @@ class CapacityMeasurement:
                 return None
         except (OSError, ValueError) as error:
             result = f"how many vehicles this computer flies cannot be measured: {error}"
-        self.close()
+        again = self._late and not isinstance(result, str)
+        self._abandon()
+        self.done = not again
         return result
 
     def _begin(self) -> None:
@@ -165,7 +171,8 @@ class CapacityMeasurement:
         if not agents:
             raise OSError("no agent runs")
         ran_s = sum(_ran_s(self._before[process], threads_of(process)) for process in stayed)
-        return ran_s / elapsed_s / agents
+        needed_s = len(os.sched_getaffinity(0)) * elapsed_s if self._late else 0.0
+        return max(ran_s, needed_s) / elapsed_s / agents
 
     def close(self) -> None:
         """End the measurement."""
@@ -173,7 +180,7 @@ class CapacityMeasurement:
         self._abandon()
 
     def _abandon(self) -> None:
-        self._standing_share = None
+        self._standing_share, self._late = None, False
         if self._process is not None:
             if self._process.poll() is None:
                 self._process.kill()

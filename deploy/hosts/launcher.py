@@ -267,8 +267,8 @@ class Launcher(AbstractContextManager["Launcher"]):
             return []
         self._measure_due_s = time.monotonic() + MEASURE_S
         flying = self.supervisor.flying
-        ready = self.supervisor.spare_ready and not (flying or membership.agents_are_late)
-        result = self._capacity.step(ready)
+        ready = self.supervisor.spare_ready and not flying
+        result = self._capacity.step(ready, membership.agents_are_late)
         children = self.supervisor.children.values()
         agents = sum(child.wanted and child.spec.role == AGENT for child in children)
         if isinstance(result, tuple):

@@ -61,10 +61,7 @@ def launcher_notes(host: str, status: LauncherStatus) -> list[str]:
 def capacity_notes(host: str, status: LauncherStatus) -> list[str]:
     """A line if a host runs more agents than it serves without missed periods, or measures that."""
     if status.measuring:
-        return [
-            f"host {host}: measures how many vehicles it can fly, as soon as no command is late; "
-            "take-off waits for the result"
-        ]
+        return [f"host {host}: measures how many vehicles it can fly; take-off waits for the result"]
     if status.crowded:
         return [
             f"host {host}: runs the agents of {len(status.running)} vehicles, but can fly at most about "

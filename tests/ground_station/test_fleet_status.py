@@ -205,7 +205,7 @@ def test_a_host_with_more_agents_than_it_serves_is_told() -> None:
     for flies in ((), (2, 3, 4, 5), (7, 8, 9, 9)):
         assert launcher_notes("main", msgspec.structs.replace(status, flies=flies)) == []
     (line,) = launcher_notes("main", msgspec.structs.replace(status, measuring=True))
-    assert line.startswith("host main: measures how many vehicles it can fly, as soon as no command is late;")
+    assert line == "host main: measures how many vehicles it can fly; take-off waits for the result"
     (line,) = launcher_notes("main", msgspec.structs.replace(status, flies=(1, 1, 2, 3)))
     assert line.startswith(
         "host main: can fly about 1 such vehicles, but runs the agents of 2, which therefore control one "

@@ -35,8 +35,9 @@ def test_faster_and_more_processors_fly_more(
     more = vehicles_flown(share, control_s, period_s, factor * processors)
     dearer = vehicles_flown(factor * share, factor * control_s, period_s, processors)
     for number, of_more, of_dearer in zip(flown[:-1], more[:-1], dearer[:-1], strict=True):
-        assert of_more >= factor * number
-        assert of_dearer <= number / factor + 1e-9
+        # Up to the rounding of a quotient that is a whole number.
+        assert of_more >= factor * number - 1
+        assert factor * of_dearer <= number + 1
     assert dearer[-1] <= flown[-1] <= more[-1]
     assert list(flown) == sorted(flown)
 
@@ -120,6 +121,28 @@ def test_processes_of_a_standing_fleet_are_shared_out_among_its_agents(
     ran_s, now_s = [0.1], [4.0]
     assert result_of(measurement) == (7,)
     assert shares == [pytest.approx((0.1 + 0.2 + 0.3) / 4.0 / 2)]
+
+
+@pytest.mark.timeout(600)
+def test_processes_of_late_agents_need_all_processors_until_they_are_measured_again(
+    tmp_path: Path, forks: ForkServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(capacity, "STANDING_S", 0.1)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
+    shares: list[float] = []
+
+    def flown(share: float, *_: float) -> tuple[int, ...]:
+        shares.append(share)
+        return (7,)
+
+    monkeypatch.setattr(capacity, "vehicles_flown", flown)
+    measurement = measurement_of(forks, tmp_path)
+    wait_for(lambda: measurement.step(ready=True, late=True) == (7,), "there is no result", deadline_s=500)
+    assert shares == [2.0]
+    assert not measurement.done
+    assert result_of(measurement) == (7,)
+    assert shares[1] < 2.0
+    assert measurement.done
 
 
 def test_a_measurement_that_fails_says_so(
