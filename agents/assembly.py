@@ -98,7 +98,10 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus) -> AgentParts:
     applied = bus.subscribe(channels.APPLIED, vehicle, depth=16, waking=False)
     observation = Observation(pilot, pacing, poses, applied, lease, clock)
     # Other vehicles
-    plans = LeaderPlans(vehicle, partial(bus.subscribe, channels.PLAN))
+    # Late plans count in the next period.
+    plans: LeaderPlans = LeaderPlans(
+        vehicle, partial(bus.subscribe, channels.PLAN, waking=lambda: plans.awaited)
+    )
     plans.subscribe_to(link.leader for link in settings.following)
     statuses = bus.subscribe_all(channels.AGENT_STATUS, waking=False)
     peers = PeerStatuses(vehicle, statuses.inboxes, clock)
@@ -109,7 +112,7 @@ def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus) -> AgentParts:
     # Controllers
     tuning = Tuning(settings.configuration, pilot, settings.period_s, partial(bus.note, TUNED))
     guard = OscillationGuard(pilot, tuning)
-    external_inputs = bus.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8)
+    external_inputs = bus.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8, waking=False)
     publish_task = partial(bus.publish, channels.CONTROL_TASK, vehicle)
     external = ExternalControl(vehicle, pilot, external_inputs, publish_task)
     wake = partial(bus.note, TRAJECTORY_CHECKED)

@@ -5,6 +5,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, assemble
 from rcopterx.agents.guards.time_limit import AlarmTimeLimit, NotedTimeLimit, TimeLimit
@@ -69,6 +70,9 @@ class Agent:
 
     def step(self) -> None:
         """Do everything that is due now: update, decide, control, publish."""
+        # From before the input is collected, so that no plan that it misses is slept through.
+        plans, changes = self.parts.plans, self.parts.changes
+        plans.awaited = True
         self._now_s = self._bus.begin_step()
         self._limit.begin_step()
         begun_s = self._stopwatch()
@@ -80,9 +84,16 @@ class Agent:
                 output, estimate, timing = self._control()
                 self._publish(output, timing)
                 self._after_control(output, self._stopwatch() - begun_s)
-            if self._now_s >= self._reporter.due_s and not self.parts.lease.quiet:
+            # Nothing delays a command.
+            if (
+                self.control_by_s is None
+                and self._now_s >= self._reporter.due_s
+                and not self.parts.lease.quiet
+            ):
                 self._reporter.report()
         self._bus.end_step(self._settings.vehicle, estimate, self._limit.overtime)
+        if self.control_by_s is None:
+            plans.awaited = changes.waiting
 
     def _update(self) -> None:
         """Process what has arrived: the lease, requests, the state of the transmitter, poses."""
@@ -169,7 +180,7 @@ class Agent:
     def _control(self) -> tuple[ControlOutput, list[float], CommandTiming | None]:
         """Fly the present control period; return also the estimate before it and the stages it passed."""
         parts, pilot = self.parts, self._pilot
-        self.control_by_s = None
+        self.control_by_s, parts.plans.awaited = None, False
         parts.pacing.on_command()
         if pilot.guidance.follows and not self._plans_are_here():
             pilot.fallbacks["leader_plan_late"] += 1
@@ -235,14 +246,31 @@ class Agent:
         return seen.arrived_s + pacing.rest_s(self._pilot.clock.current_frame)
 
     def next_s(self) -> float:
-        """Time of the next deadline [monotonic s]; messages wake the loop earlier."""
+        """Time of the next deadline [monotonic s]; messages wake the loop earlier.
+
+        Reports wait for the next step.
+        """
         parts = self.parts
         if parts.requests.waiting:
             return -math.inf
         if self.control_by_s is not None:
             return self.control_by_s
-        report_s = math.inf if parts.lease.quiet else self._reporter.due_s
-        return min(parts.pacing.overdue_at_s, parts.lease.next_s(), report_s)
+        return min(parts.pacing.overdue_at_s, parts.lease.next_s())
+
+
+class _WakeUp:
+    """An event that is cleared by waiting for it; one lock costs less than `threading.Event`."""
+
+    def __init__(self) -> None:
+        self._calm = threading.Lock()
+        self._calm.acquire()
+
+    def set(self) -> None:
+        with suppress(RuntimeError):  # it is set already
+            self._calm.release()
+
+    def wait(self, timeout_s: float) -> None:
+        self._calm.acquire(timeout=max(0.0, timeout_s))
 
 
 def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
@@ -258,7 +286,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
     BusUnreachableError
         No router answers.
     """
-    signals, wake = list[int](), threading.Event()
+    signals, wake = list[int](), _WakeUp()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, _: signals.append(number))
     realtime = request_realtime(settings.realtime_priority)
@@ -269,8 +297,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
         while not (signals or agent.lost):
             agent.beat(heartbeat)
             time.sleep(max(0.0, agent.rest_until_s - session.clock()))
-            wake.wait(max(0.0, min(agent.next_s() - session.clock(), LONGEST_WAIT_S)))
-            wake.clear()
+            wake.wait(min(agent.next_s() - session.clock(), LONGEST_WAIT_S))
             agent.step()
         heartbeat.ending()
         return agent.lost

@@ -14,6 +14,7 @@ from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.guard import effort_factors
 from rcopterx.bus import channels
+from rcopterx.bus.heartbeat import LONGEST_WAIT_S
 from rcopterx.bus.message import FloatArray
 from rcopterx.bus.messages import (
     AgentStatus,
@@ -175,14 +176,15 @@ class Reporter:
         self.due_s = self._bus.clock() + REPORT_PERIOD_S
 
     def request_report(self) -> None:
-        """Report in this step, so that a successor of this agent knows of a change."""
+        """Report after the present control period, so that a successor of this agent knows of a change."""
         self.due_s = self._bus.clock()
 
     def report(self) -> None:
         """Publish status and intent."""
         now_s, pilot, parts, vehicle = self._bus.clock(), self._pilot, self._parts, self._settings.vehicle
         slower = SPARSE if parts.relief.relief >= Relief.REPORTS else 1
-        self.due_s = now_s + slower * REPORT_PERIOD_S
+        # A report waits for the end of a step, but the rate stays.
+        self.due_s = max(self.due_s, now_s - LONGEST_WAIT_S) + slower * REPORT_PERIOD_S
         diagnostics = diagnostics_of(self._settings, pilot, parts, self._realtime, now_s)
         remarks = set(diagnostics.remarks)
         for remark in remarks - self._logged_remarks:

@@ -21,7 +21,7 @@ from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.rounding import monotonic_s
-from rcopterx.bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions
+from rcopterx.bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions, Waking
 
 _COUNTER: Final = Struct("<I")
 """Attachment of every message: its number on this key."""
@@ -217,7 +217,7 @@ class Session:
         unit: str,
         depth: int = 1,
         *,
-        waking: bool = True,
+        waking: Waking = True,
         fleet: str | None = None,
         own: bool = True,
         deliver: Deliver = Inbox.store,
@@ -229,7 +229,7 @@ class Session:
         depth
             Messages kept until they are read.
         waking
-            Whether messages wake the loop.
+            Whether messages wake the loop; a function decides for each message, on the receive thread.
         fleet
             Another fleet than the own one.
         own
@@ -238,18 +238,22 @@ class Session:
             Called on the receive thread to put a payload into the inbox.
         """
         full_key = channels.key(fleet or self.address.fleet, unit, channel.topic)
-        wake = self.wake if waking else lambda: None
+        wake = self._waker(waking)
         origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
         return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth, origin, deliver)
 
     def subscribe_all(
-        self, channel: Channel[M], depth: int = 1, *, waking: bool = True, deliver: Deliver = Inbox.store
+        self, channel: Channel[M], depth: int = 1, *, waking: Waking = True, deliver: Deliver = Inbox.store
     ) -> UnitSubscriptions[M]:
         """Receive a channel of every unit; parameters as in `subscribe`."""
         pattern = channels.key(self.address.fleet, "*", channel.topic)
-        wake = self.wake if waking else lambda: None
-        units = self.address.units
+        wake, units = self._waker(waking), self.address.units
         return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth, deliver, units)
+
+    def _waker(self, waking: Waking) -> Callable[[], None]:
+        if callable(waking):
+            return lambda: self.wake() if waking() else None
+        return self.wake if waking else lambda: None
 
     def tap(self, store: Callable[[RawMessage], None], topic: str = "*", fleet: str | None = None) -> None:
         """Receive all messages of a fleet, or of one topic, undecoded; receive threads call `store`."""

@@ -19,7 +19,7 @@ from rcopterx.bus.log_messages import AgentSteps, RoundedEstimate
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import Reply, Request
 from rcopterx.bus.session import Incoming, Session
-from rcopterx.bus.subscription import Deliver, Inbox
+from rcopterx.bus.subscription import Deliver, Inbox, Waking
 
 M = TypeVar("M", bound=Message)
 
@@ -75,10 +75,10 @@ class StepBus(Protocol):
     def note(self, event: str) -> None:
         """Let an event inside the process take effect with the next step. Any thread may call this."""
 
-    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
+    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: Waking = True) -> Inbox[M]:
         """Receive a channel of one unit."""
 
-    def subscribe_all(self, channel: Channel[M], *, waking: bool = True) -> Inboxes[M]:
+    def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Inboxes[M]:
         """Receive a channel of every unit."""
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
@@ -105,7 +105,7 @@ class _Input(Struct, frozen=True):
     def key(self) -> str:
         """As in `AgentSteps.keys`."""
         if self.inbox is not None:
-            return f"{self.inbox.unit}/{self.inbox.channel.topic}"
+            return self.inbox.key
         return f"{REQUEST}/{self.request}" if self.request else self.event
 
 
@@ -191,11 +191,11 @@ class SteppedSession:
         self._waiting.append(_Input(b"", self._session.clock(), event=event))
         self._session.wake()
 
-    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
+    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: Waking = True) -> Inbox[M]:
         """See `StepBus.subscribe`."""
         return self._session.subscribe(channel, unit, depth, waking=waking, deliver=self._deliverer())
 
-    def subscribe_all(self, channel: Channel[M], *, waking: bool = True) -> Inboxes[M]:
+    def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Inboxes[M]:
         """See `StepBus.subscribe_all`."""
         return self._session.subscribe_all(channel, waking=waking, deliver=self._deliverer())
 

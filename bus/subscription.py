@@ -54,6 +54,8 @@ class Inbox(Generic[M]):
     def __init__(self, channel: Channel[M], depth: int = 1, unit: str = "") -> None:
         self.channel = channel
         self.unit = unit
+        self.key = f"{unit}/{channel.topic}"
+        """As in `AgentSteps.keys`."""
         self.reason = ""
         self.unread: deque[tuple[bytes, float]] = deque(maxlen=depth)
         self._rejections = Rejections()
@@ -71,6 +73,8 @@ class Inbox(Generic[M]):
         """Return the valid messages since the last call, oldest first, from at most `limit` payloads."""
         received: list[Received[M]] = []
         unread = self.unread
+        if not unread:
+            return received
         for _ in range(len(unread) if limit is None else min(limit, len(unread))):
             try:
                 payload, arrived_s = unread.popleft()
@@ -122,6 +126,8 @@ class Inbox(Generic[M]):
         return age_s is not None and age_s <= self.channel.stale_after_s
 
 
+Waking = bool | Callable[[], bool]
+"""Whether messages wake the loop; a function is called for each of them, on the receive thread."""
 Deliver = Callable[[Inbox[Any], bytes, float], None]
 """Puts a payload and the time of its arrival [monotonic s] into an inbox, now or later."""
 

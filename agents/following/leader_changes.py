@@ -64,6 +64,11 @@ class LeaderChanges:
         """Accepted changes that were not made, by kind."""
         return self._events + self._regrouping.events
 
+    @property
+    def waiting(self) -> bool:
+        """Whether a request waits for the plans of its leaders."""
+        return bool(self._waiting)
+
     def wait(self, incoming: Incoming, request: Follow | PrepareLeaders) -> None:
         """Refuse an impossible request at once; else decide as soon as the plans of the leaders arrive."""
         refusal = self._leaders_problem(request)

@@ -9,7 +9,7 @@ from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, RecallReply, Reply, Request
 from rcopterx.bus.session import Incoming, RequestFailedError
 from rcopterx.bus.stepping import REQUEST, Inboxes
-from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.subscription import Inbox, Waking
 from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep
 
 M = TypeVar("M", bound=Message)
@@ -94,7 +94,7 @@ class ReplayBus:
     def note(self, event: str) -> None:
         """See `StepBus.note`; the flight log has the time of its effect."""
 
-    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: bool = True) -> Inbox[M]:
+    def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: Waking = True) -> Inbox[M]:
         """See `StepBus.subscribe`."""
         del waking
         inbox = Inbox(channel, depth, unit)
@@ -103,7 +103,7 @@ class ReplayBus:
         self._subscriptions.append(_Subscription(channel, inbox))
         return inbox
 
-    def subscribe_all(self, channel: Channel[M], *, waking: bool = True) -> Inboxes[M]:
+    def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Inboxes[M]:
         """See `StepBus.subscribe_all`."""
         del waking
         self._subscriptions.append(_Subscription(channel))

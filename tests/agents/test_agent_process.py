@@ -187,6 +187,17 @@ def test_a_plan_that_comes_too_late_is_counted(follower: Bench) -> None:
     assert follower.pilot.fallbacks["leader_plan_late"] == late + 1
 
 
+def test_plans_wake_a_follower_only_while_it_waits_for_them(follower: Bench) -> None:
+    follower.start()
+    plans = follower.agent.parts.plans
+    assert not plans.awaited
+    follower.see()
+    assert plans.awaited
+    follower.clock.advance(0.005)
+    follower.command_of(follower.frame)
+    assert not plans.awaited
+
+
 def test_a_pose_that_comes_late_while_its_bridged_frame_waits_for_a_plan_is_no_missed_period(
     follower: Bench,
 ) -> None:

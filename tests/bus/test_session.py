@@ -89,6 +89,25 @@ def test_a_published_message_arrives_typed_with_its_time_and_wakes_the_loop(join
     assert not inbox.alive(clock())
 
 
+def test_a_subscription_can_decide_for_each_message_whether_it_wakes_the_loop(join: Join) -> None:
+    woken: list[str] = []
+    decisions: list[bool] = []
+
+    def waking() -> bool:
+        decisions.append(not decisions)
+        return decisions[-1]
+
+    receiver, sender = join(wake=lambda: woken.append("woken")), join()
+    receiver.subscribe(channels.POSE, "h1", waking=waking)
+
+    def decided_twice() -> bool:
+        sender.publish(channels.POSE, "h1", pose(1))
+        return len(decisions) > 1
+
+    wait_for(decided_twice, "no poses arrive")
+    assert woken == ["woken"]
+
+
 def test_messages_of_other_units_and_topics_do_not_arrive(join: Join) -> None:
     receiver, sender = join(), join()
     inbox = receiver.subscribe(channels.POSE, "h1")
