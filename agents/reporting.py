@@ -3,7 +3,6 @@
 import logging
 import math
 import os
-from collections import Counter
 from collections.abc import Mapping
 from typing import Final
 
@@ -245,10 +244,11 @@ def diagnostics_of(
 
 
 def _summed(*counts: Mapping[str, int]) -> dict[str, int]:
-    total: Counter[str] = Counter()
+    total: dict[str, int] = {}
     for each in counts:
-        total.update(each)
-    return dict(total)
+        for kind, count in each.items():
+            total[kind] = total.get(kind, 0) + count
+    return total
 
 
 def _hover_thrust(pilot: Pilot) -> float | None:

@@ -31,6 +31,7 @@ MODULES: Final = (
     "simulator.helicopter_dynamics",
     "simulator.disturbance",
     "control.references.sampling",
+    "bus.trajectory_packing",
     "control.models.roll_out",
     "control.models.finite",
 )

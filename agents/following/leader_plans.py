@@ -14,11 +14,12 @@ from rcopterx.bus.subscription import Inbox
 from rcopterx.control.references.trajectory import Trajectory
 
 
-def leader_plan(plan: Plan, clock: FleetClock) -> LeaderPlan:
+def leader_plan(plan: Plan, clock: FleetClock, with_nominal: bool = True) -> LeaderPlan:
     """Return a plan of the same epoch on the clock of this vehicle."""
     ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
     trajectory = Trajectory(plan.samples(), plan.period_s)
-    nominal = None if plan.nominal is None else Trajectory(plan.nominal.to_numpy(), plan.period_s)
+    packed = plan.nominal if with_nominal else None
+    nominal = None if packed is None else Trajectory(packed.to_numpy(), plan.period_s)
     return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable, nominal)
 
 

@@ -141,7 +141,7 @@ class Traffic:
             received = None if name in found else inbox.latest()
             if received is None or received.message.epoch != clock.epoch:
                 continue
-            plan = leader_plan(received.message, clock)
+            plan = leader_plan(received.message, clock, with_nominal=False)
             if plan.ahead_s < OLDEST_S and name in scales:
                 found[name] = Neighbour(plan, scales[name])
         return found

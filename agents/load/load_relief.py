@@ -222,6 +222,8 @@ class LoadRelief:
 
     def _take_decision(self) -> bool:
         events = self._bus.events
+        if not events:
+            return False
         decided = next((relief for relief, event in _EVENTS.items() if event in events), None)
         if decided is None:
             return False

@@ -1,5 +1,6 @@
 """Keeps the plan of a vehicle clear of the plans of others, as far as its controller can."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -33,8 +34,12 @@ class SeparationEllipsoid:
 
     def normalised(self, gap_m: Array) -> Array:
         """Length of gaps, shape (.., 3), in ellipsoids: 1 on its surface."""
-        half_axes_m = (self.horizontal_m, self.horizontal_m, self.vertical_m)
-        return np.asarray(np.linalg.norm(gap_m / half_axes_m, axis=-1))
+        return np.asarray(np.linalg.norm(gap_m / self.half_axes_m, axis=-1))
+
+    @property
+    def half_axes_m(self) -> Array:
+        """Half axes along x, y and z."""
+        return np.array((self.horizontal_m, self.horizontal_m, self.vertical_m))
 
 
 class Neighbour(Struct, frozen=True):
@@ -67,6 +72,7 @@ def near(
 
     The obstacles are in the order of their names, so that a vehicle keeps its place among the constraints.
     """
+    weights = ellipsoid.half_axes_m**-2.0
     own_m = plan.resampled(period_s, period_s, stages).position_m
     obstacles: list[Obstacle] = []
     closest, closest_m = np.inf, np.inf
@@ -77,11 +83,9 @@ def near(
         other = neighbour.plan
         other_m = other.trajectory.resampled(other.ahead_s + delay_s, period_s, stages).position_m
         gap_m = own_m - other_m
-        distance = float(ellipsoid.normalised(gap_m).min()) / scale
-        closest, closest_m = (
-            min(closest, distance),
-            min(closest_m, float(np.linalg.norm(gap_m, axis=1).min())),
-        )
+        squares = gap_m * gap_m
+        distance = math.sqrt((squares @ weights).min()) / scale
+        closest, closest_m = min(closest, distance), min(closest_m, math.sqrt(squares.sum(axis=1).min()))
         if distance < NEAR:
             obstacles.append(Obstacle(other_m, scale * ellipsoid.horizontal_m, scale * ellipsoid.vertical_m))
     return Near(tuple(obstacles), closest < TOUCHING, closest_m)
@@ -126,10 +130,11 @@ class PlanAvoidance:
             if self.closest_m is None or found.closest_m < self.closest_m:
                 self.closest_m = found.closest_m
             obstacles, touching = found.obstacles, found.touching
+        if not obstacles and controller is self._unconstrained:
+            return True
         if not isinstance(controller, AvoidsObstacles):
             return not touching
-        if obstacles or controller is not self._unconstrained:
-            done = self._step_guard.try_call(controller, lambda: controller.set_obstacles(obstacles))
-            self._unconstrained = controller if done and not obstacles else None
+        done = self._step_guard.try_call(controller, lambda: controller.set_obstacles(obstacles))
+        self._unconstrained = controller if done and not obstacles else None
         self.ticks += touching
         return True
