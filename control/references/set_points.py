@@ -62,6 +62,9 @@ class TimedPath(Struct, frozen=True):
 
     def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
         """See `ReferenceSource.sample`."""
+        if time_s > self.start_s + self.path.duration_s:
+            end = self.path.knots[-1, 1:5]
+            return hold(end[POSITION], float(end[YAW]), period_s, stages)
         at_s: Array = time_s - self.start_s + period_s * np.arange(float(stages))
         return Trajectory(self.path.sample(at_s), period_s)
 

@@ -84,6 +84,14 @@ def test_a_trajectory_that_is_too_fast_is_left_without_a_jump() -> None:
     assert np.abs(np.diff(rows[:, 0])).max() <= 2.01 * PERIOD_S
 
 
+def test_after_its_end_a_way_rests_exactly_at_its_set_point() -> None:
+    end_m = np.array([0.7, 0.1, 1.3])
+    way = smooth_way(ProfileLimits(*3 * [(1.0, 1.0, 1.0)]), end_m, 0.4, SetPointReference(START, 0.0), 2.0)
+    rest = way.sample(way.start_s + way.path.duration_s + 0.1, PERIOD_S, 3).samples
+    assert rest[:, :4].tolist() == 3 * [[*end_m, 0.4]]
+    assert not rest[:, 4:].any()
+
+
 def test_a_way_takes_no_longer_than_its_limits_require() -> None:
     limit = ProfileLimits(3 * (1.0,), 3 * (100.0,), 3 * (1e4,))
     way = smooth_way(limit, np.array([2.0, 0.0, 0.0]), 0.0, SetPointReference(np.zeros(3), 0.0), 5.0)
