@@ -29,10 +29,12 @@ from rcopterx.control.interfaces import Controller
 from rcopterx.control.solver.osqp import OsqpSolver
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan, Solver
 from rcopterx.control.solver.riccati import RiccatiSolver
+from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
+COAXIAL: Final = vehicle_type("coaxial").model
+COAXIAL_LAG: Final = vehicle_type("coaxial_lag").model
 PERIOD_S: Final = 0.02
 WARM_UP_STEPS: Final = 20
 EVERY: Final = 10

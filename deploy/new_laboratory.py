@@ -31,8 +31,10 @@ class NewLaboratory(NamedTuple):
     volume_min_m: tuple[float, float, float]
     volume_max_m: tuple[float, float, float]
     """Corners of the flight volume in the Tracker's frame."""
-    protocol: str
-    """Protocol of all radio modules."""
+    protocol: str | None
+    """Protocol of all radio modules; None for that of the type."""
+    type: str
+    """Type of all vehicles."""
     vehicles: Sequence[NewVehicle]
     """The first one leads."""
 
@@ -94,6 +96,7 @@ def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -
     key = vehicle.name if vehicle.name.isidentifier() and vehicle.name.isascii() else quoted(vehicle.name)
     lines = [
         f"[vehicles.{key}]",
+        f"type = {quoted(laboratory.type)}    # rcopterx types lists all",
         f"subject = {quoted(vehicle.subject)}    # its name in the Tracker",
     ]
     if number > 0:
@@ -108,7 +111,7 @@ def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -
         "",
         f"[vehicles.{key}.transmitter]",
         f"port = {quoted(vehicle.port)}",
-        f"protocol = {quoted(laboratory.protocol)}",
+        *([] if laboratory.protocol is None else [f"protocol = {quoted(laboratory.protocol)}"]),
         f"model_match = {number + 1}    # binds the receiver to this transmitter: one for every vehicle",
         "# low_power = true    # often enough indoors",
         "",

@@ -17,6 +17,7 @@ from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.experiments.events import Event, Follow, GoTo
 from rcopterx.experiments.figures import finish_figure
+from rcopterx.experiments.knowledge import COAXIAL_LAG
 from rcopterx.experiments.record import FlightRecord, rms_and_max_mm
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigOptions, RigVehicle
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
@@ -25,7 +26,6 @@ from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 LEADER: Final = "h1"
 FOLLOWERS: Final = ("h2", "h3")

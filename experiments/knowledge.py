@@ -14,6 +14,7 @@ from rcopterx.control.identification.excitation import DONE, UNDER_WAY, excitati
 from rcopterx.control.identification.fit import Identification, identify
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.experiments.rig import Rig, RigVehicle
+from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
@@ -22,7 +23,9 @@ from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.tuples import Three
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
+
+COAXIAL: Final = vehicle_type("coaxial").model
+COAXIAL_LAG: Final = vehicle_type("coaxial_lag").model
 
 Knowledge = Literal["default", "identified", "exact", "lag", "late"]
 """`default`: the type. `identified`: fitted to a flight of the vehicle; the type where the fit was refused.

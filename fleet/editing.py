@@ -36,14 +36,14 @@ def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> lis
     Raises `FleetError`: the file cannot be used, or comes with the package; nothing was written.
     """
     path = _own(path)
-    before = msgspec.to_builtins(calibration_of(load_fleet(path).vehicles[vehicle], vehicle))
+    before = msgspec.to_builtins(calibration_of(load_fleet(path), vehicle))
     after = msgspec.to_builtins(calibration)
 
     def edit(table: Any) -> list[str]:
         return _set_numbers(table, before, after, "", complete=True)
 
     def reads_back(file: FleetFile) -> bool:
-        return calibration_of(file.vehicles[vehicle], vehicle) == calibration
+        return calibration_of(file, vehicle) == calibration
 
     return _rewrite(path, ("vehicles", vehicle, "transmitter", "calibration"), True, edit, reads_back)
 
@@ -92,7 +92,7 @@ def _rewrite(
     if not lines:
         return []
     changed = tomlkit.dumps(document)
-    if not reads_back(parse_fleet(changed)):
+    if not reads_back(parse_fleet(changed, path.parent)):
         raise FleetError(f"{path}: {'.'.join(keys)} cannot be changed by a program")
     _replace(path, changed)
     return lines

@@ -3,8 +3,9 @@
 from dataclasses import replace
 from typing import Any, Final
 
-from rcopterx.fleet.reading import dataclass_from
-from rcopterx.fleet.schema import FleetError, FleetFile, VehicleConfig
+from rcopterx.fleet.reading import replaced
+from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol
 from rcopterx.transmitter_gateway.protocols.registry import create_protocol, default_line
@@ -13,11 +14,10 @@ MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp":
 """Option for the number of the model match, by radio protocol; the others send none."""
 
 
-def calibration_of(vehicle: VehicleConfig, name: str) -> Calibration:
-    """Return the calibration of a vehicle's transmitter."""
-    return dataclass_from(
-        Calibration, vehicle.transmitter.calibration, f"vehicles.{name}.transmitter.calibration"
-    )
+def calibration_of(fleet: FleetFile, name: str) -> Calibration:
+    """Return the calibration of a vehicle's transmitter: that of its type, and the values in the file."""
+    own = fleet.vehicles[name].transmitter.calibration
+    return replaced(type_of(fleet, name).calibration, own, f"vehicles.{name}.transmitter.calibration")
 
 
 def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
@@ -27,12 +27,14 @@ def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
     """
     transmitter = fleet.vehicles[name].transmitter
     where = f"vehicles.{name}.transmitter"
-    protocol = transmitter.protocol
+    required = type_of(fleet, name).file.transmitter
+    protocol = transmitter.protocol or required.protocol
     option = MODEL_MATCH_OPTIONS.get(protocol)
     own: dict[str, Any] = {} if option is None else {option: transmitter.model_match}
+    wanted = required.settings if protocol == required.protocol else {}
     line = None if fleet.simulator is None else replace(default_line(protocol), parity="N")
     try:
-        radio = create_protocol(protocol, own | transmitter.settings, line)
+        radio = create_protocol(protocol, own | wanted | transmitter.settings, line)
     except ProtocolError as error:
         raise FleetError(f"{where}.settings: {error}") from None
     if transmitter.low_power and "low_power" not in radio.offers:

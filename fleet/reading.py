@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
-from msgspec import inspect
+from msgspec import inspect, structs
 
 from rcopterx.bus.message import Name
 from rcopterx.fleet.consistency import check_consistency
@@ -88,20 +88,27 @@ def load_fleet(path: Path) -> FleetFile:
         raise FleetError(f"{path}: cannot be read: a directory; name the fleet file in it")
     if path.suffix == SUFFIX:
         return read_snapshot(path)
+    text = _text_of(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise FleetError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise FleetError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
-    try:
-        return parse_fleet(text)
+        return parse_fleet(text, path.parent)
     except FleetError as error:
         raise FleetError(f"{path}: {error}") from None
 
 
-def parse_fleet(text: str) -> FleetFile:
-    """As `load_fleet`, from text."""
+def _text_of(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise FleetError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise FleetError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+
+
+def table_of(text: str) -> dict[str, Any]:
+    """Return the table of a TOML document.
+
+    Raises `FleetError`: it is none, or has numbers that are not finite or tables that are nested too deep.
+    """
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -109,6 +116,12 @@ def parse_fleet(text: str) -> FleetFile:
     except RecursionError:
         raise FleetError(f"nested more than {DEEPEST} times") from None
     _check_values(raw, "")
+    return raw
+
+
+def parse_fleet(text: str, directory: Path = Path()) -> FleetFile:
+    """As `load_fleet`, from text; paths of type files are relative to a directory."""
+    raw = table_of(text)
     defaults = raw.pop("defaults", {})
     vehicles = raw.get("vehicles")
     if isinstance(defaults, dict) and isinstance(vehicles, dict):
@@ -126,7 +139,19 @@ def parse_fleet(text: str) -> FleetFile:
             converted(table, kind, f"{group}.{name}")
     fleet = converted(raw, FleetFile, "")
     check_consistency(fleet)
-    return fleet
+    return structs.replace(fleet, types=fleet.types | _type_files(fleet, directory))
+
+
+def _type_files(fleet: FleetFile, directory: Path) -> dict[str, dict[str, Any]]:
+    """Content of the type files that vehicles name by path: a snapshot works on every host."""
+    found = {}
+    for vehicle in fleet.vehicles.values():
+        if vehicle.type.endswith(".toml"):
+            try:
+                found[vehicle.type] = table_of(_text_of(directory / vehicle.type))
+            except FleetError as error:
+                raise FleetError(f"{vehicle.type}: {error}") from None
+    return found
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

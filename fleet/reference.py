@@ -14,6 +14,7 @@ from msgspec import inspect as types
 from rcopterx.bus.reference import field_table, purpose
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.fleet import schema
+from rcopterx.fleet.vehicle_types import TypeFile, TypeTransmitter
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
@@ -103,6 +104,8 @@ def sections() -> list[Section]:
             LandingLimits,
             "Gains come from the vehicle's model unless they are given.",
         ),
+        Section("types.NAME", TypeFile, "See [vehicle_types.md](vehicle_types.md)."),
+        Section("types.NAME.transmitter", TypeTransmitter),
         Section("log", schema.LogConfig, "See [logs.md](logs.md)."),
         Section("watchdog", schema.WatchdogConfig, "See [safety.md](safety.md#processes-that-hang)."),
         Section(vehicle, schema.VehicleConfig),
@@ -133,7 +136,7 @@ def sections() -> list[Section]:
         Section(
             model,
             Model,
-            "Written by `rcopterx identify`. The `type` gives the other values.",
+            "Written by `rcopterx identify`. The `type`, which is `kind`, gives the other values.",
             own_default="of the type",
         ),
         Section(f"{model}.tilt", TiltModel, own_default="of the type"),

@@ -13,6 +13,7 @@ from rcopterx.bus.message import Four, Name, Period, Place, Three
 from rcopterx.bus.messages import LeaderLink
 
 Text = Annotated[str, Meta(min_length=1)]
+ProtocolName = Literal["multi", "dsm2_serial", "dsmp", "ppm"]
 
 DEFAULT_HOST = "main"
 ROUTER_PORT = 7447
@@ -133,16 +134,16 @@ class TransmitterConfig(Table, frozen=True, kw_only=True):
     """Serial device. A relative path is in the run directory; the simulator creates it."""
     gateway: Name = "transmitters"
     """Transmitter gateway that serves it."""
-    protocol: Literal["multi", "dsm2_serial", "dsmp", "ppm"] = "multi"
-    """Protocol of the radio module."""
+    protocol: ProtocolName | None = None
+    """Protocol of the radio module; by default that of the vehicle's type."""
     model_match: Annotated[int, Meta(ge=0, le=63)] = 0
     """Number that binds the receiver to this transmitter; unique for each vehicle."""
     low_power: bool = False
     """Whether the radio sends with low power."""
     settings: dict[str, Any] = field(default_factory=dict)
-    """Settings of the protocol."""
+    """Settings of the protocol that differ from those of the type."""
     calibration: dict[str, Any] = field(default_factory=dict)
-    """Map from normalised inputs to pulse widths, by channel."""
+    """Map from normalised inputs to pulse widths, by channel, where it differs from that of the type."""
 
 
 class ControlConfig(Table, frozen=True, kw_only=True):
@@ -199,7 +200,8 @@ class VehicleConfig(Table, frozen=True, kw_only=True):
     transmitter: TransmitterConfig
     """Its radio."""
     type: str = "coaxial"
-    """Type with the default model: `coaxial`, `coaxial_lag` or `quadrotor`."""
+    """Type that gives the defaults of model, calibration and radio: a name that `rcopterx types` lists, one
+    of `types`, or the path of a file `*.toml`, relative to the fleet file."""
     host: Name = DEFAULT_HOST
     """Host that runs its agent."""
     spares: list[Name] = field(default_factory=list)
@@ -295,6 +297,8 @@ class FleetFile(Table, frozen=True, kw_only=True):
     """The flight log."""
     watchdog: WatchdogConfig = field(default_factory=WatchdogConfig)
     """For how long processes may make no progress."""
+    types: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Vehicle types of this fleet by name; see [vehicle_types.md](vehicle_types.md)."""
     vehicles: dict[Name, VehicleConfig]
     """Vehicles by name."""
 

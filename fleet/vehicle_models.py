@@ -3,11 +3,11 @@
 from dataclasses import replace
 from typing import Final
 
-from rcopterx.fleet.reading import replaced
+from rcopterx.fleet.reading import merged, replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.types import TYPES
 
 
 def model_of(fleet: FleetFile, name: str) -> Model:
@@ -15,11 +15,7 @@ def model_of(fleet: FleetFile, name: str) -> Model:
 
     Raises `FleetError`: the type or a parameter is unknown.
     """
-    vehicle = fleet.vehicles[name]
-    where = f"vehicles.{name}"
-    if vehicle.type not in TYPES:
-        raise FleetError(f"{where}.type: unknown type {vehicle.type!r}, allowed are {', '.join(TYPES)}")
-    model = replaced(TYPES[vehicle.type], vehicle.model, f"{where}.model")
+    model = replaced(type_of(fleet, name).model, fleet.vehicles[name].model, f"vehicles.{name}.model")
     # Set points stay within the volume, which may begin above the floor; flights begin and end on the floor.
     (low_x, low_y, low_z), high = fleet.volume.min_m, fleet.volume.max_m
     return replace(
@@ -37,7 +33,14 @@ SLOWEST_YAW_PER_S: Final = 1.0
 
 def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
     """Return the limits that the transmitter gateway enforces for a vehicle."""
-    table = dict(fleet.safety.settings)
+    own = type_of(fleet, name).file
+    ceiling_m = fleet.volume.max_m[2]
+    if ceiling_m < own.lowest_ceiling_m:
+        raise FleetError(
+            f"volume.max_m[2]: {ceiling_m:g} m is too low for {name}: its type takes off to "
+            f"{own.lowest_ceiling_m:g} m"
+        )
+    table = merged(own.safety, fleet.safety.settings)
     surveillance, landing = table.pop("surveillance", {}), table.pop("landing", {})
     for field, part in (("surveillance", surveillance), ("landing", landing)):
         if not isinstance(part, dict):

@@ -27,6 +27,7 @@ from rcopterx.commands import (
     roles,
     steer,
     trajectory,
+    types,
     watch,
 )
 
@@ -51,7 +52,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Flight logs": (flights.flights, replay.replay, report.report, export.export, flights.recover),
     "Prepare a laboratory": (new_lab.new_lab,),
     "Prepare hosts": (deploy.deploy, certs.certs, doctor.doctor),
-    "Prepare vehicles": (identify.identify, margins.margins),
+    "Prepare vehicles": (types.types, identify.identify, margins.margins),
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
     "Try out faults": (laboratory.inject, laboratory.replay_tracker),
     "Experiment": (experiment.experiment,),

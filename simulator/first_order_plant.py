@@ -13,7 +13,25 @@ from rcopterx.simulator.disturbance import PARAMETERS, random_stream
 from rcopterx.simulator.plant import CALM, Plant, Pose, four
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Four
-from rcopterx.vehicles.types import QUADROTOR, thrust_acceleration, tilt_limit_rad
+
+
+def tilt_limit_rad(model: Model) -> float:
+    """Attitude at full pitch and roll stick, from b = g tan(tilt limit), pitch and roll averaged."""
+    horizontal = (model.input_gain[0] + model.input_gain[1]) / 2
+    return math.atan(horizontal / model.gravity_m_s2)
+
+
+def thrust_acceleration(pitch_rad: float, roll_rad: float, thrust_m_s2: float) -> tuple[float, float, float]:
+    """Forward, left and upward acceleration [m/s^2] by the tilted thrust in the heading frame, without
+    gravity.
+
+    Positive pitch accelerates forward (nose down), positive roll to the right (minus body y).
+    """
+    return (
+        thrust_m_s2 * math.sin(pitch_rad) * math.cos(roll_rad),
+        -thrust_m_s2 * math.sin(roll_rad),
+        thrust_m_s2 * math.cos(pitch_rad) * math.cos(roll_rad),
+    )
 
 
 def specimen(model: Model, conditions: Conditions, generator: np.random.Generator) -> tuple[Model, Four]:
@@ -41,7 +59,7 @@ class FirstOrderPlant(Plant):
 
     def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> None:
         self.model, self.trim = specimen(model, conditions, random_stream(seed, name, PARAMETERS))
-        self._tilt_limit_rad = tilt_limit_rad(self.model) if model.kind == QUADROTOR.kind else 0.0
+        self._tilt_limit_rad = tilt_limit_rad(self.model) if model.airframe == "attitude" else 0.0
         super().__init__(name, model, conditions, seed, start)
 
     @property

@@ -15,7 +15,6 @@ from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL
 
 
 def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> Plant:
@@ -24,7 +23,7 @@ def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: 
 
     Raises `ValueError` for a start pose that is not finite or below the floor.
     """
-    if model.kind == COAXIAL.kind and conditions.coaxial_plant != "first_order":
+    if model.airframe == "coaxial" and conditions.coaxial_plant != "first_order":
         return Helicopter(name, model, conditions, seed, start, helicopter_of(name, conditions, seed))
     return FirstOrderPlant(name, model, conditions, seed, start)
 

@@ -1,13 +1,14 @@
 """The model every vehicle type shares, as data.
 
 Coaxial helicopters and quadrotors in attitude mode have the same structure seen from the sticks: every input
-passes an actuator lag and then acts as an acceleration. They differ in numbers (`rcopterx.vehicles.types`)
+passes an actuator lag and then acts as an acceleration. They differ in numbers (`vehicles/types`)
 and, in the simulator, in the tilt of their thrust.
 """
 
 import math
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -87,6 +88,9 @@ class Model:
     """Lowest positions, velocities and yaw rate to plan with; positions are those of the volume."""
     state_max: Seven
     """Highest ones."""
+    airframe: Literal["coaxial", "attitude", "lag"] = "lag"
+    """What the vehicle is: a helicopter with two rotors and a stabilizer bar; one whose thrust tilts under a
+    closed attitude loop; or one whose sticks act as accelerations after a lag, equation (1)."""
     gravity_m_s2: float = GRAVITY_M_S2
     """Gravity."""
     integrator_gain: float = 2.0

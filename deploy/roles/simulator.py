@@ -73,7 +73,7 @@ def _simulated(fleet: FleetFile, name: str, directory: Path) -> SimulatedVehicle
         start=Pose(place[:3], place[3]),
         port=str(serial_path(vehicle.transmitter.port, directory)),
         radio=SimulatedRadio(protocol_of(fleet, name), vehicle.transmitter.model_match),
-        calibration=calibration_of(vehicle, name),
+        calibration=calibration_of(fleet, name),
     )
 
 

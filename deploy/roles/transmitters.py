@@ -27,7 +27,7 @@ def gateway_settings(fleet: FleetFile, gateway: str, directory: Path) -> Gateway
                 vehicle=name,
                 port=str(serial_path(vehicle.transmitter.port, directory)),
                 protocol=protocol_of(fleet, name),
-                calibration=calibration_of(vehicle, name),
+                calibration=calibration_of(fleet, name),
                 limits=limits_of(fleet, name),
                 low_power=vehicle.transmitter.low_power,
             )

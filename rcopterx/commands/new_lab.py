@@ -21,17 +21,26 @@ LOOK_S = 3.0
 
 def new_lab(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")],
+    vehicle_type: Annotated[
+        str, typer.Option("--type", metavar="NAME", help="Type of the vehicles; rcopterx types lists them.")
+    ] = "coaxial",
     protocol: Annotated[
-        str, typer.Option(metavar="multi|dsm2_serial|dsmp|ppm", help="Protocol of the radio modules.")
-    ] = "multi",
+        str | None,
+        typer.Option(
+            metavar="multi|dsm2_serial|dsmp|ppm",
+            help="Protocol of the radio modules; by default that of the type.",
+        ),
+    ] = None,
 ) -> None:
     """Write the fleet file of a laboratory with hardware; asks for addresses, vehicles and the volume."""
     from rcopterx.deploy.new_laboratory import NewLaboratory, write_fleet_file
     from rcopterx.fleet.schema import FleetError
+    from rcopterx.fleet.vehicle_types import type_names
 
     with user_errors():
         if file.exists():
             raise FleetError(f"{file}: exists already and is not overwritten")
+        _print("vehicle types, for --type", type_names())
         address = _prompt("Tracker, HOST:PORT", "127.0.0.1:801", _address)
         vehicles = _prompt_vehicles(address)
         corners = (
@@ -39,7 +48,7 @@ def new_lab(
             _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
         )
         name = re.sub(r"[^a-z0-9_]", "_", file.stem.lower())
-        write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicles))
+        write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicle_type, vehicles))
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
 
 

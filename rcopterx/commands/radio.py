@@ -98,7 +98,7 @@ def calibrate(
         check_own(fleet_path(fleet))
     if {"signs", "throttle"} & set(steps):
         with workbench(fleet, vehicle) as (file, path, bench):
-            calibration = calibration_of(file.vehicles[vehicle], vehicle)
+            calibration = calibration_of(file, vehicle)
             typer.echo(f"{vehicle}: {bench.wait_ready()}")
             dialogue = Dialogue(bench)
             if "signs" in steps:

@@ -179,7 +179,7 @@ def trim_hover(vehicle: str, seconds: float, fleet: str) -> None:
     """Store mean inputs of a hover in the running fleet as trims, effective from the next start."""
     with running_fleet(fleet, [vehicle]) as running:
         path = fleet_path(fleet)
-        calibration = calibration_of(load_fleet(path).vehicles[vehicle], vehicle)
+        calibration = calibration_of(load_fleet(path), vehicle)
         try:
             mean = measured_hover(running, vehicle, seconds)
             trimmed = calibration.trimmed(mean)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from support.flight import ExactEstimator, NotedController
+from support.vehicle_types import COAXIAL_LAG
 from support.waiting import FakeClock, wait_for
 
 from rcopterx.agents.flight.guidance import Guidance
@@ -15,7 +16,6 @@ from rcopterx.bus import channels
 from rcopterx.bus.messages import AgentStatus, Applied, Command, LeaderLink, Lease, Pose
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.stepping import SteppedSession
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 HOVER = COAXIAL_LAG.hover_input
 LEASE = 1

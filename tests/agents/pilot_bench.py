@@ -2,6 +2,7 @@
 
 import numpy as np
 from support.flight import ExactEstimator, NotedController
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.task import FollowedLeader
@@ -10,7 +11,6 @@ from rcopterx.agents.pilot import Pilot, StampedMeasurement
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 HOVER = COAXIAL_LAG.hover_input
 UP = (0.1, -0.2, 1.0)

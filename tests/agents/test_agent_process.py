@@ -7,6 +7,7 @@ import pytest
 from agent_bench import FOLLOWING, HOVER, LEASE, Bench, Join
 from support.bus import raw_session
 from support.plans import plan_of
+from support.vehicle_types import COAXIAL_LAG
 from support.waiting import DEADLINE_S
 
 from rcopterx.agents.flight.inputs import INPUT_UNIT
@@ -19,7 +20,6 @@ from rcopterx.bus.messages import Plan
 from rcopterx.bus.requests import TakeOff
 from rcopterx.bus.session import BusAddress, RequestFailedError
 from rcopterx.bus.stepping import SteppedSession
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.hovering import HoveringFlight
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.control.plugins import CONTROLLERS, SettingsError
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_controller"
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen
 from support.flight import ExactEstimator, NotedController
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.inputs import INPUT_UNIT
@@ -16,7 +17,6 @@ from rcopterx.bus.message import SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.control.identification.excitation import Excitation
 from rcopterx.vehicles.state import U_THRUST
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 def test_on_the_floor_the_rotor_stays_off_and_the_controller_is_not_asked() -> None:

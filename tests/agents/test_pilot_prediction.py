@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen, unseen
 from support.flight import ExactEstimator, NotedController, Plant, measured, still
+from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import BLIND_LIMIT_S, Pilot, StampedMeasurement
 from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.types import COAXIAL_LAG, QUADROTOR
 
 
 @settings(max_examples=30, deadline=None)

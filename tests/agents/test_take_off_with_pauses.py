@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pilot_bench import real
 from support.flight import Plant, measured
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import StampedMeasurement
@@ -17,7 +18,6 @@ from rcopterx.transmitter_gateway.inputs import (
     PoseInput,
 )
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 ARMED_AT_S = 0.6

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL
 
 from rcopterx.experiments.rig import Rig, RigVehicle
 from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL
 
 ENDURANCE_S = 50.0
 FLIGHT_S = 38.0

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.experiments.events import Follow, GoTo
 from rcopterx.experiments.figures import save_figure
@@ -27,7 +28,6 @@ from rcopterx.experiments.formation import (
 from rcopterx.experiments.runner import Options, Result
 from rcopterx.experiments.schemes import CASCADE, HELICOPTER_SCHEMES, PAPER, SCHEMES
 from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 def test_sequence_changes_set_points_distances_and_headings() -> None:

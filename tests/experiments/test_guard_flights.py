@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, OSCILLATION, effort_factors
 from rcopterx.control.references.path_shapes import figure_eight
@@ -15,9 +16,8 @@ from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import YAW_RATE
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
-LAG_ONLY = replace(COAXIAL_LAG, kind=COAXIAL.kind)
+LAG_ONLY = replace(COAXIAL_LAG, kind=COAXIAL.kind, airframe=COAXIAL.airframe)
 """Flies the helicopter by the paper's model, as if there were neither bar nor oscillator."""
 GAIN_A_FIFTH = replace(COAXIAL, input_gain=(0.4, 0.42, 18.0, 111.0), uncertainty=IDENTIFIED)
 """Claims to be identified, and the sticks do five times as much as it says."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL
 
 from rcopterx.experiments.knowledge import (
     NotIdentifiedError,
@@ -16,7 +17,6 @@ from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL
 
 SEED = 2
 

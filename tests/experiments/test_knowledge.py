@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import predict
@@ -15,7 +16,6 @@ from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
 from rcopterx.vehicles.state import YAW_RATE, heading_matrix
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 STEP_S = 0.001
 PERIOD_S = 0.02

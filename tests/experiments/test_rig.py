@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
 from rcopterx.agents.formation.topology import places
 from rcopterx.bus.messages import LeaderLink
@@ -21,7 +22,6 @@ from rcopterx.experiments.schemes import NO_HURRY
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL_LAG, QUADROTOR
 
 OFFSET_M = (-0.4, 0.5, 0.0)
 STEP = GoTo(2.0, "h1", (0.5, 0.0, 1.2), np.pi / 2)

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 from support.fleets import PAIR
+from support.vehicle_types import COAXIAL
 
 from rcopterx.fleet.editing import write_calibration, write_model
 from rcopterx.fleet.radios import calibration_of
@@ -11,11 +12,10 @@ from rcopterx.fleet.schema import FleetError
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.vehicles.model import IDENTIFIED
-from rcopterx.vehicles.types import COAXIAL
 
 
 def present(path: Path, name: str = "h1") -> Calibration:
-    return calibration_of(load_fleet(path).vehicles[name], name)
+    return calibration_of(load_fleet(path), name)
 
 
 @pytest.fixture

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 from support.fleets import PAIR
+from support.vehicle_types import COAXIAL, QUADROTOR
 
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.vehicles.types import COAXIAL, QUADROTOR
 
 
 @pytest.fixture(autouse=True)

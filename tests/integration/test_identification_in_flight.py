@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import pytest
 from integration_support import Flying, Truth, fleet_text, free_port
+from support.vehicle_types import COAXIAL
 
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.vehicles.model import IDENTIFIED
-from rcopterx.vehicles.types import COAXIAL
 
 pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout(180)]
 

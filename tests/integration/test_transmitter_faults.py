@@ -158,7 +158,7 @@ def test_hover_trim_is_measured_in_flight_and_written_to_the_file(launch: Launch
     assert "land the fleet" in in_flight.stderr
     done = subprocess.run([*words, "--fleet", str(copy)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    calibration = calibration_of(load_fleet(copy).vehicles["h2"], "h2")
+    calibration = calibration_of(load_fleet(copy), "h2")
     trimmed = any(channel.trim_us for channel in (calibration.pitch, calibration.roll, calibration.yaw))
     assert trimmed != ("all below" in done.stdout)
     assert transmitter_state(flying, "h2") == "armed"

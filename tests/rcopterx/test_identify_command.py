@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.fleets import PAIR
+from support.vehicle_types import COAXIAL
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
@@ -16,7 +17,6 @@ from rcopterx.control.models.lateral import LateralSystem, demand_matrix
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.vehicles.model import IDENTIFIED
-from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
 

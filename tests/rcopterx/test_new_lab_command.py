@@ -108,6 +108,13 @@ def test_answers_from_a_pipe_are_enough(tmp_path: Path) -> None:
     assert (fleet.volume.min_m, fleet.volume.max_m) == ((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0))
 
 
+def test_a_type_is_offered_and_decides_about_the_radio(tmp_path: Path) -> None:
+    result = new_lab(tmp_path / "lab.toml", "--type", "quadrotor", answers=ANSWERS)
+    assert "quadrotor" in result.stderr
+    vehicle = load_fleet(tmp_path / "lab.toml").vehicles["h1"]
+    assert (vehicle.type, vehicle.transmitter.protocol) == ("quadrotor", None)
+
+
 def test_what_is_commented_out_makes_a_formation(tmp_path: Path) -> None:
     new_lab(tmp_path / "lab.toml", answers=ANSWERS)
     text = (tmp_path / "lab.toml").read_text(encoding="utf-8")
@@ -146,7 +153,7 @@ def test_any_name_of_a_subject_survives_the_file(subject: str) -> None:
     corners = ((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0))
     vehicles = [NewVehicle("h1", subject, "/dev/ttyUSB0")]
     text = fleet_file_text(
-        NewLaboratory("lab", "10.0.0.1:801", *corners, "multi", vehicles), Path("lab.toml")
+        NewLaboratory("lab", "10.0.0.1:801", *corners, "multi", "coaxial", vehicles), Path("lab.toml")
     )
     assert parse_fleet(text).vehicles["h1"].subject == subject
 

@@ -197,7 +197,7 @@ def test_range_check_sends_weakly_with_motors_off_and_ends_at_full_power(laborat
 def test_calibration_keeps_the_files_comments(laboratory: Laboratory) -> None:
     done = laboratory.run("calibrate", "h2", "--step", "signs", answers="y\ny\nn\n")
     assert done.returncode == 0, done.stderr
-    calibration = calibration_of(load_fleet(laboratory.path).vehicles["h2"], "h2")
+    calibration = calibration_of(load_fleet(laboratory.path), "h2")
     assert (calibration.pitch.sign, calibration.roll.sign, calibration.yaw.sign) == (1, 1, -1)
     assert calibration.yaw.slew_per_s == 8.0
     text = laboratory.path.read_text()
@@ -212,7 +212,7 @@ ANSWERS = ("y", "n", "maybe", "y", "", "1160", "1500", "1150", "us0", "1200", "s
 
 
 def check_dialogue(laboratory: Laboratory) -> None:
-    calibration = calibration_of(load_fleet(laboratory.path).vehicles["h2"], "h2")
+    calibration = calibration_of(load_fleet(laboratory.path), "h2")
     assert (calibration.pitch.sign, calibration.roll.sign, calibration.yaw.sign) == (1, -1, 1)
     assert (calibration.throttle.us0, calibration.throttle.us_hover) == (1150, 1210)
     assert max(laboratory.throttles()) < 1215

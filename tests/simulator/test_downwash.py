@@ -6,12 +6,12 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL, TYPES
 
 from rcopterx.simulator.conditions import HELICOPTER, IDEAL
 from rcopterx.simulator.downwash import downwash_m_s2
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.types import COAXIAL, TYPES
 
 
 def test_downwash_is_full_close_below_and_falls_with_the_distance_and_to_the_sides() -> None:

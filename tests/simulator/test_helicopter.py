@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from support.vehicle_types import COAXIAL
 
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, Conditions
 from rcopterx.simulator.helicopter import Helicopter, Servo, helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import PlantFaults, Pose
 from rcopterx.vehicles.state import GRAVITY_M_S2, XD_BODY, YAW_RATE, YD_BODY, ZD_BODY
-from rcopterx.vehicles.types import COAXIAL
 
 CALM = replace(IDEAL, transport_delay_s=0.0, substep_s=0.004)
 STRAIGHT = replace(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL
 
 from rcopterx.simulator.conditions import HELICOPTER, Conditions
 from rcopterx.simulator.disturbance import TURBULENCE, ColouredNoise, random_stream
@@ -15,7 +16,6 @@ from rcopterx.simulator.helicopter_dynamics import Controls, airframe_of, step, 
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import PlantFaults, Pose
 from rcopterx.vehicles.state import U_THRUST
-from rcopterx.vehicles.types import COAXIAL
 
 WINDY = replace(HELICOPTER, transport_delay_s=0.0, battery_endurance_s=2.0, battery_sag=0.3)
 VEHICLE = replace(HelicopterParameters.nominal(), servo_step=0.0, trim=(0.0, 0.0, 0.0, 0.0))

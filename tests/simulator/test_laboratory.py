@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL_LAG, TYPES
 
 from rcopterx.simulator.conditions import IDEAL, LABORATORY, Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.types import COAXIAL_LAG, TYPES
 
 
 def laboratory(names: tuple[str, ...], seed: int = 0, conditions: Conditions = LABORATORY) -> Laboratory:

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from support.equation_one import motion_derivative
+from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
 from rcopterx.simulator.conditions import IDEAL, LABORATORY, Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import ZD_BODY, Array
-from rcopterx.vehicles.types import COAXIAL_LAG, QUADROTOR
 
 HOVER = tuple(COAXIAL_LAG.hover_input)
 PROMPT = replace(IDEAL, transport_delay_s=0.0)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.bus.host_messages import LaboratoryState
 from rcopterx.bus.requests import Inject, InjectedFault
@@ -17,7 +18,6 @@ from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle, Simula
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.protocols.registry import create_protocol
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 LINE = SerialLine(115_200)
 WRITTEN_AFTER_S = 0.007

@@ -2,13 +2,13 @@
 
 import pytest
 from msgspec import structs
+from support.vehicle_types import COAXIAL
 
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.faults import BreakVehicle, Close, FaultError, Recover, TimedFault
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Plant, PlantFaults, Pose
 from rcopterx.simulator.vehicle_faults import VehicleFaults
-from rcopterx.vehicles.types import COAXIAL
 
 SOUND = PlantFaults()
 

@@ -10,7 +10,7 @@ from rcopterx.control.models.prediction import predict
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array
-from rcopterx.vehicles.types import COAXIAL_LAG
+from support.vehicle_types import COAXIAL_LAG
 
 REST = np.zeros(4)
 

@@ -12,7 +12,7 @@ from rcopterx.control.interfaces import Measurement
 from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.types import COAXIAL_LAG
+from support.vehicle_types import COAXIAL_LAG
 from support.waiting import wait_for
 
 PERIOD_S = 0.02

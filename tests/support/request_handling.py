@@ -21,9 +21,9 @@ from rcopterx.bus.requests import Follow, GoTo, Reply, Request
 from rcopterx.bus.session import BusAddress
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.interfaces import Measurement
-from rcopterx.vehicles.types import COAXIAL_LAG
 from support.flight import ExactEstimator, NotedController, still
 from support.plans import PlanBus, plan_of
+from support.vehicle_types import COAXIAL_LAG
 from support.waiting import FakeClock
 
 SETTINGS = AgentSettings(

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from arbiter_bench import PERIOD_S, Bench
+from support.vehicle_types import COAXIAL
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
@@ -16,7 +17,6 @@ from rcopterx.transmitter_gateway.landing import LandingLaw
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, LandingLimits
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2
-from rcopterx.vehicles.types import COAXIAL
 
 POSE_TO_AIR_S = 0.06
 HOVER_S = 3.0

@@ -1,6 +1,7 @@
 """Descents of the arbiter, flown: vehicles that are not as calibrated land gently all the same."""
 
 from arbiter_bench import PERIOD_S, Bench
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
@@ -8,7 +9,6 @@ from rcopterx.simulator.plant import Pose
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.vehicles.state import U_THRUST, ZD_BODY
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 HEIGHT_M = 0.9
 HOVER_S = 3.0

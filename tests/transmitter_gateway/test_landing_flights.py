@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 from landing_flight import Flight, Landing, Options, landing
+from support.vehicle_types import QUADROTOR
 
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, LABORATORY, Conditions
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.transmitter_gateway.limits import Fence
-from rcopterx.vehicles.types import QUADROTOR
 
 CONDITIONS = {"first order": LABORATORY, "helicopter": HELICOPTER, "drawn helicopters": HELICOPTERS}
 KINDS = pytest.mark.parametrize("conditions", CONDITIONS.values(), ids=CONDITIONS)

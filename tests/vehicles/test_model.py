@@ -4,8 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-
-from rcopterx.vehicles.types import COAXIAL_LAG
+from support.vehicle_types import COAXIAL_LAG
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL
 
 from rcopterx.vehicles.state import heading_matrix
 from rcopterx.vehicles.tilt import TiltModel
-from rcopterx.vehicles.types import COAXIAL
 
 BAR = COAXIAL.tilt
 assert BAR is not None

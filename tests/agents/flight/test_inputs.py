@@ -1,9 +1,9 @@
 """Promises of the bumpless transfer: sticks go on from where they were and reach what is asked for."""
 
 import numpy as np
+from support.vehicle_types import COAXIAL
 
 from rcopterx.agents.flight.inputs import BumplessTransfer
-from rcopterx.vehicles.types import COAXIAL
 
 LAST = COAXIAL.hover_input + 0.2
 ASKED = np.tile(COAXIAL.hover_input, (5, 1))

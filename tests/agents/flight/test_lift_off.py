@@ -3,11 +3,11 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from support.vehicle_types import TYPES
 
 from rcopterx.agents.flight.lift_off import LARGEST_SHARE, LIFTED_M, PATIENCE_S, LiftOff
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import MOTION_SIZE, U_THRUST
-from rcopterx.vehicles.types import TYPES
 
 models = st.sampled_from(list(TYPES.values()))
 times_s = st.floats(0.0, 1e4)

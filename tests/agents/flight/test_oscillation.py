@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL
 
 from rcopterx.agents.flight.oscillation import (
     FAINT_HALF_WAVES,
@@ -19,7 +20,6 @@ from rcopterx.agents.flight.oscillation import (
     OscillationDetector,
 )
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
 AT_REFERENCE = np.zeros(4)

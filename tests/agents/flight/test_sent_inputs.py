@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
+from support.vehicle_types import TYPES
 
 from rcopterx.agents.flight.inputs import INPUT_UNIT, as_sent
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.types import TYPES
 
 models = st.sampled_from(list(TYPES.values()))
 inputs = st.integers(1, 5).flatmap(lambda rows: arrays(np.float64, (rows, 4), elements=st.floats(-1.0, 1.0)))

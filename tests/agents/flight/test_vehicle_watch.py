@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.flight.vehicle_watch import (
     LEARNING_S,
@@ -17,7 +18,6 @@ from rcopterx.agents.flight.vehicle_watch import (
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import predict
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 HOVER = COAXIAL_LAG.hover_input
 CALM = np.zeros(4)

@@ -7,6 +7,7 @@ import pytest
 from support.flight import ExactEstimator, NotedController, still
 from support.plans import PlanBus, plan_of
 from support.statuses import flying_status
+from support.vehicle_types import COAXIAL_LAG
 from support.waiting import FakeClock
 
 from rcopterx.agents.flight.guidance import Guidance
@@ -22,7 +23,6 @@ from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint
 from rcopterx.bus.session import BusAddress
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.interfaces import Measurement
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 OWN = LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
 from rcopterx.agents.formation.profile_limits import (
     ACCELERATION_SHARE,
@@ -15,7 +16,6 @@ from rcopterx.agents.formation.profile_limits import (
 )
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.vehicles.model import Uncertainty
-from rcopterx.vehicles.types import COAXIAL_LAG, QUADROTOR
 
 LINKS = {"h1": ()} | {f"h{k}": (LeaderLink(leader=f"h{k - 1}", offset_m=(0.5, 0, 0)),) for k in range(2, 21)}
 ALIKE = dict.fromkeys(LINKS, COAXIAL_LAG)

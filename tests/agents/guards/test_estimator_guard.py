@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.failing import BrokenError
 from support.flight import ExactEstimator, still
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.guards.estimator_guard import FIRST_CALLS, EstimatorGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.control.interfaces import Estimate, Measurement, TiltEstimate
 from rcopterx.control.models.finite import is_finite
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 PLACE = Measurement(np.array([0.1, 0.2, 1.0]), 0.3)
 HOVER = COAXIAL_LAG.hover_input

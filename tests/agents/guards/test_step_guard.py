@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.failing import FAILURES, FailingController
 from support.flight import ExactEstimator, Lab, NotedController, Plant, measured, still
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.guards.step_guard import (
@@ -21,7 +22,6 @@ from rcopterx.control.interfaces import Controller, ControlStep, Estimate
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HORIZON = 5

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.task import LeaderPlan
@@ -16,7 +17,6 @@ from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.interfaces import AvoidsObstacles, Measurement
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 CLEARANCE = SeparationEllipsoid()
 STAGES = 30

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from support.vehicle_types import COAXIAL_LAG, TYPES
 
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate
@@ -12,7 +13,6 @@ from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL_LAG, TYPES
 
 PERIOD_S = 0.02
 UNHURRIED = {"paper": {"time_limit_s": 1.0}}

@@ -5,10 +5,10 @@ import sys
 from importlib.metadata import EntryPoint
 
 import pytest
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.control import plugins
 from rcopterx.control.plugins import CONTROLLERS, SettingsError
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 def test_built_in_controllers_need_no_installed_metadata(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.controllers.external import ExternalController
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.trajectory import hold
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HOVER = COAXIAL_LAG.hover_input

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from support.equation_one import motion_derivative
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.control.interfaces import Controller, Estimate
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import Array, heading_matrix
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HOVER = COAXIAL_LAG.hover_input

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.agents.guards.time_limit import OutOfTimeError
 from rcopterx.control.controllers.base import EARLY_STOP
@@ -16,7 +17,6 @@ from rcopterx.control.controllers.cascade.controller import CascadeController, C
 from rcopterx.control.interfaces import Estimate, Obstacle, StopsEarly
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 PERIOD_S = 0.02
 HORIZON = 15

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import ESTIMATORS
@@ -12,7 +13,6 @@ from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 

@@ -5,11 +5,11 @@ import sys
 from importlib.metadata import EntryPoint
 
 import pytest
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.control import plugins
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
 from rcopterx.control.plugins import ESTIMATORS
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 
 def test_built_in_estimators_are_listed_and_the_default_is_among_them() -> None:

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
+from support.vehicle_types import COAXIAL_LAG, TYPES
 
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.types import COAXIAL_LAG, TYPES
 
 NewFlight = Callable[..., Any]
 every_estimator = pytest.mark.parametrize("name", ESTIMATORS.built_in)

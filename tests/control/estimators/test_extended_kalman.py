@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from support.vehicle_types import COAXIAL_LAG, TYPES
 
 from rcopterx.control.estimators.lag_filter import SIZE, jacobian, jacobian_at_rest
 from rcopterx.control.interfaces import Estimate
@@ -17,7 +18,6 @@ from rcopterx.simulator.conditions import IDEAL, LABORATORY
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL_LAG, TYPES
 
 NewFlight = Callable[..., Any]
 ON_FLOOR = Pose((0.2, -0.3, 0.0), 1.0)

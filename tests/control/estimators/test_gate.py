@@ -3,10 +3,10 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL
 
 from rcopterx.control.estimators.base import ACCEPT, REJECT, SHIFT, InnovationGate, Verdict
 from rcopterx.control.estimators.settings import EstimatorSettings
-from rcopterx.vehicles.types import COAXIAL
 
 GOOD = np.array([0.001, -0.001, 0.001, 0.0])
 FORWARD, UPWARD, DOWNWARD = (

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL
 
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
@@ -15,7 +16,6 @@ from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.models.lateral import POSITION, LateralSystem, demand_matrix
 from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.vehicles.state import heading_matrix
-from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL
 
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
 from rcopterx.control.estimators.horizontal import DISTRUSTED, TRUSTED_AGAIN
@@ -16,7 +17,6 @@ from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array, heading_matrix
-from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
 OFFSET = np.array([0.05, -0.03])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL, QUADROTOR, TYPES
 
 from rcopterx.control.identification.excitation import FADE_S, TONES_HZ, Excitation, excitation_for
-from rcopterx.vehicles.types import COAXIAL, QUADROTOR, TYPES
 
 TIME_S = np.arange(0.0, 60.0, 0.02)
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from simulated_flight import simulated_flight, still_flight
+from support.vehicle_types import COAXIAL, COAXIAL_LAG, QUADROTOR
 
 from rcopterx.control.identification.fit import Identification, identify
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.tilt import TiltModel
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG, QUADROTOR
 
 
 def other_helicopter() -> Model:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL
 
 from rcopterx.benchmarks.flight import at_rest
 from rcopterx.control.controllers.cascade.axis import AxisProblem, LagDynamics
@@ -25,7 +26,6 @@ from rcopterx.control.solver.problem import OptimalControlProblem
 from rcopterx.control.solver.sweep import Factor, factorize
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST, U_YAW, Array, heading_matrix
-from rcopterx.vehicles.types import COAXIAL
 
 PERIOD_S = 0.02
 EVEN = replace(COAXIAL, input_gain=(2.0, 2.0, 18.0, 111.0))

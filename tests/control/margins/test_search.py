@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
 from rcopterx.control.margins.loop import (
@@ -15,7 +16,6 @@ from rcopterx.control.margins.loop import (
     shortfalls,
 )
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 PERIOD_S = 0.02
 LOOPS = {

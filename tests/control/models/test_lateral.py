@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.control.models.lateral import (
@@ -19,7 +20,6 @@ from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import heading_matrix
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 PERIOD_S = 0.02
 sticks = st.tuples(st.floats(-1, 1), st.floats(-1, 1)).map(np.array)

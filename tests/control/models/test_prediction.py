@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 from support.equation_one import input_behind_gyro, motion_derivative
+from support.vehicle_types import COAXIAL_LAG, TYPES
 
 from rcopterx.control.interfaces import NO_TILT, Estimate
 from rcopterx.control.models.prediction import predict
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import MOTION_SIZE, U_YAW, YAW_RATE, Array
-from rcopterx.vehicles.types import COAXIAL_LAG, TYPES
 
 models = st.sampled_from(list(TYPES.values()))
 periods_s = st.sampled_from([0.005, 0.01, 0.02, 0.04])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.bus.message import FloatArray, InvalidMessageError
 from rcopterx.bus.requests import Fly
@@ -19,7 +20,6 @@ from rcopterx.control.references.paths import (
     run_in_time_s,
 )
 from rcopterx.control.references.set_points import PathReference
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 LOW, HIGH = (-1.2, -1.2, 0.0), (1.2, 1.2, 2.0)
 STEP_S = 1e-3

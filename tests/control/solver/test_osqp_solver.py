@@ -5,6 +5,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 from problems import one_stage_on, random_problem
+from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.benchmarks.flight import record_flight
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
@@ -13,7 +14,6 @@ from rcopterx.control.solver.osqp import OsqpSolver
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan
 from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG
 
 PERIOD_S = 0.02
 

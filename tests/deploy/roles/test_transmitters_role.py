@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from support.fleets import HARDWARE_PAIR, PAIR
+from support.vehicle_types import COAXIAL
 
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.deploy.roles.transmitters import gateway_settings
@@ -13,7 +14,6 @@ from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
 from rcopterx.fleet.vehicle_models import landing_of, limits_of, longest_shutdown_s
 from rcopterx.transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line
-from rcopterx.vehicles.types import COAXIAL
 
 
 @pytest.fixture(autouse=True)

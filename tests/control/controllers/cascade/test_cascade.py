@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.control.interfaces import ControlStep, Estimate
@@ -11,7 +12,6 @@ from rcopterx.control.models.roll_out import predict
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 HOVER = COAXIAL_LAG.hover_input

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.control.controllers.cascade.clearance import NARROWEST_M, SLOTS, TURN_RAD, clearances, normals
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.control.interfaces import Estimate, Obstacle
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import Array
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 STAGES = 4
 PERIOD_S = 0.02

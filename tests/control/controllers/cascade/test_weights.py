@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.vehicle_types import COAXIAL, COAXIAL_LAG, QUADROTOR, TYPES
 
 from rcopterx.control.controllers.cascade.weights import (
     DEMAND_FLOOR,
@@ -16,7 +17,6 @@ from rcopterx.control.margins.loop import Perturbation, bears, shortfalls
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
 from rcopterx.vehicles.state import U_THRUST, U_YAW
 from rcopterx.vehicles.tilt import TiltModel
-from rcopterx.vehicles.types import COAXIAL, COAXIAL_LAG, QUADROTOR, TYPES
 
 PERIOD_S = 0.02
 

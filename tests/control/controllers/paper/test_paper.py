@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 from support.equation_one import motion_derivative
+from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.control.controllers.paper.controller import PaperController, PaperSettings
@@ -11,7 +12,6 @@ from rcopterx.control.controllers.paper.model import PaperModel, TerminalCost
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
-from rcopterx.vehicles.types import COAXIAL_LAG
 
 PERIOD_S = 0.02
 

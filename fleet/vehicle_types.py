@@ -1,0 +1,121 @@
+"""Vehicle types: one TOML file each, in this package, in an installed one, or beside a fleet file.
+
+A package adds a type through the entry-point group `rcopterx.vehicle_types`: the entry point `NAME` names a
+package that contains `NAME.toml`.
+"""
+
+from functools import cache
+from importlib.metadata import entry_points
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct, field
+
+from rcopterx.fleet.reading import converted, dataclass_from, replaced, table_of
+from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError
+from rcopterx.transmitter_gateway.protocols.registry import create_protocol
+from rcopterx.vehicles.model import Model
+
+GROUP = "rcopterx.vehicle_types"
+SUFFIX = ".toml"
+_OWN = files("rcopterx.vehicles") / "types"
+
+
+class TypeTransmitter(Table, frozen=True, kw_only=True):
+    """What a type requires of its radio; a vehicle's `transmitter` table overrides it."""
+
+    protocol: ProtocolName = "multi"
+    """Protocol of the radio module."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Settings of the protocol."""
+    calibration: dict[str, Any] = field(default_factory=dict)
+    """Map from normalised inputs to pulse widths, by channel."""
+
+
+class TypeFile(Table, frozen=True, kw_only=True):
+    """A type of vehicle."""
+
+    text: Text
+    """What it is, for people."""
+    model: dict[str, Any]
+    """All parameters of the model that have no default."""
+    transmitter: TypeTransmitter = field(default_factory=TypeTransmitter)
+    """Radio and calibration."""
+    safety: dict[str, Any] = field(default_factory=dict)
+    """Limits of the arbiter that differ from the defaults, as in `safety.settings` of a fleet file."""
+    lowest_ceiling_m: Annotated[float, Meta(ge=0, le=20)] = 0.0
+    """Lowest upper end of the flight volume in which it can take off."""
+
+
+class VehicleType(Struct, frozen=True):
+    """A type of vehicle whose tables were checked."""
+
+    name: str
+    file: TypeFile
+    model: Model
+    calibration: Calibration
+
+
+def type_names() -> list[str]:
+    """Return the names of all types that `vehicle_type` accepts."""
+    own = (file.name for file in _OWN.iterdir())
+    shipped = {name.removesuffix(SUFFIX) for name in own if name.endswith(SUFFIX)}
+    return sorted(shipped | {point.name for point in entry_points(group=GROUP)})
+
+
+@cache
+def vehicle_type(name: str) -> VehicleType:
+    """Return a type that comes with this package or with an installed one; the own one wins.
+
+    Raises `FleetError`: there is no such type, or its file is wrong; names the file and the key.
+    """
+    if name not in type_names():
+        allowed = ", ".join(type_names())
+        raise FleetError(f"unknown type {name!r}, allowed are {allowed}, or the path of a file *{SUFFIX}")
+    file, place = f"{name}{SUFFIX}", "rcopterx"
+    try:
+        source = _OWN / file
+        if not source.is_file():
+            place = next(point.value for point in entry_points(group=GROUP) if point.name == name)
+            source = files(place) / file
+        table = table_of(source.read_text(encoding="utf-8"))
+    except (OSError, ImportError, ValueError) as error:
+        raise FleetError(f"type {name!r} of {place}: cannot be read: {error}") from None
+    return _checked(name, table, str(source))
+
+
+def type_of(fleet: FleetFile, name: str) -> VehicleType:
+    """Return the type of a vehicle; raises `FleetError` as `vehicle_type`."""
+    wanted = fleet.vehicles[name].type
+    if wanted in fleet.types:
+        source = wanted if wanted.endswith(SUFFIX) else f"types.{wanted}"
+        return _checked(Path(wanted).name.removesuffix(SUFFIX), fleet.types[wanted], source)
+    try:
+        return vehicle_type(wanted)
+    except FleetError as error:
+        raise FleetError(f"vehicles.{name}.type: {error}") from None
+
+
+def _checked(name: str, table: dict[str, Any], source: str) -> VehicleType:
+    """Check all tables of a type.
+
+    Raises `FleetError`: names the source and the key.
+    """
+    try:
+        file = converted(table, TypeFile, "")
+        if "kind" in file.model:
+            raise FleetError("model.kind: it is the name of the type, leave it out")
+        model = dataclass_from(Model, {"kind": name, **file.model}, "model")
+        radio = file.transmitter
+        calibration = replaced(Calibration(), radio.calibration, "transmitter.calibration")
+        create_protocol(radio.protocol, radio.settings)
+        replaced(ArbiterLimits(), file.safety, "safety")
+    except ProtocolError as error:
+        raise FleetError(f"{source}: transmitter.settings: {error}") from None
+    except FleetError as error:
+        raise FleetError(f"{source}: {error}") from None
+    return VehicleType(name, file, model, calibration)

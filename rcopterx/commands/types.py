@@ -1,0 +1,32 @@
+"""Vehicle types: `types`."""
+
+import typer
+
+from rcopterx.commands.output import JsonOption, print_document
+
+
+def types(as_json: JsonOption = False) -> None:
+    """List the vehicle types that fleet files and new-lab can name, those of installed packages included."""
+    from rcopterx.commands.fleet_option import user_errors
+    from rcopterx.fleet.vehicle_types import type_names, vehicle_type
+
+    with user_errors():
+        found = [vehicle_type(name) for name in type_names()]
+    if as_json:
+        document = {
+            one.name: {
+                "text": one.file.text,
+                "protocol": one.file.transmitter.protocol,
+                "settings": one.file.transmitter.settings,
+                "airframe": one.model.airframe,
+                "thrust_to_weight": one.model.input_gain[2] / one.model.gravity_m_s2,
+                "hover_thrust": one.model.hover_thrust,
+                "lowest_ceiling_m": one.file.lowest_ceiling_m,
+            }
+            for one in found
+        }
+        print_document(document, as_json)
+        return
+    width = max(len(one.name) for one in found)
+    for one in found:
+        typer.echo(f"{one.name:{width}}  {one.file.text}")

@@ -1,0 +1,162 @@
+"""Promises of vehicle types: those that come with the package, those of others, and what is refused."""
+
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+import tomlkit
+from support.equation_one import motion_derivative
+
+from rcopterx.fleet import vehicle_types
+from rcopterx.fleet.radios import calibration_of, protocol_of
+from rcopterx.fleet.reading import load_fleet, parse_fleet, read_snapshot, write_snapshot
+from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.vehicle_models import limits_of, model_of
+from rcopterx.fleet.vehicle_types import VehicleType, type_names, type_of, vehicle_type
+
+every_type = pytest.mark.parametrize("kind", [vehicle_type(name) for name in type_names()], ids=type_names())
+FLEET = """
+name = "lab"
+[vehicles.h1]
+type = "{type}"
+subject = "heli1"
+transmitter = {{ port = "radio-h1" }}
+"""
+
+
+def table_of(kind: VehicleType) -> dict[str, Any]:
+    """A type as a table that can be written."""
+    plain: dict[str, Any] = msgspec.to_builtins(kind.file)
+    return plain
+
+
+def written(path: Path, table: dict[str, Any]) -> Path:
+    path.write_text(tomlkit.dumps(table))
+    return path
+
+
+@every_type
+def test_hover_input_balances_gravity_within_the_limits(kind: VehicleType) -> None:
+    model = kind.model
+    assert np.all(model.hover_input >= model.u_min)
+    assert np.all(model.hover_input <= model.u_max)
+    assert np.allclose(motion_derivative(model, np.zeros(8), model.hover_input, np.zeros(4)), 0.0)
+    assert model.hover_thrust == pytest.approx(model.hover_input[2], rel=0.02)
+
+
+@every_type
+def test_limits_are_consistent(kind: VehicleType) -> None:
+    model = kind.model
+    assert np.all(np.array(model.state_min) < np.array(model.state_max))
+    assert np.all(model.u_min < model.u_max)
+    assert np.all(model.k <= 0)
+    assert np.all(model.b > 0)
+
+
+@every_type
+def test_full_thrust_climbs_and_no_thrust_falls(kind: VehicleType) -> None:
+    model = kind.model
+    assert model.b[2] * model.u_max[2] > model.gravity_m_s2
+    assert model.u_min[2] == 0.0
+
+
+@every_type
+def test_every_type_makes_a_complete_vehicle(kind: VehicleType) -> None:
+    fleet = parse_fleet(FLEET.format(type=kind.name))
+    assert model_of(fleet, "h1").kind == kind.name
+    assert limits_of(fleet, "h1").lower == kind.model.input_min
+    radio = protocol_of(fleet, "h1")
+    radio.check(calibration_of(fleet, "h1").pulses_us((0.0, 0.0, 0.0, 0.0)))
+
+
+def test_a_fleet_file_names_the_path_of_a_type_file_that_snapshots_contain(tmp_path: Path) -> None:
+    table = table_of(vehicle_type("quadrotor"))
+    table["model"]["delay_s"] = 0.055
+    table["transmitter"] = {"protocol": "dsmp", "calibration": {"pitch": {"gain_us": 300.0}}}
+    (tmp_path / "types").mkdir()
+    written(tmp_path / "types" / "mine.toml", table)
+    path = tmp_path / "lab.toml"
+    path.write_text(FLEET.format(type="types/mine.toml"))
+    write_snapshot(load_fleet(path), tmp_path / "snapshot.json")
+    fleet = read_snapshot(tmp_path / "snapshot.json")
+    assert (model_of(fleet, "h1").kind, model_of(fleet, "h1").delay_s) == ("mine", 0.055)
+    assert protocol_of(fleet, "h1").name == "dsmp"
+    assert calibration_of(fleet, "h1").pitch.gain_us == 300.0
+
+
+def test_a_fleet_file_holds_a_type_of_its_own() -> None:
+    table = {"types": {"tiny": table_of(vehicle_type("coaxial"))}}
+    fleet = parse_fleet(FLEET.format(type="tiny") + tomlkit.dumps(table))
+    assert type_of(fleet, "h1").name == "tiny"
+    assert model_of(fleet, "h1").airframe == "coaxial"
+
+
+def test_an_installed_package_adds_a_type(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "fast_types"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    written(package / "fast.toml", table_of(vehicle_type("quadrotor")))
+    monkeypatch.syspath_prepend(tmp_path)
+    added = [
+        EntryPoint("fast", "fast_types", vehicle_types.GROUP),
+        EntryPoint("lost", "no_such_package", vehicle_types.GROUP),
+    ]
+    monkeypatch.setattr(vehicle_types, "entry_points", lambda group: added)
+    assert {"fast", "lost", "coaxial"} <= set(type_names())
+    assert model_of(parse_fleet(FLEET.format(type="fast")), "h1").kind == "fast"
+    with pytest.raises(FleetError, match=r"type 'lost' of no_such_package: cannot be read"):
+        vehicle_type("lost")
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "message"),
+    [
+        (("model", "input_gan"), [1.0], r"mine.toml: model.input_gan: unknown field, allowed are kind"),
+        (("model", "tilt"), {"frequency_rad_s": 12.0}, r"mine.toml: model.tilt: .*damping_ratio"),
+        (("model", "kind"), "x", r"mine.toml: model.kind: it is the name of the type"),
+        (("model", "lag_s"), [0.1, 0.1, 0.1], r"mine.toml: model.lag_s: expected `array` of length 4"),
+        (("text",), "", r"mine.toml: text: "),
+        (("colour",), "red", r"mine.toml: .*`colour`, allowed are text"),
+        (("transmitter", "protocol"), "morse", r"mine.toml: transmitter.protocol: .*allowed are dsm2_serial"),
+        (
+            ("transmitter", "settings", "rate"),
+            3,
+            r"mine.toml: transmitter.settings: multi.rate: unknown",
+        ),
+        (
+            ("transmitter", "calibration", "pitch"),
+            {"sign": 2},
+            r"mine.toml: transmitter.calib.*sign: 2",
+        ),
+        (("safety", "low_thrust"), -1.0, r"mine.toml: safety: low_thrust: -1.0 must be a positive number"),
+        (("lowest_ceiling_m",), -1.0, r"mine.toml: lowest_ceiling_m: "),
+    ],
+)
+def test_a_wrong_type_is_refused_with_its_file_and_key(
+    tmp_path: Path, keys: tuple[str, ...], value: object, message: str
+) -> None:
+    table = table_of(vehicle_type("quadrotor"))
+    place = table
+    for key in keys[:-1]:
+        place = place.setdefault(key, {})
+    place[keys[-1]] = value
+    written(tmp_path / "mine.toml", table)
+    (tmp_path / "lab.toml").write_text(FLEET.format(type="mine.toml"))
+    with pytest.raises(FleetError, match=message):
+        limits_of(load_fleet(tmp_path / "lab.toml"), "h1")
+
+
+def test_a_type_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    (tmp_path / "lab.toml").write_text(FLEET.format(type="gone.toml"))
+    with pytest.raises(FleetError, match=r"gone\.toml: .*cannot be read: No such file"):
+        load_fleet(tmp_path / "lab.toml")
+
+
+def test_a_room_that_is_too_low_for_the_type_is_refused() -> None:
+    table = table_of(vehicle_type("quadrotor")) | {"lowest_ceiling_m": 2.5}
+    fleet = parse_fleet(FLEET.format(type="tall") + tomlkit.dumps({"types": {"tall": table}}))
+    with pytest.raises(FleetError, match=r"volume.max_m\[2\]: 2 m is too low for h1"):
+        limits_of(fleet, "h1")

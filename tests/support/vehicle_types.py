@@ -1,0 +1,7 @@
+"""Models of vehicle types that come with the package."""
+
+from rcopterx.fleet.vehicle_types import vehicle_type
+
+COAXIAL = vehicle_type("coaxial").model
+COAXIAL_LAG = vehicle_type("coaxial_lag").model
+QUADROTOR = vehicle_type("quadrotor").model
