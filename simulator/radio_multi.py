@@ -10,12 +10,11 @@ from rcopterx.simulator.radio_module import AirPacket, RadioModule, SerialFrame,
 from rcopterx.transmitter_gateway.protocols.base import ten_bit_pulse_us
 from rcopterx.transmitter_gateway.protocols.multi import (
     CENTER_COUNT,
-    DSM,
     FRAME_LENGTH,
-    KILL_COUNT,
     MultiFrame,
     pulse_of,
 )
+from rcopterx.transmitter_gateway.protocols.multi_radios import DSM, RADIOS, MultiRadio
 
 BYTE_S = 120e-6
 END_OF_FRAME_S = 250e-6
@@ -37,14 +36,14 @@ BIND_SLOTS = 603
 """Packets, then listening for the receiver's answer."""
 PACKETS_AFTER_ABORT = 3
 
-SUB_PROTOCOL_NAMES = ("2 1F", "2 2F", "X 1F", "X 2F", "Auto", "R 1F", "2SFC")
-EU_NAMES = ("--->", "--->", "X 1F", "X 2F", "Auto", "R 1F", "----")
+EU_NAMES = ("--->", "--->", "X 1F", "X 2F")
 """Sub-protocols that an EU build refuses begin with `--`."""
 DSMX = (2, 3)
 VERSION = bytes((1, 3, 4, 72))
 ORDER_AETR = 0xE4
-# Order in which a build expects A, E, T, R on the line; we number T, A, E, R.
-MAPPED_TO_TAER = (2, 0, 1, 3)
+OTHER_PERIOD_S = 0.01
+AUTOBIND_S = 2.0
+"""Of protocols other than DSM: time between packets, and for how long some of them bind first."""
 
 
 def air_value(count: int) -> int:
@@ -63,14 +62,12 @@ def killed_throttle(count: int) -> int | None:
     return None if count > 604 else max(count - 204, 0) * 168 // 400
 
 
-def status_answer(flags: int, sub_protocol: str | None) -> bytes:
-    """Status answer; the name of the sub-protocol is None for a protocol the build does not know."""
-    if sub_protocol is None:
-        protocol, names = bytes(7), bytes(9)
-    else:
-        protocol = b"DSM".ljust(7, b"\0")
-        names = b"\x77" + sub_protocol.encode().ljust(8, b"\0")
-    payload = bytes((flags,)) + VERSION + bytes((ORDER_AETR, 0x46, 0x06)) + protocol + names
+def status_answer(flags: int, radio: str = "", sub_protocol: str = "") -> bytes:
+    """Status answer; both names are empty for a protocol the build does not know."""
+    names = bytes(9) if not radio else b"\x77" + sub_protocol.encode().ljust(8, b"\0")
+    payload = (
+        bytes((flags,)) + VERSION + bytes((ORDER_AETR, 0x46, 0x06)) + radio.encode().ljust(7, b"\0") + names
+    )
     return b"MP" + bytes((0x01, len(payload))) + payload
 
 
@@ -107,12 +104,12 @@ class MultiModule(RadioModule):
         self._next_status_s = math.inf
         self._bind_slot: int | None = None
         self._next_slot_s = math.inf
-        self._bind_bit = False
+        self._bind_bit = self._autobinding = False
 
     @property
     def binding(self) -> bool:
         """True from the bind request until the answer or the end of listening."""
-        return self._bind_slot is not None
+        return self._bind_slot is not None or self._autobinding
 
     # Serial side --------------------------------------------------------------------------------------
 
@@ -157,14 +154,8 @@ class MultiModule(RadioModule):
         self._log(frame, end_s)
 
     def _log(self, frame: MultiFrame, end_s: float) -> None:
-        pulses = tuple(pulse_of(count) for count in self._ordered(frame))
-        self.frames.append(SerialFrame(end_s, pulses, frame.kill_count <= KILL_COUNT, frame.bind))
-
-    @staticmethod
-    def _ordered(frame: MultiFrame) -> tuple[int, ...]:
-        if frame.mapping_off:
-            return frame.counts
-        return (*(frame.counts[index] for index in MAPPED_TO_TAER), *frame.counts[4:])
+        pulses = tuple(pulse_of(count) for count in frame.ordered_counts)
+        self.frames.append(SerialFrame(end_s, pulses, frame.kills, frame.bind))
 
     def _initialise(self, now_s: float) -> None:
         """Restart the radio part: it is silent for a while and picks two new channels."""
@@ -210,22 +201,37 @@ class MultiModule(RadioModule):
 
     def _finish_init(self, now_s: float) -> None:
         self._init_done_s = math.inf
+        radio = self._radio()
+        self._autobinding = radio is not None and radio[1].autobind
         if not self.binding:
             self._next_rf_s = now_s
+        elif self._autobinding:
+            self._next_rf_s = now_s + AUTOBIND_S
         self._send_status(now_s, initialised=True)
 
-    def _has_dsm(self) -> bool:
+    def _radio(self) -> tuple[str, MultiRadio] | None:
+        """Name and properties of the protocol of the last frame, if the build has it."""
         frame = self._frame
-        return frame is not None and frame.protocol == DSM and frame.sub_protocol <= 3
+        if frame is None:
+            return None
+        found = ((name, radio) for name, radio in RADIOS.items() if radio.number == frame.protocol)
+        name, radio = next(found, ("", None))
+        return None if radio is None or frame.sub_protocol >= len(radio.sub_protocols) else (name, radio)
 
     def _valid(self) -> bool:
-        known = self.knows_dsm2 or (self._frame is not None and self._frame.sub_protocol in DSMX)
-        return known and self._has_dsm()
+        frame = self._frame
+        refused = frame is not None and frame.protocol == DSM and frame.sub_protocol not in DSMX
+        return self._radio() is not None and (self.knows_dsm2 or not refused)
 
     def _send_channels(self, now_s: float) -> None:
+        self._autobinding = False
         frame = self._frame
         if frame is None or now_s > self._last_frame_s + INPUT_LOST_S:
             self._next_rf_s = math.inf
+            return
+        if self._valid() and frame.protocol != DSM:
+            self._packets.append(AirPacket(now_s, self.rf_channels, frame.rx_num, self._on_air(frame)))
+            self._next_rf_s = now_s + OTHER_PERIOD_S
             return
         fast = frame.sub_protocol in (1, 3) and frame.option & 0x40
         if self._copy is not None:
@@ -243,8 +249,11 @@ class MultiModule(RadioModule):
         self._next_rf_s = now_s + SECOND_COPY_S
 
     def _on_air(self, frame: MultiFrame) -> tuple[float, ...]:
+        radio = self._radio()
+        if radio is not None and radio[1].number != DSM:
+            return tuple(pulse_of(count) for count in frame.ordered_counts[: radio[1].channels])
         wanted = frame.option & 0x0F
-        counts = self._ordered(frame)[: wanted if 3 <= wanted <= 12 else 6]
+        counts = frame.ordered_counts[: wanted if 3 <= wanted <= 12 else 6]
         pulses = [air_pulse_us(count, ten_bit=frame.sub_protocol == 0) for count in counts]
         killed = killed_throttle(frame.kill_count)
         if killed is not None:
@@ -276,9 +285,11 @@ class MultiModule(RadioModule):
         if frame is None or frame.telemetry_off:
             return
         present = 0x01 if now_s <= self._last_frame_s + INPUT_LOST_S else 0
-        if self._valid() or (initialised and self._has_dsm()):
+        radio = self._radio()
+        if radio is not None and (self._valid() or initialised):
             flags = 0x46 | present | (0x08 if self.binding else 0)
-            names = SUB_PROTOCOL_NAMES if self.knows_dsm2 else EU_NAMES
-            self._answers += status_answer(flags, names[frame.sub_protocol])
+            own = frame.protocol != DSM or self.knows_dsm2
+            names = radio[1].sub_protocols if own else EU_NAMES
+            self._answers += status_answer(flags, radio[0], names[frame.sub_protocol])
         else:
-            self._answers += status_answer(0x02 | present, None)
+            self._answers += status_answer(0x02 | present)

@@ -146,7 +146,7 @@ def test_module_that_will_refuse_the_protocol_is_not_bound(laboratory: Laborator
     module.knows_dsm2 = False
     done = laboratory.run("bind", "h2", "--yes")
     assert done.returncode == 1
-    assert "refuses the protocol (EU builds refuse DSM2)" in done.stderr
+    assert "refuses the protocol DSM (EU builds refuse DSM2)" in done.stderr
     assert not any(frame.bind for frame in laboratory.frames)
 
 

@@ -10,6 +10,7 @@ from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
 from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ten_bit_count
 from rcopterx.transmitter_gateway.protocols.multi import MultiFrame, MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.protocols.multi_answers import AnswerParser, MultiBindAnswer, MultiStatus
+from rcopterx.transmitter_gateway.protocols.multi_radios import RADIOS
 
 FRAME_S = 27 * 120e-6
 HOVER = [1540.0]
@@ -281,7 +282,7 @@ def test_kill_frame_sends_throttle_zero_whatever_the_throttle_channel_says() -> 
 
 def test_status_is_the_golden_one_and_comes_every_501_ms() -> None:
     golden = "4D 50 01 18 47 01 03 04 48 E4 46 06 44 53 4D 00 00 00 00 77 32 20 31 46 00 00 00 00"
-    assert status_answer(0x47, "2 1F") == bytes.fromhex(golden)
+    assert status_answer(0x47, "DSM", "2 1F") == bytes.fromhex(golden)
     bench = booted()
     bench.statuses()
     bench.run(5.02, frame())
@@ -292,7 +293,7 @@ def test_status_follows_an_initialisation_and_reports_lost_input() -> None:
     bench = booted()
     bench.statuses()
     bench.run(0.2, MultiFrame((1024,) * 16, rx_num=4).to_bytes())
-    assert bench.statuses()[0].ready
+    assert bench.statuses()[0].judged("DSM").ready
     bench.run(1.0, None)
     assert not bench.statuses()[-1].flags & 0x01
 
@@ -303,7 +304,7 @@ def test_eu_build_refuses_dsm2_half_a_second_after_a_status_like_that_of_a_ready
     bench.run(2.0, frame())
     first, *later = bench.statuses()
     assert (first.flags, first.protocol, first.sub_protocol) == (0x47, "DSM", "--->")
-    assert not first.ready
+    assert not first.judged("DSM").ready
     assert {(status.flags, status.protocol) for status in later} == {(0x03, "")}
     assert not bench.packets
 
@@ -312,7 +313,7 @@ def test_eu_build_transmits_dsmx() -> None:
     bench = Bench()
     bench.module.knows_dsm2 = False
     bench.run(2.0, MultiFrame((1024,) * 16, rx_num=3, sub_protocol=2).to_bytes())
-    assert bench.statuses()[-1].ready
+    assert bench.statuses()[-1].judged("DSM").ready
     assert bench.packets
 
 
@@ -415,3 +416,29 @@ def test_bytes_of_one_read_are_back_to_back_after_those_before() -> None:
     assert math.isclose(line.end_s, 1.0 + 30 * 120e-6)
     end_s, data = line.take()
     assert (len(data), math.isclose(end_s, line.end_s)) == (30, True)
+
+
+@pytest.mark.parametrize("radio", RADIOS)
+def test_every_radio_of_the_driver_reaches_its_vehicle(radio: str) -> None:
+    protocol = MultiProtocol(MultiSettings(rx_num=3, radio=radio, sub_protocol=0))
+    protocol.link_opened(0.0)
+    bench = Bench()
+    sent = (1200.0, 1300.0, 1400.0, 1600.0)
+    bench.run(5.0, protocol.encode(sent))
+    protocol.receive(bench.answers, bench.now_s)
+    assert protocol.status(bench.now_s).ready, protocol.status(bench.now_s).text
+    assert radio in protocol.status(bench.now_s).text
+    assert bench.packets[-1].pulses_us[:4] == pytest.approx(sent, abs=1.5)
+    assert len(bench.packets[-1].pulses_us) <= RADIOS[radio].channels
+
+
+def test_a_radio_that_binds_by_itself_is_ready_afterwards() -> None:
+    protocol = MultiProtocol(MultiSettings(rx_num=3, radio="E129", sub_protocol=1))
+    bench = Bench()
+    bench.run(2.0, protocol.encode(HOVER))
+    assert bench.statuses()[-1].binding
+    assert not bench.packets
+    bench.run(2.0, protocol.encode(HOVER))
+    status = bench.statuses()[-1]
+    assert (status.protocol, status.sub_protocol, status.binding) == ("E129", "C186", False)
+    assert bench.packets

@@ -190,7 +190,7 @@ def test_autobind_and_mapping_are_never_asked_for(bind: bool, check: bool, kill:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("rx_num", 64), ("rx_num", -1), ("sub_protocol", 4), ("channels", 2), ("channels", 13)],
+    [("rx_num", 64), ("rx_num", -1), ("sub_protocol", 4), ("channels", 2), ("channels", 13), ("option", 128)],
 )
 def test_settings_out_of_range_name_the_field(field: str, value: int) -> None:
     with pytest.raises(ProtocolError, match=f"multi.{field}: {value} is outside"):
@@ -227,3 +227,22 @@ def test_wire_time_of_a_frame_is_3_24_ms() -> None:
 def test_wrong_line_settings_name_the_field(arguments: tuple[int, str, int], field: str) -> None:
     with pytest.raises(ProtocolError, match=field):
         SerialLine(*arguments)  # type: ignore[arg-type]  # wrong on purpose
+
+
+def test_a_radio_other_than_dsm_gets_its_number_option_and_line_order() -> None:
+    settings = MultiSettings(rx_num=3, radio="OMP", option=-20)
+    protocol = MultiProtocol(settings)
+    frame = protocol.encode((1100.0, 1200.0, 1300.0, 1400.0, 1900.0), FrameFlags(kill=True))
+    fields = MultiFrame.from_bytes(frame)
+    assert (fields.protocol, fields.sub_protocol, fields.option, fields.mapping_off) == (77, 0, 236, False)
+    assert fields.counts[:5] == tuple(map(count_of, (1200.0, 1300.0, 1100.0, 1400.0, 1900.0)))
+    assert not fields.kills, "channel 14 means something else there"
+    assert protocol.decode(frame).pulses_us[:2] == pytest.approx((1100.0, 1200.0), abs=0.5)
+
+
+@pytest.mark.parametrize(("radio", "sub_protocol"), [("Morse", 0), ("E129", 2), ("CFlie", 1)])
+def test_unknown_radios_and_sub_protocols_are_refused(radio: str, sub_protocol: int) -> None:
+    with pytest.raises(
+        ProtocolError, match=r"multi\.(radio: 'Morse' is unknown|sub_protocol: \d is outside)"
+    ):
+        MultiSettings(radio=radio, sub_protocol=sub_protocol)

@@ -26,7 +26,7 @@ UNKNOWN_PROTOCOL = READY[:4] + bytes((0x03,)) + READY[5:12] + bytes(16)
 def test_ready_example_parses() -> None:
     (status,) = AnswerParser().feed(READY)
     assert status == MultiStatus(0x47, (1, 3, 4, 72), "AETR", "DSM", "2 1F")
-    assert status.ready
+    assert status.judged("DSM").ready
     assert not status.binding
 
 
@@ -34,7 +34,7 @@ def test_binding_example_is_not_ready() -> None:
     (status,) = AnswerParser().feed(with_flags(0x4F))
     assert isinstance(status, MultiStatus)
     assert status.binding
-    assert not status.ready
+    assert not status.judged("DSM").ready
 
 
 def test_bind_answer_example_parses() -> None:
@@ -165,3 +165,13 @@ def test_module_without_answer_line_is_ready_after_settling() -> None:
     protocol.link_opened(0.0)
     assert not protocol.status(1.9).ready
     assert protocol.status(2.0).ready
+
+
+def test_a_module_that_expects_channels_in_another_order_is_not_ready() -> None:
+    order_taer = READY[:9] + bytes((0b11_00_10_01,)) + READY[10:]
+    answer = order_taer.replace(b"DSM\0\0", b"E129\0")
+    protocol = MultiProtocol(MultiSettings(radio="E129", sub_protocol=1))
+    protocol.link_opened(0.0)
+    protocol.receive(answer, 0.1)
+    assert not protocol.status(0.2).ready
+    assert "expects channels in the order TAER" in protocol.status(0.2).text

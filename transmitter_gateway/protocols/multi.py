@@ -22,12 +22,12 @@ from rcopterx.transmitter_gateway.protocols.base import (
     SerialLine,
 )
 from rcopterx.transmitter_gateway.protocols.multi_answers import AnswerParser, MultiStatus
+from rcopterx.transmitter_gateway.protocols.multi_radios import DSM, RADIOS
 
 FRAME_LENGTH = 27
 CHANNEL_COUNT = 16
 CHANNELS_AT = 4
 CHANNEL_BYTES = 22
-DSM = 6
 CENTER_COUNT = 1024
 KILL_COUNT = 204
 COUNTS_PER_US = 820 / 400
@@ -84,9 +84,21 @@ class MultiFrame(Struct, frozen=True):
     mapping_off: bool = True
 
     @property
+    def ordered_counts(self) -> tuple[int, ...]:
+        """Channel values, throttle, aileron, elevator, rudder first; the build of the module expects A, E, T,
+        R unless the mapping is off.
+        """
+        return self.counts if self.mapping_off else (self.counts[2], *self.counts[:2], *self.counts[3:])
+
+    @property
     def kill_count(self) -> int:
-        """Value of channel 14, which stops the motors at `KILL_COUNT` and below."""
+        """Value of channel 14, which with DSM stops the motors at `KILL_COUNT` and below."""
         return self.counts[13]
+
+    @property
+    def kills(self) -> bool:
+        """Whether channel 14 stops the motors."""
+        return self.protocol == DSM and self.kill_count <= KILL_COUNT
 
     @property
     def autobind_count(self) -> int:
@@ -149,12 +161,17 @@ class MultiSettings:
     ----------
     rx_num
         Model match number, 0..63; each vehicle has its own.
+    radio
+        Radio protocol, by the name that the module reports: DSM, E129, OMP, ...
     sub_protocol
-        0 DSM2_1F (22 ms, 1024), 1 DSM2_2F (2048), 2 DSMX_1F (22 ms, 2048), 3 DSMX_2F.
+        Its sub-protocol; of DSM 0 DSM2_1F (22 ms, 1024), 1 DSM2_2F (2048), 2 DSMX_1F (22 ms, 2048), 3
+        DSMX_2F.
+    option
+        Option byte, such as the frequency tuning of radio protocols on a CC2500; DSM uses the next two.
     channels
-        Number of channels on air, 3..12.
+        Number of channels on air with DSM, 3..12.
     eleven_ms
-        Send data every 11 ms (sub-protocols 1 and 3).
+        Send data every 11 ms (sub-protocols 1 and 3 of DSM).
     inverted_line
         Polarity bit: True for a JR-bay module on an inverted line, False for an internal one. A wrong value
         makes the module deaf until it is power cycled.
@@ -163,22 +180,34 @@ class MultiSettings:
     """
 
     rx_num: int = 0
+    radio: str = "DSM"
     sub_protocol: int = 0
+    option: int = 0
     channels: int = 6
     eleven_ms: bool = False
     inverted_line: bool = True
     answers_wired: bool = True
 
     def __post_init__(self) -> None:
-        for field, low, high in (("rx_num", 0, 63), ("sub_protocol", 0, 3), ("channels", 3, 12)):
+        if self.radio not in RADIOS:
+            raise ProtocolError(f"multi.radio: {self.radio!r} is unknown, choose one of {', '.join(RADIOS)}")
+        last = len(RADIOS[self.radio].sub_protocols) - 1
+        for field, low, high in (
+            ("rx_num", 0, 63),
+            ("sub_protocol", 0, last),
+            ("option", -128, 127),
+            ("channels", 3, 12),
+        ):
             value = getattr(self, field)
             if not low <= value <= high:
                 raise ProtocolError(f"multi.{field}: {value} is outside {low}..{high}")
 
     @property
-    def option(self) -> int:
-        """The option byte for DSM: number of channels and the 11 ms bit."""
-        return self.channels | (0x40 if self.eleven_ms else 0)
+    def option_byte(self) -> int:
+        """The option byte; for DSM number of channels and the 11 ms bit."""
+        if RADIOS[self.radio].number == DSM:
+            return self.channels | (0x40 if self.eleven_ms else 0)
+        return self.option & 0xFF
 
 
 class MultiProtocol(RadioProtocol):
@@ -189,6 +218,7 @@ class MultiProtocol(RadioProtocol):
 
     def __init__(self, settings: MultiSettings | None = None, line: SerialLine = LINE) -> None:
         self.settings = settings or MultiSettings()
+        self._radio = RADIOS[self.settings.radio]
         self.line = line
         self.channel_count = CHANNEL_COUNT
         self.pulse_range_us = (1000.0, 2000.0)
@@ -206,16 +236,20 @@ class MultiProtocol(RadioProtocol):
     def encode(
         self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
     ) -> bytes:
-        """Build a frame; see `RadioProtocol.encode`. Kill puts channel 14 to -100 %."""
+        """Build a frame; see `RadioProtocol.encode`. With DSM kill puts channel 14 to -100 %."""
         self._refuse(flags, disarmed)
         counts = tuple(count_of(pulse_us) for pulse_us in self.check(pulses_us))
-        if flags.kill:
+        if not self._radio.taer:
+            counts = (*counts[1:3], counts[0], *counts[3:])
+        elif flags.kill:
             counts = (*counts[:13], KILL_COUNT, *counts[14:])
         return MultiFrame(
             counts=counts,
+            protocol=self._radio.number,
+            mapping_off=self._radio.taer,
             sub_protocol=self.settings.sub_protocol,
             rx_num=self.settings.rx_num,
-            option=self.settings.option,
+            option=self.settings.option_byte,
             bind=flags.bind,
             range_check=flags.range_check,
             low_power=flags.low_power,
@@ -227,11 +261,11 @@ class MultiProtocol(RadioProtocol):
         """Read a frame back; see `RadioProtocol.decode`."""
         fields = MultiFrame.from_bytes(frame)
         return DecodedFrame(
-            tuple(pulse_of(count) for count in fields.counts),
+            tuple(pulse_of(count) for count in fields.ordered_counts),
             FrameFlags(
                 bind=fields.bind,
                 range_check=fields.range_check,
-                kill=fields.kill_count <= KILL_COUNT,
+                kill=fields.kills,
                 low_power=fields.low_power,
             ),
         )
@@ -255,7 +289,7 @@ class MultiProtocol(RadioProtocol):
         """Parse answers and keep the newest status."""
         for answer in self._parser.feed(data):
             if isinstance(answer, MultiStatus) and (answer.has_input or not self._just_opened(now_s)):
-                self._answered = ModuleStatus(answer.ready, answer.binding, answer.describe())
+                self._answered = answer.judged(self.settings.radio)
                 self._answered_s = now_s
 
     def _just_opened(self, now_s: float) -> bool:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rcopterx.transmitter_gateway.protocols.base import ModuleStatus
+from rcopterx.transmitter_gateway.protocols.multi_radios import RADIOS
+
 SYNC = b"MP"
 LONGEST_PAYLOAD = 40
 
@@ -14,6 +17,7 @@ BINDING = 0x08
 WAITING_FOR_BIND = 0x10
 
 REFUSED_NAME = "--"
+LINE_ORDER = "AETR"
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,11 +30,12 @@ class MultiStatus:
     protocol: str
     sub_protocol: str
 
-    @property
-    def ready(self) -> bool:
-        """True when the module transmits our frames with the DSM protocol."""
-        valid = self.flags & 0x0F == INPUT_PRESENT | SERIAL_MODE | PROTOCOL_VALID
-        return valid and self.protocol == "DSM" and not self.refuses
+    def judged(self, radio: str) -> ModuleStatus:
+        """State of a module that is to transmit with a protocol of `RADIOS`."""
+        problem = self._problem(radio)
+        version = ".".join(str(part) for part in self.version)
+        ready = f"ready, {self.protocol} {self.sub_protocol}".rstrip()
+        return ModuleStatus(problem is None, self.binding, f"module {version} {problem or ready}")
 
     @property
     def has_input(self) -> bool:
@@ -51,20 +56,18 @@ class MultiStatus:
         """True while the module sends bind packets or listens for the receiver's answer."""
         return bool(self.flags & BINDING)
 
-    def describe(self) -> str:
-        """State in words."""
-        version = ".".join(str(part) for part in self.version)
+    def _problem(self, radio: str) -> str | None:
         if not self.flags & SERIAL_MODE:
-            return f"module {version} is not in serial mode: set its dial to 0"
+            return "is not in serial mode: set its dial to 0"
         if not self.has_input:
-            return f"module {version} receives no valid frames"
+            return "receives no valid frames"
         if self.refuses:
-            return f"module {version} refuses the protocol (EU builds refuse DSM2)"
-        if self.protocol != "DSM":
-            return f"module {version} runs protocol {self.protocol!r}, not DSM"
-        if self.binding:
-            return f"module {version} binding"
-        return f"module {version} ready, {self.protocol} {self.sub_protocol}"
+            return f"refuses the protocol {radio} (EU builds refuse DSM2)"
+        if self.protocol != radio:
+            return f"runs protocol {self.protocol!r}, not {radio}"
+        if not RADIOS[radio].taer and self.order != LINE_ORDER:
+            return f"expects channels in the order {self.order}: flash a build for {LINE_ORDER}"
+        return "binding" if self.binding else None
 
 
 @dataclass(frozen=True, slots=True)
