@@ -16,7 +16,13 @@ from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.fleet import schema
 from rcopterx.fleet.vehicle_types import TypeFile, TypeTransmitter
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
+from rcopterx.transmitter_gateway.calibration import (
+    ArmingChannel,
+    Calibration,
+    ChannelCalibration,
+    SwitchChannel,
+    ThrottleCalibration,
+)
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
 from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2Settings
 from rcopterx.transmitter_gateway.protocols.dsmp import DsmpSettings
@@ -133,6 +139,8 @@ def sections() -> list[Section]:
         Section(calibration, Calibration, "Written by `rcopterx calibrate`."),
         Section(f"{calibration}.pitch", ChannelCalibration, "`roll` and `yaw` have the same keys."),
         Section(f"{calibration}.throttle", ThrottleCalibration),
+        Section(f"{calibration}.arming", ArmingChannel),
+        Section(f"{calibration}.emergency", SwitchChannel),
         Section(
             model,
             Model,

@@ -33,6 +33,8 @@ class Room:
             )
             for vehicle in vehicles
         }
+        self._armed: set[str] = set()
+        """Vehicles whose flight controllers are armed: only with low throttle, until the channel is off."""
         self._now_s = start_s
 
     def advance(self, now_s: float) -> None:
@@ -50,11 +52,18 @@ class Room:
             self._now_s = now_s
 
     def _drive(self, vehicle: SimulatedVehicle, pulses_us: tuple[float, ...], after_s: float) -> None:
-        throttle = vehicle.calibration.throttle
-        if pulses_us[throttle.index] < throttle.low_us + MOTOR_START_US:
+        calibration = vehicle.calibration
+        throttle, arming, emergency = calibration.throttle, calibration.arming, calibration.emergency
+        low = pulses_us[throttle.index] < throttle.low_us + MOTOR_START_US
+        if arming is None or not arming.is_on(pulses_us):
+            self._armed.discard(vehicle.name)
+        elif low:
+            self._armed.add(vehicle.name)
+        armed = arming is None or vehicle.name in self._armed
+        if low or not armed or (emergency is not None and emergency.is_on(pulses_us)):
             self.laboratory.stop_motors(vehicle.name, after_s)
         else:
-            self.laboratory.set_input(vehicle.name, vehicle.calibration.inputs(pulses_us), after_s)
+            self.laboratory.set_input(vehicle.name, calibration.inputs(pulses_us), after_s)
 
     def capture(self, frame: int) -> TrackerFrame:
         """Frame that the Tracker captures now."""

@@ -143,6 +143,56 @@ class ThrottleCalibration:
 
 
 @dataclass(frozen=True, slots=True)
+class SwitchChannel:
+    """A channel with two positions.
+
+    Parameters
+    ----------
+    index
+        Channel, 0 throttle, 1 aileron, 2 elevator, 3 rudder, 4 gear, ...
+    on_us, off_us
+        Pulse widths of the positions.
+    """
+
+    index: int
+    on_us: float = 1900.0
+    off_us: float = 1100.0
+
+    def __post_init__(self) -> None:
+        _check(0 <= self.index <= LARGEST_INDEX, "index", self.index, f"0 to {LARGEST_INDEX} is")
+        _check_pulse("on_us", self.on_us)
+        _check_pulse("off_us", self.off_us)
+        _check(self.on_us != self.off_us, "on_us", self.on_us, f"not off_us = {self.off_us:g} is")
+
+    def is_on(self, pulses_us: Sequence[float]) -> bool:
+        """Whether the vehicle's electronics find it on; channels that are not received are off."""
+        if self.index >= len(pulses_us):
+            return False
+        return abs(pulses_us[self.index] - self.on_us) < abs(pulses_us[self.index] - self.off_us)
+
+
+@dataclass(frozen=True, slots=True)
+class ArmingChannel(SwitchChannel):
+    """The channel that arms: on while the vehicle is flown.
+
+    Parameters
+    ----------
+    index, on_us, off_us
+        As for the emergency channel.
+    low_s
+        For so long the throttle is low before it comes on, and afterwards.
+    """
+
+    low_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        # A class with slots is made anew, so that super() without arguments would not find it.
+        SwitchChannel.__post_init__(self)
+        allowed = "a time from 0 to 2 s is"
+        _check(0 <= self.low_s <= 2, "low_s", self.low_s, allowed)
+
+
+@dataclass(frozen=True, slots=True)
 class Calibration:
     """All channels of one vehicle; inputs are ordered u = (u_x pitch, u_y roll, u_z thrust, u_psi yaw).
 
@@ -157,11 +207,21 @@ class Calibration:
     """Channel of u_z."""
     yaw: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(RUDDER, slew_per_s=8.0))
     """Channel of u_psi."""
+    arming: ArmingChannel | None = None
+    """Channel that arms a flight controller; None where low throttle is all that stops the motors."""
+    emergency: SwitchChannel | None = None
+    """Channel that stops the motors at once; on after a kill."""
+    rest_us: float = CENTER_US
+    """Pulse width of all other channels."""
 
     def __post_init__(self) -> None:
+        _check_pulse("rest_us", self.rest_us)
         taken: dict[int, str] = {}
-        for name in ("pitch", "roll", "throttle", "yaw"):
-            index = getattr(self, name).index
+        for name in ("pitch", "roll", "throttle", "yaw", "arming", "emergency"):
+            channel = getattr(self, name)
+            if channel is None:
+                continue
+            index = channel.index
             if index in taken:
                 raise CalibrationError(f"{name}.index: channel {index} is already used by {taken[index]}")
             taken[index] = name
@@ -171,14 +231,24 @@ class Calibration:
         """Fastest change of each input [1/s]."""
         return (self.pitch.slew_per_s, self.roll.slew_per_s, self.throttle.slew_per_s, self.yaw.slew_per_s)
 
-    def pulses_us(self, u: Sequence[float], *, throttle_low: bool = False) -> tuple[float, ...]:
-        """Pulse widths [us] in channel order for u of shape (4,); unused channels are centred.
+    def pulses_us(
+        self, u: Sequence[float], *, throttle_low: bool = False, armed: bool = False, stopped: bool = False
+    ) -> tuple[float, ...]:
+        """Pulse widths [us] in channel order for u of shape (4,).
 
-        With `throttle_low` the throttle is `low_us` whatever the thrust.
+        With `throttle_low` the throttle is `low_us` whatever the thrust; `armed` and `stopped` are the
+        positions of the arming and of the emergency channel.
         """
         pitch, roll, throttle, yaw = self.pitch, self.roll, self.throttle, self.yaw
-        highest = max(pitch.index, roll.index, throttle.index, yaw.index, len(CHANNEL_NAMES) - 1)
-        pulses = [CENTER_US] * (highest + 1)
+        switches = [
+            (channel.index, channel.on_us if on else channel.off_us)
+            for channel, on in ((self.arming, armed), (self.emergency, stopped))
+            if channel is not None
+        ]
+        used = (pitch.index, roll.index, throttle.index, yaw.index, *(index for index, _ in switches))
+        pulses = [self.rest_us] * (max(*used, len(CHANNEL_NAMES) - 1) + 1)
+        for index, pulse in switches:
+            pulses[index] = pulse
         pulses[pitch.index] = pitch.pulse_us(u[0])
         pulses[roll.index] = roll.pulse_us(u[1])
         pulses[throttle.index] = throttle.low_us if throttle_low else throttle.pulse_us(u[2])

@@ -32,6 +32,7 @@ from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import TransmitterSnapshot, Write
 from rcopterx.transmitter_gateway.state_page import StatePage
+from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_channels
 from rcopterx.transmitter_gateway.take_over import seen_on_floor, take_over_problem
 
 THROTTLE_LOW_FRAMES = 30
@@ -64,12 +65,11 @@ class Transmitter:
         self.arbiter = Arbiter(vehicle, limits, calibration.throttle.u_hover, calibration.slew_per_s)
         self.protocol, self.port = protocol, port
         self._calibration = calibration
+        self._arming: Arming | None = None
         self._low_power = low_power
         if low_power and "low_power" not in protocol.offers:
             raise ProtocolError(f"{protocol.name}: low_power cannot be asked for")
-        for extreme in (limits.lower, limits.upper):
-            for throttle_low in (False, True):
-                protocol.check(calibration.pulses_us(extreme, throttle_low=throttle_low))
+        prepare_channels(protocol, calibration, limits)
         self._output = ArbiterOutput(State.DISARMED, "started")
         self._pending = self._due_now = False
         self._attempt_s = -math.inf
@@ -230,8 +230,8 @@ class Transmitter:
     ) -> Answer:
         """Send these inputs while DISARMED, for calibration; None ends it. Meanwhile arming is refused.
 
-        `throttle_us` is between throttle low and full throttle of the calibration; without it the throttle is
-        low.
+        `throttle_us` is between throttle low and full throttle of the calibration; with it the arming channel
+        is on, without it the throttle is low.
         """
         if self.arbiter.state is not State.DISARMED:
             return Answer(False, f"calibration is only possible while DISARMED, not {self.arbiter.state}")
@@ -242,8 +242,8 @@ class Transmitter:
             )
         self._shown_until_s = -math.inf if u is None else until_s
         if u is not None:
-            pulses = list(self._calibration.pulses_us(u, throttle_low=True))
-            pulses[throttle.index] = throttle.low_us if throttle_us is None else throttle_us
+            pulses = list(self._calibration.pulses_us(u, throttle_low=True, armed=throttle_us is not None))
+            pulses[throttle.index] = throttle_us or throttle.low_us
             self._shown = tuple(pulses)
         self._decide_at_once(urgent=True)
         return Answer(True, "shown")
@@ -314,7 +314,7 @@ class Transmitter:
     def _write(self, now_s: float) -> Write:
         output = self._output
         flying = output.state in FLYING
-        pulses = self._calibration.pulses_us(output.u, throttle_low=output.throttle_low)
+        pulses, arming = channels_of(self._calibration, output, self._arming, now_s)
         disarmed = output.state is State.DISARMED
         if disarmed and now_s < self._shown_until_s:
             pulses = self._shown
@@ -330,6 +330,7 @@ class Transmitter:
         self._pending = outcome is not WriteOutcome.WRITTEN
         if outcome is WriteOutcome.WRITTEN:
             self._written_u, self._written_s = output.u, now_s
+            self._arming = arming
         if self._shutdown and not flying and outcome is WriteOutcome.WRITTEN:
             self._low_frames += 1
         return Write(now_s, outcome, output, pulses)

@@ -32,6 +32,7 @@ SIGN_QUESTIONS = {
 SHOW_S = 120.0
 SPIN_S = 10.0
 LARGEST_STEP_US = 60.0
+ARMED_S = 0.3
 
 
 class Dialogue:
@@ -151,6 +152,9 @@ def find_throttle(bench: Workbench, dialogue: Dialogue, calibration: Calibration
         elif answer in missing:
             found[answer] = us
         else:
+            if us == low_us:  # flight controllers arm only with low throttle
+                bench.show((0.0, 0.0, 0.0, 0.0), throttle_us=low_us, seconds=SPIN_S)
+                bench.run(ARMED_S)
             us = _tried(bench, answer, us)
     bench.show((0.0, 0.0, 0.0, 0.0), seconds=0.1)
     throttle = replace(calibration.throttle, us0=found["us0"], us_hover=found["hover"])

@@ -10,7 +10,13 @@ from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_module import SerialFrame
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
-from rcopterx.transmitter_gateway.calibration import Calibration, ChannelCalibration, ThrottleCalibration
+from rcopterx.transmitter_gateway.calibration import (
+    ArmingChannel,
+    Calibration,
+    ChannelCalibration,
+    SwitchChannel,
+    ThrottleCalibration,
+)
 from rcopterx.transmitter_gateway.inputs import (
     Action,
     ActionRequest,
@@ -38,12 +44,14 @@ FRAME_S = 27 * 120e-6
 class Bench:
     """Transmitter and emulated radio on a pseudo-terminal, driven in virtual time."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, calibration: Calibration | None = None) -> None:
         self.now_s = 0.0
         self.radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
         protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
         self.port = SerialPort(str(path), LINE, call)
-        self.transmitter = Transmitter("h1", ArbiterLimits(), Calibration(), protocol, self.port)
+        self.transmitter = Transmitter(
+            "h1", ArbiterLimits(), calibration or Calibration(), protocol, self.port
+        )
         self.transmitter.arbiter.bid(1, 0.0, take_over=False)
         self.sequence = 0
         self.next_command_s = 0.02
@@ -229,6 +237,26 @@ def test_a_kill_is_written_at_once_and_reaches_the_vehicle(bench: Bench) -> None
     bench.request(Action.RESET)
     bench.run(0.1, IDLE)
     assert not bench.frames[-1].kill
+
+
+def test_a_flight_controller_is_armed_for_the_flight_only_and_released_with_the_kill(tmp_path: Path) -> None:
+    arming, emergency = ArmingChannel(4), SwitchChannel(5)
+    bench = Bench(tmp_path / "radio", Calibration(arming=arming, emergency=emergency))
+    try:
+        bench.settle()
+        assert not any(arming.is_on(frame.pulses_us) for frame in bench.frames)
+        bench.fly()
+        bench.run(0.5)
+        flown = bench.frames[-1].pulses_us
+        assert arming.is_on(flown)
+        assert flown[0] > 1500.0
+        bench.request(Action.KILL)
+        bench.run(0.05, None)
+        killed = next(frame.pulses_us for frame in bench.frames if frame.kill)
+        assert (arming.is_on(killed), emergency.is_on(killed)) == (False, True)
+        assert killed[0] == pytest.approx(1100.0, abs=1.0)
+    finally:
+        bench.close()
 
 
 def test_shutdown_lands_sends_at_least_25_low_frames_and_finishes(bench: Bench) -> None:

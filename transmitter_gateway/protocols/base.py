@@ -96,6 +96,8 @@ class RadioProtocol(ABC):
         The radio reads the bind flag only in its first frames after it was switched on.
     minimum_interval_s, keepalive_s
         Shortest possible and longest wanted time between the starts of two frames.
+    rest_us
+        Pulse width of the channels that `encode` gets none for.
     """
 
     name: ClassVar[str]
@@ -106,13 +108,13 @@ class RadioProtocol(ABC):
     pulse_range_us: tuple[float, float]
     minimum_interval_s: float
     keepalive_s: float
+    rest_us: float = CENTER_US
 
     @abstractmethod
     def encode(
         self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
     ) -> bytes:
-        """Build the next frame from throttle, aileron, elevator, rudder, gear, aux1, ...; missing ones are
-        centred.
+        """Build the next frame from throttle, aileron, elevator, rudder, gear, aux1, ...; missing ones rest.
 
         Raises
         ------
@@ -160,7 +162,7 @@ class RadioProtocol(ABC):
                 raise PulseRangeError(
                     f"{self.name}: {name} pulse {pulse_us} us is outside {low:g}..{high:g} us"
                 )
-        return [*pulses_us, *([CENTER_US] * (self.channel_count - len(pulses_us)))]
+        return [*pulses_us, *([self.rest_us] * (self.channel_count - len(pulses_us)))]
 
     def _refuse(self, flags: FrameFlags, disarmed: bool) -> None:
         if flags == NO_FLAGS:

@@ -1,0 +1,45 @@
+"""Promises of simulated flight controllers between receiver and motors."""
+
+from pathlib import Path
+
+from support.vehicle_types import QUADROTOR
+
+from rcopterx.simulator.conditions import IDEAL
+from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.room import Room
+from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle
+from rcopterx.transmitter_gateway.calibration import ArmingChannel, Calibration, SwitchChannel
+from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
+
+SWITCHED = Calibration(arming=ArmingChannel(4), emergency=SwitchChannel(5))
+IDLE, LIFTING = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.8, 0.0)
+
+
+def test_a_flight_controller_runs_its_motors_only_when_armed_with_low_throttle(tmp_path: Path) -> None:
+    protocol = MultiProtocol(MultiSettings(rx_num=3))
+    radio = SimulatedRadio(protocol, 3)
+    start = Pose((0.0, 0.0, 0.0))
+    vehicle = SimulatedVehicle("q1", "quad", QUADROTOR, start, str(tmp_path / "radio"), radio, SWITCHED)
+    room = Room((vehicle,), IDEAL, 0, 0.0)
+    now_s = 0.0
+
+    def running(pulses_us: tuple[float, ...], seconds: float = 0.3) -> bool:
+        nonlocal now_s
+        end_s = now_s + seconds
+        while now_s < end_s:
+            now_s += 0.02
+            room.radios["q1"].link.feed(protocol.encode(pulses_us), now_s)
+            room.advance(now_s)
+        return room.laboratory.plant("q1").motors_running
+
+    try:
+        assert not running(SWITCHED.pulses_us(IDLE, throttle_low=True), 5.0)
+        assert not running(SWITCHED.pulses_us(LIFTING)), "not armed"
+        assert not running(SWITCHED.pulses_us(LIFTING, armed=True)), "armed with high throttle"
+        assert not running(SWITCHED.pulses_us(IDLE, throttle_low=True, armed=True))
+        assert running(SWITCHED.pulses_us(LIFTING, armed=True))
+        assert not running(SWITCHED.pulses_us(LIFTING, armed=True, stopped=True)), "emergency"
+        assert running(SWITCHED.pulses_us(LIFTING, armed=True))
+        assert not running(SWITCHED.pulses_us(LIFTING)), "released"
+    finally:
+        room.close()

@@ -1,0 +1,107 @@
+"""Promises of the arming and the emergency channel, for every sequence of states and times."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rcopterx.transmitter_gateway.calibration import ArmingChannel, Calibration, SwitchChannel
+from rcopterx.transmitter_gateway.inputs import FLYING, ArbiterOutput, State
+from rcopterx.transmitter_gateway.switches import Arming, channels_of
+
+LOW_S = 0.1
+ARMING, EMERGENCY, THROTTLE = ArmingChannel(4, 1900, 1100, low_s=LOW_S), SwitchChannel(5, 2000, 1000), 0
+SWITCHED = Calibration(arming=ARMING, emergency=EMERGENCY)
+DISARMED = ArbiterOutput(State.DISARMED, "started", throttle_low=True)
+
+
+def output(state: State, thrust: float) -> ArbiterOutput:
+    flown = state in FLYING
+    u = (0.1, 0.0, thrust, 0.0) if flown else (0.0, 0.0, 0.0, 0.0)
+    return ArbiterOutput(state, "test", u, throttle_low=not flown, kill=state is State.KILLED)
+
+
+frames = st.lists(
+    st.tuples(st.sampled_from(State), st.floats(0.0, 1.0), st.sampled_from((0.004, 0.02, 0.06, 0.15))),
+    min_size=1,
+    max_size=60,
+)
+
+
+def flown(sequence: list[tuple[State, float, float]]) -> list[tuple[float, State, tuple[float, ...]]]:
+    """Time, state and pulse widths of the frames of a process that began disarmed."""
+    now_s = 0.0
+    pulses, arming = channels_of(SWITCHED, DISARMED, None, now_s)
+    written = [(now_s, State.DISARMED, pulses)]
+    for state, thrust, pause_s in sequence:
+        now_s += pause_s
+        pulses, arming = channels_of(SWITCHED, output(state, thrust), arming, now_s)
+        written.append((now_s, state, pulses))
+    return written
+
+
+@given(frames)
+def test_the_vehicle_is_armed_only_in_flying_states(sequence: list[tuple[State, float, float]]) -> None:
+    for _, state, pulses in flown(sequence):
+        assert state in FLYING or not ARMING.is_on(pulses)
+        assert state in FLYING or pulses[THROTTLE] == SWITCHED.throttle.low_us
+
+
+@given(frames)
+def test_the_throttle_is_low_for_its_time_before_and_after_the_switch(
+    sequence: list[tuple[State, float, float]],
+) -> None:
+    written = flown(sequence)
+    for at, (now_s, _, pulses) in enumerate(written):
+        if not ARMING.is_on(pulses) or ARMING.is_on(written[at - 1][2]):
+            continue
+        before = [row for row in written[:at] if now_s - row[0] <= LOW_S + 1e-9]
+        assert all(row[2][THROTTLE] == SWITCHED.throttle.low_us for row in before)
+        assert not any(ARMING.is_on(row[2]) for row in before)
+        after = [row for row in written[at:] if row[0] - now_s < LOW_S - 1e-9]
+        assert all(row[2][THROTTLE] == SWITCHED.throttle.low_us for row in after)
+
+
+@given(frames)
+def test_an_armed_vehicle_stays_armed_until_its_flight_is_over(
+    sequence: list[tuple[State, float, float]],
+) -> None:
+    written = flown(sequence)
+    for (_, _, before), (_, state, after) in pairwise(written):
+        if ARMING.is_on(before):
+            assert ARMING.is_on(after) == (state in FLYING)
+
+
+@given(frames)
+def test_a_kill_releases_the_arming_channel_and_stops_in_the_same_frame(
+    sequence: list[tuple[State, float, float]],
+) -> None:
+    for _, state, pulses in flown(sequence):
+        assert EMERGENCY.is_on(pulses) == (state is State.KILLED)
+        if state is State.KILLED:
+            assert not ARMING.is_on(pulses)
+
+
+@given(st.sampled_from(sorted(FLYING)), st.floats(0.0, 1.0))
+def test_a_vehicle_of_an_earlier_process_stays_armed_with_its_thrust(state: State, thrust: float) -> None:
+    pulses, _ = channels_of(SWITCHED, output(state, thrust), None, 5.0)
+    assert ARMING.is_on(pulses)
+    assert pulses[THROTTLE] == SWITCHED.throttle.pulse_us(thrust)
+
+
+@given(frames)
+def test_without_an_arming_channel_the_arbiter_alone_decides(
+    sequence: list[tuple[State, float, float]],
+) -> None:
+    arming: Arming | None = None
+    for number, (state, thrust, _) in enumerate(sequence):
+        shaped = output(state, thrust)
+        pulses, arming = channels_of(Calibration(), shaped, arming, 0.02 * number)
+        assert pulses == Calibration().pulses_us(shaped.u, throttle_low=shaped.throttle_low)
+
+
+def test_other_channels_rest_where_the_type_puts_them() -> None:
+    pulses, _ = channels_of(replace(SWITCHED, rest_us=1000.0), DISARMED, None, 0.0)
+    assert pulses[6:] == (1000.0,) * len(pulses[6:])
+    assert replace(Calibration(), rest_us=1000.0).pulses_us((0.0,) * 4)[4:] == (1000.0, 1000.0)

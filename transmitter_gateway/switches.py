@@ -1,0 +1,56 @@
+"""Channels of a frame from the arbiter's output: sticks, and the switches that arm and stop a vehicle."""
+
+from __future__ import annotations
+
+import math
+
+from msgspec import Struct
+
+from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.inputs import FLYING, ArbiterOutput
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.protocols.base import RadioProtocol
+
+
+class Arming(Struct, frozen=True):
+    """State of the arming channel in the frames written last, and since when."""
+
+    on: bool
+    since_s: float
+
+
+def prepare_channels(protocol: RadioProtocol, calibration: Calibration, limits: ArbiterLimits) -> None:
+    """Let unused channels rest, and check the extremes.
+
+    Raises `PulseRangeError`: the calibration can give a pulse width that the protocol cannot carry.
+    """
+    protocol.rest_us = calibration.rest_us
+    for extreme in (limits.lower, limits.upper):
+        for on in (False, True):
+            protocol.check(calibration.pulses_us(extreme, throttle_low=on, armed=on, stopped=on))
+
+
+def channels_of(
+    calibration: Calibration, output: ArbiterOutput, before: Arming | None, now_s: float
+) -> tuple[tuple[float, ...], Arming]:
+    """Return the pulse widths [us] of the next frame, and the state of the arming channel in it.
+
+    Until the vehicle is armed, and for `low_s` afterwards, the throttle is low. The arming channel is off
+    unless the vehicle is flown, and comes on after frames with it off for `low_s`. Without frames `before`,
+    a vehicle that is flown was armed by an earlier process.
+    """
+    low_s = 0.0 if calibration.arming is None else calibration.arming.low_s
+    flown = output.state in FLYING
+    if before is None:
+        arming = Arming(flown, -math.inf if flown else now_s)
+    elif not flown:
+        arming = Arming(False, now_s) if before.on else before
+    elif before.on or now_s < before.since_s + low_s:
+        arming = before
+    else:
+        arming = Arming(True, now_s)
+    spins_up = calibration.arming is not None and not (arming.on and now_s >= arming.since_s + low_s)
+    pulses_us = calibration.pulses_us(
+        output.u, throttle_low=output.throttle_low or spins_up, armed=arming.on, stopped=output.kill
+    )
+    return pulses_us, arming
