@@ -10,9 +10,11 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 from msgspec import Meta, Struct, field
 
-from rcopterx.fleet.reading import converted, dataclass_from, replaced, table_of
+from rcopterx.bus.message import Name
+from rcopterx.fleet.reading import converted, dataclass_from, merged, replaced, table_of
 from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
@@ -41,6 +43,8 @@ class TypeFile(Table, frozen=True, kw_only=True):
 
     text: Text
     """What it is, for people."""
+    base: Name | None = None
+    """Type that gives all that this one leaves out."""
     model: dict[str, Any]
     """All parameters of the model that have no default."""
     transmitter: TypeTransmitter = field(default_factory=TypeTransmitter)
@@ -106,6 +110,10 @@ def _checked(name: str, table: dict[str, Any], source: str) -> VehicleType:
     Raises `FleetError`: names the source and the key.
     """
     try:
+        converted({"model": {}} | table, TypeFile, "")
+        if (base := table.get("base")) is not None:
+            plain = msgspec.to_builtins(vehicle_type(base).file)
+            table = merged(plain, table) | {"base": plain["base"]}
         file = converted(table, TypeFile, "")
         if "kind" in file.model:
             raise FleetError("model.kind: it is the name of the type, leave it out")

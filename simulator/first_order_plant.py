@@ -12,6 +12,8 @@ from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import PARAMETERS, random_stream
 from rcopterx.simulator.plant import CALM, Plant, Pose, four
 from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import GRAVITY_M_S2
+from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.tuples import Four
 
 
@@ -34,19 +36,47 @@ def thrust_acceleration(pitch_rad: float, roll_rad: float, thrust_m_s2: float) -
     )
 
 
+class AttitudeLoop:
+    """How the tilt of a vehicle follows its pitch and roll sticks, as fractions of the tilt at full stick: a
+    servo's lag, and a damped oscillator.
+    """
+
+    def __init__(self, tilt: TiltModel) -> None:
+        self._tilt = tilt
+        self.rest(CALM)
+
+    def rest(self, sticks: Four) -> None:
+        """Come to rest at these sticks."""
+        self._servo, self._angle, self._rate = list(sticks[:2]), list(sticks[:2]), [0.0, 0.0]
+
+    def step(self, sticks: Four, step_s: float) -> tuple[float, float]:
+        """Advance by one step of the plant, a small part of an oscillation; return both angles."""
+        tilt, decay = self._tilt, math.exp(-step_s / self._tilt.servo_lag_s)
+        for axis in (0, 1):
+            self._servo[axis] = sticks[axis] + (self._servo[axis] - sticks[axis]) * decay
+            pull = tilt.frequency_rad_s**2 * (self._servo[axis] - self._angle[axis])
+            damping = 2 * tilt.damping_ratio * tilt.frequency_rad_s * self._rate[axis]
+            self._rate[axis] += step_s * (pull - damping)
+            self._angle[axis] += step_s * self._rate[axis]
+        return self._angle[0], self._angle[1]
+
+
 def specimen(model: Model, conditions: Conditions, generator: np.random.Generator) -> tuple[Model, Four]:
-    """Draw the true parameters of one vehicle of a type: its model with true b, k and lags, and its trim
-    offsets.
+    """Draw the true parameters of one vehicle of a type: its model with true b, k, lags and frequency of the
+    tilt, and its trim offsets.
 
     The same amount is drawn from the generator whatever the conditions switch on.
     """
     b, k, lag, trim = generator.uniform(-1.0, 1.0, (4, 4))
     lag_s = model.lag_s * (1 + conditions.lag_mismatch * lag)
+    tilt = model.tilt if model.airframe == "attitude" and conditions.actuator_lag else None
+    slower = 1 + conditions.lag_mismatch * float(lag[0])
     true = replace(
         model,
         input_gain=four(model.b * (1 + conditions.parameter_mismatch * b)),
         damping=four(model.k * (1 + conditions.parameter_mismatch * k)),
         lag_s=four(lag_s) if conditions.actuator_lag else CALM,
+        tilt=None if tilt is None else replace(tilt, frequency_rad_s=tilt.frequency_rad_s / slower),
     )
     return true, four(conditions.trim_offset * trim)
 
@@ -60,6 +90,7 @@ class FirstOrderPlant(Plant):
     def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> None:
         self.model, self.trim = specimen(model, conditions, random_stream(seed, name, PARAMETERS))
         self._tilt_limit_rad = tilt_limit_rad(self.model) if model.airframe == "attitude" else 0.0
+        self._loop = None if self.model.tilt is None else AttitudeLoop(self.model.tilt)
         super().__init__(name, model, conditions, seed, start)
 
     @property
@@ -77,6 +108,8 @@ class FirstOrderPlant(Plant):
     def _rest(self, pose: Pose) -> None:
         self._motion = (*pose.position_m, pose.yaw_rad, 0.0, 0.0, 0.0, 0.0)
         self._actuator = self._target
+        if self._loop is not None:
+            self._loop.rest(self._target)
 
     def _command(self, sticks: Four | None) -> None:
         if sticks is None:
@@ -93,14 +126,25 @@ class FirstOrderPlant(Plant):
         ]
         return pitch, roll, thrust, yaw
 
+    def _moved(self, step_s: float) -> tuple[Four, Four]:
+        """Actuators half a step later and a step later; pitch and roll are those of the attitude loop, if
+        there is one.
+        """
+        middle, end = self._lagged(0.5 * step_s), self._lagged(step_s)
+        if self._loop is not None:
+            pitch, roll = self._loop.step(self._target, step_s)
+            before = self._actuator
+            middle = 0.5 * (before[0] + pitch), 0.5 * (before[1] + roll), *middle[2:]
+            end = pitch, roll, *end[2:]
+        return middle, end
+
     def _attitude(self, actuator: Four) -> tuple[float, float]:
         """Pitch and roll; where sticks are accelerations, the tilt that these accelerations need."""
         if self.on_floor:
             return 0.0, 0.0
         if self._tilt_limit_rad == 0.0:
             b_x, b_y = self.model.input_gain[:2]
-            gravity = self.model.gravity_m_s2
-            return math.atan(b_x * actuator[0] / gravity), -math.atan(b_y * actuator[1] / gravity)
+            return math.atan(b_x * actuator[0] / GRAVITY_M_S2), -math.atan(b_y * actuator[1] / GRAVITY_M_S2)
         return self._tilt_limit_rad * actuator[0], -self._tilt_limit_rad * actuator[1]
 
     def _acceleration(self, velocity: Four, actuator: Four, weather: Four) -> Four:
@@ -124,6 +168,8 @@ class FirstOrderPlant(Plant):
         self._actuator = self._lagged(step_s)
         if self._tilt_limit_rad:
             self._actuator = (0.0, 0.0, *self._actuator[2:])  # the floor keeps it level
+        if self._loop is not None:
+            self._loop.rest(self._actuator)
         return self.model.input_gain[2] * self._thrust_factor * self._actuator[2]
 
     def _fly_on(self, count: int, step_s: float) -> int:  # noqa: ARG002 - one at a time is as good
@@ -146,8 +192,8 @@ class FirstOrderPlant(Plant):
 
     def _fly(self, step_s: float, weather: Four) -> None:
         """Explicit midpoint rule for the motion under the exact response of the actuators."""
-        start, middle = self._actuator, self._lagged(0.5 * step_s)
-        self._actuator = self._lagged(step_s)
+        start = self._actuator
+        middle, self._actuator = self._moved(step_s)
         x, y, z, yaw, xd, yd, zd, yaw_rate = self._motion
         half_s = step_s / 2
         heading = yaw + half_s * yaw_rate

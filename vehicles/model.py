@@ -92,7 +92,7 @@ class Model:
     """What the vehicle is: a helicopter with two rotors and a stabilizer bar; one whose thrust tilts under a
     closed attitude loop; or one whose sticks act as accelerations after a lag, equation (1)."""
     gravity_m_s2: float = GRAVITY_M_S2
-    """Gravity."""
+    """Gravity; where the thrust stick is a climb rate, the acceleration that its centre balances."""
     integrator_gain: float = 2.0
     """k_i of equation (1)."""
     yaw_gyro: bool = False

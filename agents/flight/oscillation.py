@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import YAW, Array
+from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array
 
 THRESHOLD: Final = 0.45
 """Share of a stick's range to either side of rest, and of the largest tilt, that counts when smoothed."""
@@ -155,7 +155,7 @@ class OscillationDetector:
 
     def __init__(self, model: Model) -> None:
         reach = np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
-        tilt = float(model.b[:2].mean()) * float(reach[:2].mean()) / model.gravity_m_s2
+        tilt = float(model.b[:2].mean()) * float(reach[:2].mean()) / GRAVITY_M_S2
         rests = (*model.hover_input.tolist(), 0.0, 0.0)
         reaches = (*reach.tolist(), tilt, tilt)
 

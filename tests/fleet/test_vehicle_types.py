@@ -1,5 +1,6 @@
 """Promises of vehicle types: those that come with the package, those of others, and what is refused."""
 
+import math
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from rcopterx.fleet.reading import load_fleet, parse_fleet, read_snapshot, write
 from rcopterx.fleet.schema import FleetError
 from rcopterx.fleet.vehicle_models import limits_of, model_of
 from rcopterx.fleet.vehicle_types import VehicleType, type_names, type_of, vehicle_type
+from rcopterx.ground_station.terminal.margins import fleet_margins
 
 every_type = pytest.mark.parametrize("kind", [vehicle_type(name) for name in type_names()], ids=type_names())
 FLEET = """
@@ -30,6 +32,7 @@ transmitter = {{ port = "radio-h1" }}
 def table_of(kind: VehicleType) -> dict[str, Any]:
     """A type as a table that can be written."""
     plain: dict[str, Any] = msgspec.to_builtins(kind.file)
+    del plain["base"]
     return plain
 
 
@@ -160,3 +163,30 @@ def test_a_room_that_is_too_low_for_the_type_is_refused() -> None:
     fleet = parse_fleet(FLEET.format(type="tall") + tomlkit.dumps({"types": {"tall": table}}))
     with pytest.raises(FleetError, match=r"volume.max_m\[2\]: 2 m is too low for h1"):
         limits_of(fleet, "h1")
+
+
+def test_a_type_leaves_out_what_its_base_has() -> None:
+    table = {"text": "like it", "base": "betaflight", "model": {"delay_s": 0.06}}
+    fleet = parse_fleet(FLEET.format(type="mine") + tomlkit.dumps({"types": {"mine": table}}))
+    assert model_of(fleet, "h1").delay_s == 0.06
+    assert model_of(fleet, "h1").input_gain == vehicle_type("betaflight").model.input_gain
+    assert calibration_of(fleet, "h1").arming == vehicle_type("betaflight").calibration.arming
+    table["base"] = "balloon"
+    wrong = parse_fleet(FLEET.format(type="mine") + tomlkit.dumps({"types": {"mine": table}}))
+    with pytest.raises(FleetError, match=r"types.mine: unknown type 'balloon', allowed are"):
+        model_of(wrong, "h1")
+
+
+@every_type
+def test_margins_of_every_type_cover_its_uncertainty(kind: VehicleType) -> None:
+    document = fleet_margins(parse_fleet(FLEET.format(type=kind.name)), ["h1"])
+    for axis, found in document["vehicles"]["h1"]["axes"].items():
+        assert not found["below_rule"], axis
+
+
+def test_the_uncertainty_of_a_quadrotor_covers_angle_limits_of_20_to_50_degrees() -> None:
+    model = vehicle_type("quadrotor").model
+    for limit_deg in (20.0, 50.0):
+        gain = 9.81 * math.tan(math.radians(limit_deg))
+        factor = max(gain / model.input_gain[0], model.input_gain[0] / gain)
+        assert factor <= model.uncertainty.gain_factor

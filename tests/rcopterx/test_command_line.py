@@ -164,7 +164,7 @@ BAD_FILES = [
     (PAIR.replace('leader = "h1"', 'leader = "h2"'), "vehicles.h2.follow[0].leader: h2 cannot follow itself"),
     (
         PAIR + 'type = "plane"',
-        "vehicles.h2.type: unknown type 'plane', allowed are coaxial, coaxial_lag, quadrotor",
+        "vehicles.h2.type: unknown type 'plane', allowed are betaflight, blade_70s, c186, coaxial, ",
     ),
     (PAIR + 'control = { controller = "x" }', "vehicles.h2.control: no controller is called 'x'"),
     (HARDWARE_PAIR.replace("radio-h1", "/dev/ttyNONE9"), "vehicles.h1.transmitter.port: there is no device"),

@@ -246,3 +246,11 @@ def test_unknown_radios_and_sub_protocols_are_refused(radio: str, sub_protocol: 
         ProtocolError, match=r"multi\.(radio: 'Morse' is unknown|sub_protocol: \d is outside)"
     ):
         MultiSettings(radio=radio, sub_protocol=sub_protocol)
+
+
+def test_channels_that_rest_low_do_not_kill_a_dsm_receiver() -> None:
+    protocol = MultiProtocol(MultiSettings(rx_num=3))
+    protocol.rest_us = 1100.0
+    fields = MultiFrame.from_bytes(protocol.encode([1540.0]))
+    assert not fields.kills
+    assert fields.counts[12] == count_of(1100.0)

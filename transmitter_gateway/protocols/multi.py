@@ -236,13 +236,13 @@ class MultiProtocol(RadioProtocol):
     def encode(
         self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
     ) -> bytes:
-        """Build a frame; see `RadioProtocol.encode`. With DSM kill puts channel 14 to -100 %."""
+        """Build a frame; see `RadioProtocol.encode`. With DSM channel 14 is -100 % for kill only."""
         self._refuse(flags, disarmed)
         counts = tuple(count_of(pulse_us) for pulse_us in self.check(pulses_us))
         if not self._radio.taer:
             counts = (*counts[1:3], counts[0], *counts[3:])
-        elif flags.kill:
-            counts = (*counts[:13], KILL_COUNT, *counts[14:])
+        elif flags.kill or len(pulses_us) < 14:
+            counts = (*counts[:13], KILL_COUNT if flags.kill else CENTER_COUNT, *counts[14:])
         return MultiFrame(
             counts=counts,
             protocol=self._radio.number,
