@@ -3,6 +3,7 @@
 import os
 import tempfile
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,8 @@ def _rewrite(
 
 def _plain(model: Model) -> dict[str, Any]:
     """Return the fields of a model in `FITTED`, rounded."""
-    plain = msgspec.to_builtins(model)
+    # msgspec would leave out defaults of dataclasses that it has converted.
+    plain = asdict(model)
     return {name: _rounded(plain[name]) for name in FITTED}
 
 

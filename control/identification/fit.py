@@ -94,6 +94,8 @@ class Identification:
         Errors of the old and the new model in the part of the flight that was not fitted.
     problems
         Why the result must not be used; empty if it may be.
+    remarks
+        What the flight does not show, so that the uncertainty is not narrowed.
     """
 
     model: Model
@@ -102,6 +104,7 @@ class Identification:
     before: PredictionErrors
     after: PredictionErrors
     problems: tuple[str, ...]
+    remarks: tuple[str, ...]
 
 
 def identify(recording: FlightRecording, model: Model) -> Identification:
@@ -126,10 +129,14 @@ def identify(recording: FlightRecording, model: Model) -> Identification:
     judged = recording.part(FITTED_SHARE - _SETTLE_S / recording.duration_s, 1.0)
     before = prediction_errors(Candidate(model, candidate.offsets), judged)
     after = prediction_errors(candidate, judged)
-    bounds = [name for found in fits for name in found.at_bounds if name in _ESSENTIAL]
-    problems = (*_too_little(numbers), *_worse(before, after), *map(_at_bound, bounds))
+    bounds = [name for found in fits for name in found.at_bounds]
+    essential = [_at_bound(name) for name in bounds if name in _ESSENTIAL]
+    remarks = tuple(_doubtful(name) for name in bounds if name not in _ESSENTIAL)
+    problems = (*_too_little(numbers), *_worse(before, after), *essential)
     known = _finished(candidate.model, model, numbers, recording)
-    return Identification(known, candidate.offsets, numbers, before, after, problems)
+    if remarks:
+        known = replace(known, uncertainty=_wider(known.uncertainty, model.uncertainty))
+    return Identification(known, candidate.offsets, numbers, before, after, problems, remarks)
 
 
 def prediction_errors(candidate: Candidate, recording: FlightRecording) -> PredictionErrors:
@@ -345,6 +352,21 @@ def _worse(before: PredictionErrors, after: PredictionErrors) -> list[str]:
         for what, old, new, unit in pairs
         if new > _WORSE * old
     ]
+
+
+def _wider(one: Uncertainty, other: Uncertainty) -> Uncertainty:
+    return Uncertainty(
+        max(one.gain_factor, other.gain_factor),
+        max(one.delay_s, other.delay_s),
+        max(one.frequency_fraction, other.frequency_fraction),
+    )
+
+
+def _doubtful(name: str) -> str:
+    return (
+        f"{name} went as far as it may, so the model stays as uncertain as before: the vehicle differs in "
+        "something else, or sticks were at their ends; identify again with a lower --strength"
+    )
 
 
 def _at_bound(name: str) -> str:

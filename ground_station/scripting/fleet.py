@@ -43,6 +43,10 @@ STATUS_S = 1.0
 """By then every vehicle has reported its state."""
 MEASURING_S = 60.0
 """How long a take-off waits for hosts that measure how many vehicles they can fly."""
+NOT_LIFTED = (
+    "did not lift at 1.4 times the thrust at which its model hovers: charge the battery, see that motors "
+    "run, then find the hover thrust by rcopterx calibrate --step throttle"
+)
 STAY_BEHIND_S = 5.0
 """How long a take-off waits for all vehicles before those that are ready leave the others behind."""
 
@@ -195,7 +199,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             states = [self.state_of(name) for name in vehicles]
             climbing.update(state.name for state in states if state.airborne)
             return [
-                state.summary()
+                f"{state.name}: {NOT_LIFTED}" if state.phase == "armed" else state.summary()
                 for state in states
                 if state.transmitter_state == "killed" or (state.name in climbing and not state.airborne)
             ]

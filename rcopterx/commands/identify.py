@@ -80,6 +80,8 @@ def identify(
         raise failure(f"{vehicle}: {error}") from None
     write_plot(partial(_draw, recording, known, found), plot)
     typer.echo(json.dumps(document_of(vehicle, found), indent=2) if as_json else _text(found))
+    for remark in found.remarks:
+        say(f"{vehicle}: {remark}")
     if found.problems:
         raise failure(*(f"{vehicle}: {problem}" for problem in found.problems))
     if path is not None:
@@ -141,6 +143,7 @@ def document_of(vehicle: str, found: "Identification") -> dict[str, Any]:
         "offsets": asdict(found.offsets),
         "one_second_ahead": {"before": asdict(found.before), "after": asdict(found.after)},
         "problems": list(found.problems),
+        "remarks": list(found.remarks),
         "model": asdict(found.model),
     }
 

@@ -93,6 +93,7 @@ def calibrate(
     from rcopterx.fleet.editing import check_own
     from rcopterx.fleet.radios import calibration_of
     from rcopterx.fleet.reading import fleet_path
+    from rcopterx.fleet.vehicle_models import model_of
 
     with user_errors():
         check_own(fleet_path(fleet))
@@ -104,7 +105,8 @@ def calibrate(
             if "signs" in steps:
                 calibration = check_signs(bench, dialogue, calibration)
             if "throttle" in steps:
-                calibration = find_throttle(bench, dialogue, calibration)
+                hover_thrust = model_of(file, vehicle).hover_thrust
+                calibration = find_throttle(bench, dialogue, calibration, hover_thrust)
             save(path, vehicle, calibration)
     if "trim" in steps:
         trim_hover(vehicle, seconds, fleet)

@@ -137,8 +137,13 @@ def check_signs(bench: Workbench, dialogue: Dialogue, calibration: Calibration) 
     return calibration
 
 
-def find_throttle(bench: Workbench, dialogue: Dialogue, calibration: Calibration) -> Calibration:
-    """Let the user raise the throttle of the tethered vehicle in small steps to find both points."""
+def find_throttle(
+    bench: Workbench, dialogue: Dialogue, calibration: Calibration, hover_thrust: float
+) -> Calibration:
+    """Let the user raise the throttle of the tethered vehicle in small steps to find both points.
+
+    The pulse width at which it hovers becomes that of `hover_thrust`, at which its model hovers.
+    """
     found: dict[str, float] = {}
     dialogue.line("Tether the vehicle, keep clear of the rotors, then press return.")
     low_us = us = calibration.throttle.low_us
@@ -157,7 +162,7 @@ def find_throttle(bench: Workbench, dialogue: Dialogue, calibration: Calibration
                 bench.run(ARMED_S)
             us = _tried(bench, answer, us)
     bench.show((0.0, 0.0, 0.0, 0.0), seconds=0.1)
-    throttle = replace(calibration.throttle, us0=found["us0"], us_hover=found["hover"])
+    throttle = replace(calibration.throttle, us0=found["us0"], us_hover=found["hover"], u_hover=hover_thrust)
     return replace(calibration, throttle=throttle)
 
 

@@ -98,3 +98,12 @@ def test_a_second_identification_overwrites_the_first_and_keeps_comments(path: P
 def test_models_of_shipped_fleets_are_not_changed() -> None:
     with pytest.raises(FleetError, match="comes with the package"):
         write_model(shipped_fleets()["trio"], "h1", FOUND)
+
+
+def test_a_model_is_written_where_the_defaults_of_the_fleet_have_a_tilt(path: Path) -> None:
+    tilt = "[defaults]\nmodel = { tilt = { frequency_rad_s = 12.0, damping_ratio = 0.7 } }\n"
+    path.write_text(path.read_text() + tilt)
+    found = model_of(load_fleet(path), "h1")
+    assert found.tilt is not None
+    lines = write_model(path, "h1", replace(found, tilt=replace(found.tilt, servo_lag_s=0.04)))
+    assert lines == [f"tilt.servo_lag_s: {found.tilt.servo_lag_s:g} -> 0.04"]

@@ -18,6 +18,7 @@ from support.waiting import DEADLINE_S, wait_for
 from rcopterx.deploy.hosts.run_directory import run_directory, serial_path
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_kinds import module_of
 from rcopterx.simulator.radio_module import SerialFrame
@@ -215,6 +216,7 @@ def check_dialogue(laboratory: Laboratory) -> None:
     calibration = calibration_of(load_fleet(laboratory.path), "h2")
     assert (calibration.pitch.sign, calibration.roll.sign, calibration.yaw.sign) == (1, -1, 1)
     assert (calibration.throttle.us0, calibration.throttle.us_hover) == (1150, 1210)
+    assert calibration.throttle.u_hover == model_of(load_fleet(laboratory.path), "h2").hover_thrust
     assert max(laboratory.throttles()) < 1215
     assert round(laboratory.frames[-1].pulses_us[0]) == 1100
 

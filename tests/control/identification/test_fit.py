@@ -142,3 +142,13 @@ def test_height_is_as_certain_as_its_noise_permits(found: Identification) -> Non
     (thrust,) = [number for number in found.parameters if number.name == "thrust gain"]
     assert 0.002 * thrust.value < thrust.deviation < 0.1 * thrust.value
     assert abs(thrust.value - 16.5) < 4.0 * thrust.deviation
+
+
+def test_a_parameter_on_its_bound_is_said_and_does_not_make_the_model_more_certain(
+    flight: FlightRecording, found: Identification
+) -> None:
+    assert found.remarks == ()
+    known = replace(COAXIAL, lag_s=(*COAXIAL.lag_s[:3], 0.02))
+    doubtful = identify(flight, known)
+    assert any(remark.startswith("yaw lag went as far as it may") for remark in doubtful.remarks)
+    assert doubtful.model.uncertainty == known.uncertainty
