@@ -85,10 +85,10 @@ class VehicleFault:
 
 
 class _Moment(NamedTuple):
-    """Beginning of a control period: velocities asked for and made by the sticks so far, height and yaw."""
+    """Beginning of a control period."""
 
-    asked: list[float]
-    made: list[float]
+    velocities: list[tuple[float, float]]
+    """Of each axis: what its stick asked for and what it made so far."""
     height_m: float
     yaw_rad: float
 
@@ -186,13 +186,15 @@ class VehicleWatch:
     def _advance(self, sticks: list[float], motion: list[float]) -> _Moment:
         """Advance the model by one period; return the moment of its beginning."""
         _, _, height_m, yaw_rad, xd, yd, _, yaw_rate = motion
-        moment = _Moment([], [], height_m, yaw_rad)
         frame = (yaw_rate * yd, -yaw_rate * xd, -self._gravity_m_s2, 0.0)
-        for axis, stick, velocity, other in zip(self._axes, sticks, motion[4:], frame, strict=True):
-            moment.asked.append(axis.asked)
-            moment.made.append(velocity - axis.passive)
-            axis.advance(stick, velocity, other)
-        return moment
+        velocities = list(map(_StickEffect.advance, self._axes, sticks, motion[4:], frame))
+        return _Moment(velocities, height_m, yaw_rad)
+
+
+def _change(first: _Moment, last: _Moment, axis: int) -> tuple[float, float]:
+    """Changes of velocity between two moments that the stick of an axis asked for and made."""
+    (asked_first, made_first), (asked, made) = first.velocities[axis], last.velocities[axis]
+    return asked - asked_first, made - made_first
 
 
 class _StickEffect:
@@ -206,28 +208,35 @@ class _StickEffect:
         above = model.u_max[axis] - model.hover_input[axis]
         # A side of the range to which a stick hardly moves shows nothing about it.
         self._far = (LEAST_STICK * float(below), LEAST_STICK * float(above))
+        self._least_asked = tuple(WINDOW_S * self._gain * far for far in self._far)
         self.reset()
 
     def reset(self) -> None:
         self._stick: float | None = None
-        self.asked = 0.0
+        self._asked = 0.0
         """Change of the velocity that the stick asked for so far."""
-        self.passive = 0.0
+        self._passive = 0.0
         """Change of the velocity by damping, turning of the frame and gravity so far."""
-        self._near_for_s = [math.inf, math.inf]
+        self._near_for_s = (math.inf, math.inf)
         """For how long the stick has not been far to its lower and to its upper side."""
         self._dead_for_s = 0.0
 
-    def advance(self, stick: float, velocity: float, other: float) -> None:
-        """Advance by one period in which `stick` acts; `other` is the acceleration of turning and gravity."""
-        period_s = self._period_s
+    def advance(self, stick: float, velocity: float, other: float) -> tuple[float, float]:
+        """Advance by one period; return the velocities asked for and made until its beginning.
+
+        `stick` acts in it, and `other` is the acceleration of turning and gravity.
+        """
+        until_now = self._asked, velocity - self._passive
+        period_s, (far_below, far_above), (below_s, above_s) = self._period_s, self._far, self._near_for_s
         before = stick if self._stick is None else self._stick
-        self._stick = stick + self._pole * (before - stick)
-        for side, sign in enumerate((-1.0, 1.0)):
-            far = sign * self._stick > self._far[side]
-            self._near_for_s[side] = 0.0 if far else self._near_for_s[side] + period_s
-        self.asked += period_s * self._gain * self._stick
-        self.passive += period_s * (self._damping * velocity + other)
+        self._stick = acting = stick + self._pole * (before - stick)
+        self._near_for_s = (
+            0.0 if acting < -far_below else below_s + period_s,
+            0.0 if acting > far_above else above_s + period_s,
+        )
+        self._asked += period_s * self._gain * acting
+        self._passive += period_s * (self._damping * velocity + other)
+        return until_now
 
     def judge(self, first: _Moment | None, last: _Moment, name: str) -> VehicleFault | None:
         """Return a fault if the stick has had no effect, or a reversed one, for long enough."""
@@ -242,14 +251,13 @@ class _StickEffect:
     def _effect(self, first: _Moment, last: _Moment) -> float:
         """Return what the stick has done in a window as a share of what it asked for."""
         axis = self._axis
+        asked, made = _change(first, last, axis)
+        side = 1 if asked > 0.0 else 0
+        if abs(asked) <= self._least_asked[side] or self._near_for_s[1 - side] < SWING_S:
+            return AS_MODELLED
         if axis != U_YAW and abs(last.yaw_rad - first.yaw_rad) > MOST_TURNED_RAD:
             return AS_MODELLED
-        asked = last.asked[axis] - first.asked[axis]
-        side = 1 if asked > 0.0 else 0
-        swings = self._near_for_s[1 - side] < SWING_S
-        if swings or abs(asked) <= WINDOW_S * self._gain * self._far[side]:
-            return AS_MODELLED
-        return (last.made[axis] - first.made[axis]) / asked
+        return made / asked
 
 
 class _ThrustWatch:
@@ -276,10 +284,10 @@ class _ThrustWatch:
         if self.full_for_s >= THRUST_WINDOW_S and last.height_m - first.height_m < LEAST_CLIMB_M:
             text = f"thrust at its limit for {THRUST_WINDOW_S:g} s without gaining height"
             return VehicleFault("thrust_exhausted", text)
-        asked_m_s = last.asked[U_THRUST] - first.asked[U_THRUST]
+        asked_m_s, made_m_s = _change(first, last, U_THRUST)
         if asked_m_s <= 0.5 * THRUST_WINDOW_S * self._gravity_m_s2:
             return None  # It falls on purpose: so little thrust shows nothing.
-        gain = (last.made[U_THRUST] - first.made[U_THRUST]) / asked_m_s
+        gain = made_m_s / asked_m_s
         hover_thrust = self._learn(gain)
         if self._learning_for_s < LEARNING_S:
             return None
