@@ -4,6 +4,7 @@ The gate separates poses that the vehicle has flown to from poses that the Track
 """
 
 import math
+import operator
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Final
@@ -97,16 +98,16 @@ class InnovationGate:
         All have shape (4,).
         """
         noise = _DEVIATIONS * deviation
-        if not (np.abs(innovation) <= self._widths + noise).all():
+        if not _within(innovation, self._widths + noise):
             return self._refuse(pose)
         self._run = None
         return self._judge_sudden(innovation[:3], _SUDDEN_M + noise[:3])
 
     def _judge_sudden(self, innovation_m: Array, near_m: Array) -> Verdict:
         before, self._last_sudden = self._last_sudden, None
-        if (np.abs(innovation_m) <= near_m).all():
+        if _within(innovation_m, near_m):
             verdict = ACCEPT
-        elif before is not None and (np.abs(innovation_m - before) <= near_m).all():
+        elif before is not None and _within(innovation_m - before, near_m):
             verdict = SHIFT
         elif self._sudden == _MOST_SUDDEN:
             verdict = ACCEPT
@@ -135,7 +136,7 @@ class InnovationGate:
         return Verdict(accepted=True, restart=True, rates=(run.last - run.first) / run.duration_s)
 
     def _follows(self, run: _Run, pose: Array) -> bool:
-        return bool((np.abs(pose - run.last) <= self._widths + self._fastest * run.since_last_s).all())
+        return _within(pose - run.last, self._widths + self._fastest * run.since_last_s)
 
 
 FARTHEST_M: Final = 1e3
@@ -185,7 +186,7 @@ class PoseEstimator(ABC):
             yaw_rad = nearest_heading(yaw_rad, float(self.estimate.motion[YAW]))
         self._yaw_known = True
         self._gate.open()
-        self._start(np.append(measurement.position_m, yaw_rad), np.zeros(INPUT_SIZE))
+        self._start(_pose_of(measurement, yaw_rad), np.zeros(INPUT_SIZE))
 
     def take_over(self, estimate: Estimate) -> None:
         """Start from another estimator's estimate of the present moment."""
@@ -224,7 +225,7 @@ class PoseEstimator(ABC):
             return True
         predicted = self._predicted_pose()
         yaw_rad = nearest_heading(measurement.yaw_rad, float(predicted[YAW]))
-        pose = np.append(measurement.position_m, yaw_rad)
+        pose = _pose_of(measurement, yaw_rad)
         verdict = self._gate.judge(pose, pose - predicted, self._deviation())
         if verdict.restart:
             rates = _inertial_rates(self.estimate.motion) if verdict.rates is None else verdict.rates
@@ -266,6 +267,16 @@ def body_motion(pose: Array, rates: Array) -> Array:
 def _inertial_rates(motion: Array) -> Array:
     """Inertial velocity and yaw rate of a motion state, shape (4,)."""
     return turned_about_z(motion[XD_BODY : YAW_RATE + 1], float(motion[YAW]))
+
+
+def _pose_of(measurement: Measurement, yaw_rad: float) -> Array:
+    """Measured position and unwrapped yaw, shape (4,)."""
+    return np.array((*measurement.position_m.tolist(), yaw_rad))
+
+
+def _within(differences: Array, limits: Array) -> bool:
+    """Whether no difference is larger than its limit."""
+    return all(map(operator.le, np.abs(differences).tolist(), limits.tolist()))
 
 
 def _readable(measurement: Measurement) -> bool:

@@ -47,9 +47,9 @@ class ExtendedKalmanEstimator(PoseEstimator):
         self._uses_tilt = settings.measured_tilt and model.tilt is not None
         self._tilt: Array | None = None
         """Tilt of the pose that is being processed; None if it is not measured."""
-        self._least_noise = np.array(3 * [settings.position_noise_m] + [settings.yaw_noise_rad])
-        self._noise = self._least_noise
+        self._settings = settings
         self._noise_meter = NoiseMeter(INPUT_SIZE)
+        self._expect_noise(0.0, 0.0)
         self._since_pose_s = 0.0
         self._start(np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
         # Compute the matrices of the nominal period before the flight.
@@ -139,10 +139,9 @@ class ExtendedKalmanEstimator(PoseEstimator):
         self._horizontal.rest(applied_input[:2], period_s)
 
     def _filter_prediction(self, applied_input: Array, period_s: float) -> None:
-        start = self._lag_filter.estimate.motion
+        start_rad = float(self._lag_filter.x[YAW])
         self._lag_filter.predict(applied_input, period_s)
-        end = self._lag_filter.estimate.motion
-        middle_rad = float(start[YAW] + 0.5 * period_s * end[YAW_RATE])
+        middle_rad = start_rad + 0.5 * period_s * float(self._lag_filter.x[YAW_RATE])
         self._horizontal.predict(applied_input[:2], middle_rad, period_s)
 
     def _predicted_pose(self) -> Array:
@@ -153,7 +152,7 @@ class ExtendedKalmanEstimator(PoseEstimator):
         return pose
 
     def _deviation(self) -> Array:
-        return np.asarray(np.sqrt(self._lag_filter.P.diagonal()[POSE] + self._noise**2))
+        return np.asarray(np.sqrt(self._lag_filter.P.diagonal()[POSE] + self._R))
 
     def _update(self, pose: Array) -> None:
         since_pose_s, self._since_pose_s = self._since_pose_s, 0.0
@@ -161,17 +160,22 @@ class ExtendedKalmanEstimator(PoseEstimator):
         if self._standing:
             self._lag_filter.set_pose(pose)
             self._standing = bool((np.abs(pose[:YAW] - self._stood_at_m) < _MOVED_M).all())
-            self._horizontal.correct_standing(pose, self._tilt, float(self._noise[0]), since_pose_s)
+            self._horizontal.correct_standing(pose, self._tilt, self._noise_m, since_pose_s)
             return
-        self._lag_filter.correct(pose, self._noise**2)
+        self._lag_filter.correct(pose, self._R)
         if self._lag_filter.disturbance_at_limit and not self._thrust_carries():
             self._start(self._lag_filter.x[POSE], np.zeros(INPUT_SIZE))
-        self._horizontal.correct(pose, self._tilt, float(self._noise[0]), since_pose_s)
+        self._horizontal.correct(pose, self._tilt, self._noise_m, since_pose_s)
 
     def _measure_noise(self, pose: Array, since_pose_s: float) -> None:
-        """Expect at least the noise of the settings, and that of the worst axis for all positions."""
+        """Expect the noise of the worst axis for all positions."""
         self._noise_meter.observe(pose, since_pose_s)
         deviation = self._noise_meter.deviation
         if deviation is not None:
-            measured = np.append(np.full(3, deviation[:YAW].max()), deviation[YAW])
-            self._noise = np.maximum(measured, self._least_noise)
+            self._expect_noise(max(deviation[:YAW]), deviation[YAW])
+
+    def _expect_noise(self, position_m: float, yaw_rad: float) -> None:
+        """Set the standard deviations of measured poses; at least those of the settings."""
+        self._noise_m = max(position_m, self._settings.position_noise_m)
+        yaw_rad = max(yaw_rad, self._settings.yaw_noise_rad)
+        self._R = np.array((*3 * (self._noise_m**2,), yaw_rad**2))

@@ -8,8 +8,6 @@ import math
 from collections import deque
 from typing import Final
 
-import numpy as np
-
 from rcopterx.vehicles.state import Array
 
 WINDOW_S: Final = 2.0
@@ -29,27 +27,30 @@ class NoiseMeter:
 
     def __init__(self, channels: int) -> None:
         self._period_s = 0.0
-        self._last: deque[Array] = deque(maxlen=4)
+        self._last: deque[list[float]] = deque(maxlen=4)
         self._differences = 0
-        self._mean_size = np.zeros(channels)
+        self._mean_size = [0.0] * channels
 
     @property
-    def deviation(self) -> Array | None:
+    def deviation(self) -> list[float] | None:
         """Standard deviation of the noise of each channel; None while it is unknown."""
-        return None if self._differences < SMALLEST_WINDOW else DEVIATION_OF_MEAN * self._mean_size
+        if self._differences < SMALLEST_WINDOW:
+            return None
+        return [DEVIATION_OF_MEAN * size for size in self._mean_size]
 
     def observe(self, values: Array, period_s: float) -> None:
         """Observe one measured value of each channel (angles unwrapped), `period_s` after the last ones."""
         if abs(period_s - self._period_s) > REGULAR * self._period_s:
             self._last.clear()
             self._period_s = period_s
-        self._last.append(values)
+        self._last.append(values.tolist())
         if len(self._last) < 4 or not period_s > 0.0:
             return
-        first, second, third, fourth = self._last
-        size = np.abs(fourth - first + 3.0 * (second - third))
         self._differences += 1
-        if self._differences > SMALLEST_WINDOW:
-            size = np.minimum(size, OUTLIER * self._mean_size)
         share = max(1.0 / self._differences, min(period_s / WINDOW_S, 1.0))
-        self._mean_size = self._mean_size + share * (size - self._mean_size)
+        for channel, (first, second, third, fourth) in enumerate(zip(*self._last, strict=True)):
+            mean = self._mean_size[channel]
+            size = abs(fourth - first + 3.0 * (second - third))
+            if self._differences > SMALLEST_WINDOW:
+                size = min(size, OUTLIER * mean)
+            self._mean_size[channel] = mean + share * (size - mean)

@@ -5,12 +5,11 @@ contradicts the motion. The expected tilt is less exact, but the two swing toget
 vehicle. Only how they swing counts: how the markers sit on the body shifts the measured one only.
 """
 
+import cmath
 from typing import Final
 
-import numpy as np
-
 from rcopterx.control.estimators.noise_meter import WINDOW_S, NoiseMeter
-from rcopterx.vehicles.state import Array, heading_matrix
+from rcopterx.vehicles.state import Array
 
 LEAST_TILT: Final = 0.008
 """Root mean square of the expected swing below which nothing can be compared."""
@@ -38,7 +37,8 @@ class TiltTrust:
         """1 for two tilts that are the same, 0 for unrelated ones; None while it is unknown."""
         self._observed_s = 0.0
         self._beyond_s = 0.0
-        self._mean_measured, self._mean_expected = np.zeros(2), np.zeros(2)
+        self._mean_measured = self._mean_expected = 0j
+        """Tilts in the body frame as complex numbers."""
         self._measured_energy = self._expected_energy = self._common_energy = self._noise_energy = 0.0
 
     def observe(self, measured: Array, expected: Array, yaw_rad: float, period_s: float) -> bool:
@@ -46,20 +46,23 @@ class TiltTrust:
 
         Tilts are in the inertial frame, shape (2,); `period_s` is the time since the last one.
         """
-        noise = self._observe_noise(measured, period_s)
-        to_body = heading_matrix(yaw_rad).T
-        measured, expected = to_body @ measured, to_body @ expected
+        noise_energy = self._observe_noise(measured, period_s)
+        to_body = cmath.rect(1.0, -yaw_rad)
+        in_body, expected_in_body = (
+            complex(*measured.tolist()) * to_body,
+            complex(*expected.tolist()) * to_body,
+        )
         if self._observed_s == 0.0:
-            self._mean_measured, self._mean_expected = measured, expected
+            self._mean_measured, self._mean_expected = in_body, expected_in_body
         self._observed_s += period_s
         share = min(period_s / WINDOW_S, 1.0)
-        self._mean_measured = self._mean_measured + share * (measured - self._mean_measured)
-        self._mean_expected = self._mean_expected + share * (expected - self._mean_expected)
-        swing, expected_swing = measured - self._mean_measured, expected - self._mean_expected
-        self._measured_energy += share * (float(swing @ swing) - self._measured_energy)
-        self._expected_energy += share * (float(expected_swing @ expected_swing) - self._expected_energy)
-        self._common_energy += share * (float(swing @ expected_swing) - self._common_energy)
-        self._noise_energy += share * (float(noise @ noise) - self._noise_energy)
+        self._mean_measured += share * (in_body - self._mean_measured)
+        self._mean_expected += share * (expected_in_body - self._mean_expected)
+        swing, expected_swing = in_body - self._mean_measured, expected_in_body - self._mean_expected
+        self._measured_energy += share * (abs(swing) ** 2 - self._measured_energy)
+        self._expected_energy += share * (abs(expected_swing) ** 2 - self._expected_energy)
+        self._common_energy += share * ((swing * expected_swing.conjugate()).real - self._common_energy)
+        self._noise_energy += share * (noise_energy - self._noise_energy)
         self.concordance = self._concordance()
         return self.concordance is not None and self._judge(self.concordance, period_s)
 
@@ -67,12 +70,12 @@ class TiltTrust:
         """Observe the tilt of a vehicle that stands: it shows noise, but nothing can be compared."""
         self._observe_noise(measured, period_s)
 
-    def _observe_noise(self, measured: Array, period_s: float) -> Array:
+    def _observe_noise(self, measured: Array, period_s: float) -> float:
+        """Update `noise_deviation`; return the mean square of the noise."""
         self._meter.observe(measured, period_s)
-        deviation = self._meter.deviation
-        noise = np.zeros(2) if deviation is None else deviation
-        self.noise_deviation = float(noise.max())
-        return noise
+        deviation = self._meter.deviation or (0.0, 0.0)
+        self.noise_deviation = max(deviation)
+        return deviation[0] ** 2 + deviation[1] ** 2
 
     def _concordance(self) -> float | None:
         if self._observed_s < WINDOW_S or self._expected_energy < LEAST_TILT**2:
