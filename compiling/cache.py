@@ -34,6 +34,8 @@ MODULES: Final = (
     "bus.trajectory_packing",
     "control.models.roll_out",
     "control.models.finite",
+    "control.models.lateral",
+    "control.estimators.lag_filter",
 )
 """Modules of kernels, in an order in which two compiling processes rarely wait for each other."""
 VARIABLE: Final = "RCOPTERX_KERNELS"

@@ -56,6 +56,8 @@ def heading_matrix(yaw_rad: float) -> Array:
 
 def turned_about_z(vector: Array, yaw_rad: float) -> Array:
     """Return a vector whose first two components are turned by R(psi), the others kept."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    x, y = vector[:2].tolist()
     result = vector.copy()
-    result[:2] = heading_matrix(yaw_rad) @ vector[:2]
+    result[0], result[1] = c * x - s * y, s * x + c * y
     return result

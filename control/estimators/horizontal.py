@@ -12,7 +12,7 @@ from rcopterx.control.estimators.tilt_filter import TiltFilter
 from rcopterx.control.estimators.tilt_trust import TiltTrust
 from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import XD_BODY, YAW, YD_BODY, Array, heading_matrix
+from rcopterx.vehicles.state import XD_BODY, YAW, YD_BODY, Array, turned_about_z
 
 DISTRUSTED: Final = "tilt_distrusted"
 TRUSTED_AGAIN: Final = "tilt_trusted_again"
@@ -45,7 +45,7 @@ class HorizontalMotion:
             return estimate
         motion = estimate.motion.copy()
         motion[:2] = selected.position_m
-        motion[XD_BODY : YD_BODY + 1] = heading_matrix(float(motion[YAW])).T @ selected.velocity_m_s
+        motion[XD_BODY : YD_BODY + 1] = turned_about_z(selected.velocity_m_s, -float(motion[YAW]))
         return estimate._replace(motion=motion, tilt=selected.estimate)
 
     def start(self, pose: Array, rates: Array, tilt: Array | None) -> None:

@@ -25,18 +25,18 @@ def predict_covariance(P: Array, F: Array, Q: Array) -> Array:
     return predicted
 
 
-@compiled(VECTOR, MATRIX, MATRIX, VECTOR, VECTOR)
-def update(x: Array, P: Array, H: Array, R: Array, innovation: Array) -> tuple[Array, Array]:
+@compiled(VECTOR, MATRIX, MATRIX, *3 * [VECTOR])
+def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> tuple[Array, Array]:
     """Return state and covariance after measurements z = H x + noise.
 
     The noises are independent, so one measurement after another is used, each with a scalar S = H P H' + R.
 
     Parameters
     ----------
-    R
-        Variances of the noise, shape (m,).
-    innovation
-        Measured minus expected, z - H x, shape (m,).
+    R, z
+        Variances of the noise, and measured values, shape (m,).
+    limit
+        Each state is cut to plus and minus this, shape (n,).
 
     Raises
     ------
@@ -44,20 +44,22 @@ def update(x: Array, P: Array, H: Array, R: Array, innovation: Array) -> tuple[A
         The covariance of the innovation is not positive definite.
     """
     size = len(x)
-    step, P, PH = np.zeros(size), P.copy(), np.empty(size)
+    x, P, PH = x.copy(), P.copy(), np.empty(size)
     for row in range(len(H)):
-        S, remaining = R[row], innovation[row]
+        S, innovation = R[row], z[row]
         for i in range(size):
             PH[i] = 0.0
             for j in range(size):
                 PH[i] += P[i, j] * H[row, j]
             S += H[row, i] * PH[i]
-            remaining -= H[row, i] * step[i]
+            innovation -= H[row, i] * x[i]
         if not S > 0.0:
             raise np.linalg.LinAlgError("the covariance of the innovation is not positive definite")
         for i in range(size):
-            step[i] += PH[i] / S * remaining
+            x[i] += PH[i] / S * innovation
             for j in range(i + 1):
                 P[i, j] -= PH[i] * PH[j] / S
                 P[j, i] = P[i, j]
-    return x + step, P
+    for i in range(size):
+        x[i] = min(max(x[i], -limit[i]), limit[i])
+    return x, P

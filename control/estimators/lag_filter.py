@@ -11,12 +11,14 @@ Products of yaw rate and period beyond the first order are neglected (under 1 % 
 helicopters).
 """
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from scipy.linalg import expm
 
+from rcopterx.compiling.compiled import ANY_VECTOR, MATRIX, compiled
 from rcopterx.control.estimators.base import body_motion
 from rcopterx.control.estimators.kalman_equations import predict_covariance, update
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings, model_noise
@@ -38,7 +40,6 @@ from rcopterx.vehicles.state import (
     X,
     Y,
     Z,
-    heading_matrix,
 )
 
 SIZE: Final = MOTION_SIZE + 2 * INPUT_SIZE
@@ -49,6 +50,7 @@ DISTURBANCE: Final = slice(MOTION_SIZE + INPUT_SIZE, SIZE)
 _POSITIONS: Final = (X, Y, Z, YAW)
 _VELOCITIES: Final = (XD_BODY, YD_BODY, ZD_BODY, YAW_RATE)
 _COUPLED: Final = (U_THRUST, U_YAW)
+_LIFT: Final = DISTURBANCE.start + U_THRUST
 
 
 @cached_by_period
@@ -87,21 +89,23 @@ def _transition(model: Model, axes: Sequence[int], period_s: float) -> Array:
     return transition
 
 
+@compiled(MATRIX, ANY_VECTOR, ANY_VECTOR)
 def jacobian(at_rest: Array, start: Array, end: Array) -> Array:
     """Return the derivative of the state after a period by the state before it, shape (16, 16).
 
     `at_rest` is `jacobian_at_rest`, `start` and `end` are the motion before and after, shape (8,).
     """
     F = at_rest.copy()
-    F[:2] = heading_matrix(float(start[YAW])) @ at_rest[:2]
-    F[:2, :2] = np.eye(2)
+    c, s = math.cos(start[YAW]), math.sin(start[YAW])
+    turn_c, turn_s = math.cos(end[YAW] - start[YAW]), math.sin(end[YAW] - start[YAW])
+    for column in range(YAW + 1, SIZE):
+        along, across = at_rest[X, column], at_rest[Y, column]
+        F[X, column], F[Y, column] = c * along - s * across, s * along + c * across
+        along, across, turning = at_rest[XD_BODY, column], at_rest[YD_BODY, column], at_rest[YAW, column]
+        F[XD_BODY, column] = turn_c * along + turn_s * across + end[YD_BODY] * turning
+        F[YD_BODY, column] = turn_c * across - turn_s * along - end[XD_BODY] * turning
     # Everything else turns with the vehicle, so a turned start turns the displacement.
     F[X, YAW], F[Y, YAW] = start[Y] - end[Y], end[X] - start[X]
-    turning = at_rest[YAW].copy()
-    turning[YAW] = 0.0
-    body = slice(XD_BODY, YD_BODY + 1)
-    F[body] = heading_matrix(float(end[YAW] - start[YAW])).T @ at_rest[body]
-    F[body] += np.outer((end[YD_BODY], -end[XD_BODY]), turning)
     return F
 
 
@@ -125,10 +129,16 @@ class LagFilter:
             settings.disturbance_noise,
         )
         self._model = model
-        self._densities = np.square(np.concatenate(densities))
-        self._limit = np.array(settings.disturbance_limit or noise.disturbance_limit)
+        self._densities = np.diag(np.square(np.concatenate(densities)))
+        self._prepared = cached_by_period(self._prepare)
+        self._limit = np.full(SIZE, np.inf)
+        self._limit[DISTURBANCE] = settings.disturbance_limit or noise.disturbance_limit
         self.x: Array = np.zeros(SIZE)
         self.x[ACTUATOR] = model.hover_input
+
+    def _prepare(self, period_s: float) -> tuple[Array, Array]:
+        """Return the Jacobian at rest, and the covariance Q that a period adds."""
+        return jacobian_at_rest(self._model, period_s), period_s * self._densities
 
     @property
     def estimate(self) -> Estimate:
@@ -138,7 +148,7 @@ class LagFilter:
     @property
     def disturbance_at_limit(self) -> bool:
         """Whether the upward disturbance has reached its limit."""
-        return bool(self.x[DISTURBANCE][U_THRUST] >= self._limit[U_THRUST])
+        return bool(self.x[_LIFT] >= self._limit[_LIFT])
 
     def start(self, pose: Array, rates: Array) -> None:
         """Start at a pose with inertial velocity and yaw rate, both of shape (4,); actuators stay."""
@@ -155,7 +165,8 @@ class LagFilter:
 
     def set_disturbance(self, disturbance: Array) -> None:
         """Replace the disturbance, cut to its limits, shape (4,)."""
-        self._set(DISTURBANCE, np.clip(disturbance, -self._limit, self._limit))
+        limit = self._limit[DISTURBANCE]
+        self._set(DISTURBANCE, np.clip(disturbance, -limit, limit))
 
     def _set(self, states: slice, values: Array) -> None:
         self.x = self.x.copy()  # estimates are views of it
@@ -163,13 +174,11 @@ class LagFilter:
 
     def predict(self, applied_input: Array, period_s: float) -> None:
         """Predict by one period: x = f(x, u), P = F P F' + Q."""
-        before = self.estimate
+        before, (at_rest, Q) = self.estimate, self._prepared(period_s)
         after = predict(self._model, before, applied_input, period_s)
-        F = jacobian(jacobian_at_rest(self._model, period_s), before.motion, after.motion)
-        self.P = predict_covariance(self.P, F, np.diag(period_s * self._densities))
+        self.P = predict_covariance(self.P, jacobian(at_rest, before.motion, after.motion), Q)
         self.x = np.concatenate(after[:3])
 
     def correct(self, pose: Array, R: Array) -> None:
         """Correct by a pose (position and unwrapped yaw) with variances R, both of shape (4,)."""
-        self.x, self.P = update(self.x, self.P, _H, R, pose - self.x[POSE])
-        self.set_disturbance(self.x[DISTURBANCE])
+        self.x, self.P = update(self.x, self.P, _H, R, pose, self._limit)

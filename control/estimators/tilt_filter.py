@@ -19,12 +19,13 @@ from rcopterx.control.models.lateral import (
     POSITION,
     VELOCITY,
     WIND_CORRELATION_S,
-    demand_matrix,
+    LateralStep,
     lateral_system,
+    predict_lateral,
 )
 from rcopterx.control.models.linear import cached_by_period
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array, heading_matrix
+from rcopterx.vehicles.state import Array, heading_matrix, turned_about_z
 
 TRIM_LIMIT: Final = 0.3
 OFFSET_LIMIT_RAD: Final = 0.2
@@ -56,20 +57,28 @@ class TiltFilter:
 
     def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
         self._model, self._settings = model, settings
+        self._prepared = cached_by_period(self._prepare)
         self._layout = system = lateral_system(model, _ANY_PERIOD_S)
-        self._trim = slice(system.size, system.size + 2)
-        self._offset = slice(system.size + 2, system.size + 4)
-        self._body = slice(system.size, system.size + 4)
+        self._trim = system.trim
+        self._offset = slice(system.trim.stop, system.trim.stop + 2)
+        self._body = slice(self._trim.start, self._offset.stop)
         self.expect_noise(0.0, 0.0)
         size = system.size + 4
         self._limit = np.full(size, np.inf)
         self._limit[self._trim], self._limit[self._offset] = TRIM_LIMIT, OFFSET_LIMIT_RAD
         self._limit[system.wind] = WIND_LIMIT_M_S2
+        self._H = np.zeros((4, size))
+        self._H[:2, POSITION] = self._H[2:, system.tilt] = np.eye(2)
         self.x: Array = np.zeros(size)
         self.P: Array = np.zeros((size, size))
         self.tilts_rejected = 0
         """Measured tilts too far from the predicted one."""
         self._forget_body()
+
+    def _prepare(self, period_s: float) -> tuple[LateralStep, Array]:
+        """Return the parameters of a period, and the covariance Q that it adds."""
+        step = lateral_system(self._model, period_s).step
+        return step, process_noise(self._model, self._settings, period_s)
 
     @property
     def position_m(self) -> Array:
@@ -94,15 +103,13 @@ class TiltFilter:
     @property
     def estimate(self) -> TiltEstimate:
         """The estimated tilt."""
-        system = self._layout
-        parts = (system.core, system.servo, system.wind, self._trim)
-        return TiltEstimate(*(self.x[part] for part in parts))
+        return self._layout.tilt_estimate(self.x)
 
     def expect_noise(self, position_m: float, tilt: float) -> None:
         """Set the standard deviations of measured positions and tilts; at least those of the settings."""
         position_m = max(position_m, self._settings.position_noise_m)
         tilt = max(tilt, self._settings.tilt_noise)
-        self.R: Array = np.square((position_m, position_m, tilt, tilt))
+        self.R: Array = np.array((position_m**2, position_m**2, tilt**2, tilt**2))
 
     def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Start in the air at a position and velocity, shape (2,); trim and offset of the body are kept."""
@@ -143,7 +150,8 @@ class TiltFilter:
     def rest(self, stick: Array, period_s: float) -> None:
         """Predict by one period on the floor, where only the servo moves."""
         target = stick + self.x[self._trim]
-        pole = lateral_system(self._model, period_s).servo_pole
+        step, _ = self._prepared(period_s)
+        pole = step.transition[step.servo, step.servo]
         self._replace_servo(target + pole * (self.x[self._layout.servo] - target))
 
     def _replace_servo(self, servo: Array) -> None:
@@ -151,20 +159,10 @@ class TiltFilter:
         self.x[self._layout.servo] = servo
 
     def predict(self, stick: Array, yaw_rad: float, period_s: float) -> None:
-        """Predict by one period at a heading: x = F x + B stick, P = F P F' + Q."""
-        system = lateral_system(self._model, period_s)
-        # The servo's state is a stick, which gain and heading turn into a demand.
-        per_stick = demand_matrix(self._model, yaw_rad)
-        inertial, servo = slice(0, system.core.stop), system.servo
-        B = np.zeros((len(self.x), 2))
-        B[inertial] = system.demand[inertial] @ per_stick
-        B[servo] = (1.0 - system.servo_pole) * np.eye(2)
-        F = np.eye(len(self.x))
-        F[: system.size, : system.size] = system.transition
-        F[inertial, servo] = system.transition[inertial, servo] @ per_stick
-        F[: system.size, self._trim] = B[: system.size]
-        self.x = F @ self.x + B @ stick
-        self.P = predict_covariance(self.P, F, process_noise(self._model, self._settings, period_s))
+        """Predict by one period at a heading: P = F P F' + Q."""
+        step, Q = self._prepared(period_s)
+        self.x, F = predict_lateral(step, self.x, stick, yaw_rad)
+        self.P = predict_covariance(self.P, F, Q)
 
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Correct by a measured position and tilt, inertial frame, shape (2,).
@@ -174,19 +172,15 @@ class TiltFilter:
         numpy.linalg.LinAlgError
             The covariance of the innovation is not positive definite.
         """
-        H = np.zeros((4, len(self.x)))
-        H[:2, POSITION] = H[2:, self._layout.tilt] = np.eye(2)
-        H[2:, self._offset] = heading_matrix(yaw_rad)
-        count = 2
-        z = position_m
+        H, R, z = self._H[:2], self.R[:2], position_m
         if tilt is not None:
-            if np.abs(tilt - H[2:] @ self.x).max() <= TILT_GATE:
-                count, z = 4, np.concatenate((position_m, tilt))
+            offset = turned_about_z(self.x[self._offset], yaw_rad)
+            if max(map(abs, (tilt - self.tilt - offset).tolist())) <= TILT_GATE:
+                H, R, z = self._H.copy(), self.R, np.concatenate((position_m, tilt))
+                H[2:, self._offset] = heading_matrix(yaw_rad)
             else:
                 self.tilts_rejected += 1
-        H, R = H[:count], self.R[:count]
-        x, self.P = update(self.x, self.P, H, R, z - H @ self.x)
-        self.x = np.clip(x, -self._limit, self._limit)
+        self.x, self.P = update(self.x, self.P, H, R, z, self._limit)
 
     def forget_offset(self) -> None:
         """Forget the offset of the body frame, as the measured tilts were wrong."""

@@ -4,25 +4,79 @@
     input   demand e = R(psi) b (stick + trim)                                   [m/s^2]
 
 Nothing in it depends on the heading except the direction of the demand, so its matrices are computed once.
-The drag is the mean of the two body axes; the servo's state turns with the body, which is neglected where a
-prediction covers more than one period.
+The drag is the mean of the two body axes.
+
+A vehicle is predicted with sticks instead of demands: its *lateral state* has the servo's stick in place of
+the servo's demand, and the trim after the wind. Both turn with the body.
 """
 
 import math
 from functools import cached_property
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, MATRIX, NUMBER, compiled, record
+from rcopterx.control.interfaces import TiltEstimate
 from rcopterx.control.models.linear import cached_by_period, zero_order_hold
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array, heading_matrix
+from rcopterx.vehicles.state import Array
 
 POSITION: Final = slice(0, 2)
 VELOCITY: Final = slice(2, 4)
 CORE_FROM: Final = 4
 WIND_CORRELATION_S: Final = 0.5
 """Correlation time of the wind's acceleration."""
+
+
+class LateralStep(NamedTuple):
+    """Parameters of one period for kernels."""
+
+    transition: Array
+    """State and demand after a period during which the demand is constant, shape (n + 2, n + 2)."""
+    servo: int
+    """Place of the servo."""
+    pitch_gain: float
+    """Demand per stick [m/s^2]."""
+    roll_gain: float
+
+
+LATERAL_STEP: Final[Any] = record(LateralStep, MATRIX, COUNT, NUMBER, NUMBER)
+
+
+@compiled(LATERAL_STEP, *2 * [ANY_VECTOR], NUMBER)
+def predict_lateral(step: LateralStep, x: Array, stick: Array, yaw_rad: float) -> tuple[Array, Array]:
+    """Return the lateral state after a period, and its derivative F by the one before.
+
+    Parameters
+    ----------
+    x
+        Lateral state, and perhaps further states, which last.
+    stick
+        Pitch and roll, shape (2,).
+    yaw_rad
+        Heading in the middle of the period.
+    """
+    size, trim = len(x), len(step.transition) - 2
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    F = np.zeros((size, size))
+    for row in range(size):
+        F[row, row] = 1.0
+    for row in range(trim):
+        for column in range(trim + 2):
+            F[row, column] = step.transition[row, column]
+        if row < step.servo:
+            # What is inertial answers a demand: the stick times its gain, turned by the heading.
+            for column in (step.servo, trim):
+                along, across = F[row, column], F[row, column + 1]
+                F[row, column] = step.pitch_gain * (c * along + s * across)
+                F[row, column + 1] = step.roll_gain * (c * across - s * along)
+    after = x.copy()
+    for row in range(trim):
+        after[row] = F[row, trim] * stick[0] + F[row, trim + 1] * stick[1]
+        for column in range(trim + 2):
+            after[row] += F[row, column] * x[column]
+    return after, F
 
 
 class LateralSystem:
@@ -34,8 +88,8 @@ class LateralSystem:
         x' = continuous x + continuous_demand e, shapes (n, n) and (n, 2).
     acceleration
         Acceleration = acceleration x, wind included, shape (2, n); a demand acts through the servo only.
-    core, tilt, tilt_rate, servo, wind
-        Places of these states; tilt and tilt rate are part of the core.
+    core, tilt, tilt_rate, servo, wind, trim
+        Places of these states; tilt and tilt rate are part of the core, and only lateral states have a trim.
 
     Raises
     ------
@@ -53,6 +107,8 @@ class LateralSystem:
         self.servo = slice(self.core.stop, self.core.stop + 2)
         self.wind = slice(self.servo.stop, self.servo.stop + 2)
         self.size = self.wind.stop
+        self.trim = slice(self.size, self.size + 2)
+        self._gain = model.input_gain[:2]
         self.period_s = period_s
         self.acceleration: Array = np.zeros((2, self.size))
         self.acceleration[:, VELOCITY] = 0.5 * sum(model.damping[:2]) * np.eye(2)
@@ -68,7 +124,17 @@ class LateralSystem:
         self.continuous[self.wind, self.wind] = -np.eye(2) / WIND_CORRELATION_S
         self.continuous_demand: Array = np.zeros((self.size, 2))
         self.continuous_demand[self.servo] = np.eye(2) / model.tilt.servo_lag_s
-        self.servo_pole = math.exp(-period_s / model.tilt.servo_lag_s)
+
+    @cached_property
+    def step(self) -> LateralStep:
+        """Parameters of a period for `predict_lateral`."""
+        transition = np.eye(self.size + 2)
+        transition[: self.size] = np.hstack(self._step)
+        return LateralStep(transition, self.servo.start, *self._gain)
+
+    def tilt_estimate(self, x: Array) -> TiltEstimate:
+        """Return the tilt in a lateral state."""
+        return TiltEstimate(x[self.core], x[self.servo], x[self.wind], x[self.trim])
 
     @property
     def transition(self) -> Array:
@@ -89,8 +155,3 @@ class LateralSystem:
 def lateral_system(model: Model, period_s: float) -> LateralSystem:
     """Return the system of a model and a period, from a cache."""
     return LateralSystem(model, period_s)
-
-
-def demand_matrix(model: Model, yaw_rad: float) -> Array:
-    """Return R(psi) b: demand [m/s^2] per pitch and roll stick, shape (2, 2)."""
-    return np.asarray(heading_matrix(yaw_rad) * model.b[:2])

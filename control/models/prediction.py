@@ -7,10 +7,19 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, NUMBER, VECTOR, compiled, part, record
-from rcopterx.control.interfaces import Estimate, TiltEstimate
-from rcopterx.control.models.lateral import POSITION, VELOCITY, demand_matrix, lateral_system
+from rcopterx.control.interfaces import Estimate
+from rcopterx.control.models.lateral import POSITION, VELOCITY, lateral_system, predict_lateral
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_THRUST, U_YAW, XD_BODY, YAW, YAW_RATE, YD_BODY, Array, heading_matrix
+from rcopterx.vehicles.state import (
+    U_THRUST,
+    U_YAW,
+    XD_BODY,
+    YAW,
+    YAW_RATE,
+    YD_BODY,
+    Array,
+    turned_about_z,
+)
 
 LONGEST_STEP_S: Final = 0.0201
 """Longer periods than one of 50 Hz are split, which keeps positions exact to micrometres."""
@@ -164,18 +173,11 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
 def _with_tilt(
     model: Model, estimate: Estimate, predicted: Estimate, stick: Array, period_s: float
 ) -> Estimate:
-    """Replace the predicted horizontal motion by that of the tilt model, x = F x + G e."""
-    system, tilt = lateral_system(model, period_s), estimate.tilt
-    start_rad, end_rad = float(estimate.motion[YAW]), float(predicted.motion[YAW])
-    per_stick = demand_matrix(model, 0.5 * (start_rad + end_rad))
-    velocity = heading_matrix(start_rad) @ estimate.motion[XD_BODY : YD_BODY + 1]
-    x = np.concatenate(
-        (estimate.motion[POSITION], velocity, tilt.core, per_stick @ tilt.servo, tilt.wind_m_s2)
-    )
-    trimmed = stick + tilt.trim
-    x = system.transition @ x + system.demand @ (per_stick @ trimmed)
-    motion = predicted.motion
-    motion[POSITION] = x[POSITION]
-    motion[XD_BODY : YD_BODY + 1] = heading_matrix(end_rad).T @ x[VELOCITY]
-    servo = trimmed + system.servo_pole * (tilt.servo - trimmed)
-    return predicted._replace(tilt=TiltEstimate(x[system.core], servo, x[system.wind], tilt.trim))
+    """Replace the predicted horizontal motion by that of the tilt model."""
+    system, motion = lateral_system(model, period_s), predicted.motion
+    start_rad, end_rad = float(estimate.motion[YAW]), float(motion[YAW])
+    velocity = turned_about_z(estimate.motion[XD_BODY : YD_BODY + 1], start_rad)
+    x = np.concatenate((estimate.motion[POSITION], velocity, *estimate.tilt))
+    x, _ = predict_lateral(system.step, x, stick, 0.5 * (start_rad + end_rad))
+    motion[POSITION], motion[XD_BODY : YD_BODY + 1] = x[POSITION], turned_about_z(x[VELOCITY], -end_rad)
+    return predicted._replace(tilt=system.tilt_estimate(x))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.demand import demand_matrix
 from support.fleets import PAIR
 from support.vehicle_types import COAXIAL
 from typer.testing import CliRunner
@@ -13,7 +14,7 @@ from typer.testing import CliRunner
 from rcopterx.command_line import app
 from rcopterx.control.identification.excitation import excitation_for
 from rcopterx.control.identification.recording import FlightRecording
-from rcopterx.control.models.lateral import LateralSystem, demand_matrix
+from rcopterx.control.models.lateral import LateralSystem
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.vehicles.model import IDENTIFIED

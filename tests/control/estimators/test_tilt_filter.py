@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.demand import demand_matrix
 from support.vehicle_types import COAXIAL
 
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.estimators.tilt_filter import OFFSET_LIMIT_RAD, TiltFilter
 from rcopterx.control.interfaces import Estimate, Measurement
-from rcopterx.control.models.lateral import POSITION, LateralSystem, demand_matrix
+from rcopterx.control.models.lateral import POSITION, LateralSystem
 from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.vehicles.state import heading_matrix
 

@@ -3,11 +3,12 @@
 import math
 
 import numpy as np
+from support.demand import demand_matrix
 
 from rcopterx.control.identification.excitation import Excitation, excitation_for
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.lateral import POSITION, LateralSystem, demand_matrix
+from rcopterx.control.models.lateral import POSITION, LateralSystem
 from rcopterx.control.models.prediction import predict
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import heading_matrix

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.demand import demand_matrix
 from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.control.interfaces import Estimate, TiltEstimate
@@ -12,7 +13,7 @@ from rcopterx.control.models.lateral import (
     VELOCITY,
     WIND_CORRELATION_S,
     LateralSystem,
-    demand_matrix,
+    predict_lateral,
 )
 from rcopterx.control.models.prediction import predict
 from rcopterx.simulator.conditions import IDEAL
@@ -89,6 +90,17 @@ def test_the_model_predicts_the_simulated_helicopter_of_its_size(yaw_rad: float)
     assert np.linalg.norm(found_m - true_m) < 0.2 * np.linalg.norm(true_m)
 
 
-@given(headings)
-def test_demands_are_sticks_times_their_gains_turned_by_the_heading(yaw_rad: float) -> None:
-    assert demand_matrix(COAXIAL, yaw_rad) @ [1.0, 0.0] == pytest.approx(2.0 * heading_matrix(yaw_rad)[:, 0])
+@given(st.integers(0, 1000), sticks, sticks, headings)
+def test_a_vehicle_answers_the_demand_of_its_sticks_and_trims(
+    seed: int, stick: np.ndarray, trim: np.ndarray, yaw_rad: float
+) -> None:
+    system, per_stick = LateralSystem(COAXIAL, PERIOD_S), demand_matrix(COAXIAL, yaw_rad)
+    state = np.concatenate((state_of(seed), trim, [7.0]))
+    demanded = state[: system.size].copy()
+    demanded[system.servo] = per_stick @ demanded[system.servo]
+    demanded = system.transition @ demanded + system.demand @ (per_stick @ (stick + trim))
+    demanded[system.servo] = np.linalg.solve(per_stick, demanded[system.servo])
+    after, F = predict_lateral(system.step, state, stick, yaw_rad)
+    assert after == pytest.approx(np.concatenate((demanded, trim, [7.0])), abs=1e-12)
+    without_stick, _ = predict_lateral(system.step, state, np.zeros(2), yaw_rad)
+    assert F @ state == pytest.approx(without_stick, abs=1e-12)
