@@ -8,9 +8,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.compiling.compiled import BLOCKS, MATRIX, NUMBER, compiled, part, record
+from rcopterx.compiling.compiled import BLOCKS, FLAG, MATRIX, NUMBER, compiled, record
 from rcopterx.control.solver.problem import PROBLEM, TRAJECTORIES, OptimalControlProblem, Trajectories
-from rcopterx.control.solver.sweep import FACTOR, Factor, factorize, solve
+from rcopterx.control.solver.sweep import Factor, factorize, solve
 from rcopterx.vehicles.state import Array
 
 SMALLEST_START: Final = 0.1
@@ -78,7 +78,7 @@ def residuals(p: OptimalControlProblem, plan: Trajectories, b: Barrier) -> tuple
     return products / max(count, 1), largest
 
 
-@part
+@compiled(PROBLEM, MATRIX, BARRIER, NUMBER, FLAG)
 def set_barrier_pulls(
     p: OptimalControlProblem, y: Array, b: Barrier, centring: float, corrected: bool
 ) -> None:
@@ -101,7 +101,7 @@ def set_barrier_pulls(
             b.target[k, row] = y[k, row] - pull / weight
 
 
-@part
+@compiled(PROBLEM, MATRIX, MATRIX, BARRIER, NUMBER, FLAG)
 def set_changes(
     p: OptimalControlProblem, y: Array, trial_y: Array, b: Barrier, centring: float, corrected: bool
 ) -> float:
@@ -129,27 +129,33 @@ def set_changes(
     return step
 
 
-@part
-def complementarity_after(b: Barrier, step: float) -> float:
-    """Sum of the products of slacks and multipliers after a part of their changes."""
-    products = 0.0
+@compiled(BARRIER, NUMBER)
+def remaining(b: Barrier, step: float) -> float:
+    """Share of the complementarity that is left after a part of the changes."""
+    before = after = 0.0
     for side in range(b.t.shape[0]):
         for k in range(b.t.shape[1]):
             for row in range(b.t.shape[2]):
-                t = b.t[side, k, row] + step * b.dt[side, k, row]
-                products += t * (b.z[side, k, row] + step * b.dz[side, k, row])
-    return products
+                t, z = b.t[side, k, row], b.z[side, k, row]
+                before += t * z
+                after += (t + step * b.dt[side, k, row]) * (z + step * b.dz[side, k, row])
+    return after / before
 
 
-@part
-def advance(values: Array, targets: Array, step: float) -> None:
-    """Move values of shape (m, n) by a share of their distance to targets."""
-    for i in range(values.shape[0]):
-        for j in range(values.shape[1]):
-            values[i, j] += step * (targets[i, j] - values[i, j])
+@compiled(TRAJECTORIES, TRAJECTORIES, BARRIER, NUMBER)
+def advance(plan: Trajectories, trial: Trajectories, b: Barrier, step: float) -> None:
+    """Move a plan by a share of its distance to another one, slacks and multipliers by their changes."""
+    for values, targets in ((plan.x, trial.x), (plan.u, trial.u), (plan.y, trial.y)):
+        for i in range(values.shape[0]):
+            for j in range(values.shape[1]):
+                values[i, j] += step * (targets[i, j] - values[i, j])
+    for values, changes in ((b.t, b.dt), (b.z, b.dz)):
+        for side in range(values.shape[0]):
+            for k in range(values.shape[1]):
+                for row in range(values.shape[2]):
+                    values[side, k, row] += step * changes[side, k, row]
 
 
-@compiled(PROBLEM, TRAJECTORIES, TRAJECTORIES, FACTOR, BARRIER, NUMBER)
 def iterate(
     p: OptimalControlProblem,
     plan: Trajectories,
@@ -158,26 +164,19 @@ def iterate(
     b: Barrier,
     complementarity: float,
 ) -> None:
-    """Take one predictor-corrector step; `plan` satisfies the dynamics before and after it."""
+    """Do one predictor-corrector step; `plan` satisfies the dynamics before and after it."""
     set_barrier_pulls(p, plan.y, b, 0.0, False)
     factorize(p, b.e, f)
     solve(p, b.e, b.target, f, trial)
     step = set_changes(p, plan.y, trial.y, b, 0.0, False)
-    centring = (complementarity_after(b, step) / complementarity_after(b, 0.0)) ** 3 * complementarity
+    centring = remaining(b, step) ** 3 * complementarity
     set_barrier_pulls(p, plan.y, b, centring, True)
     solve(p, b.e, b.target, f, trial)
-    step = min(1.0, TO_BOUNDARY * set_changes(p, plan.y, trial.y, b, centring, True))
-    for side in range(2):
-        for k in range(plan.y.shape[0]):
-            for row in range(plan.y.shape[1]):
-                b.t[side, k, row] += step * b.dt[side, k, row]
-                b.z[side, k, row] += step * b.dz[side, k, row]
-    advance(plan.x, trial.x, step)
-    advance(plan.u, trial.u, step)
-    advance(plan.y, trial.y, step)
+    step = set_changes(p, plan.y, trial.y, b, centring, True)
+    advance(plan, trial, b, min(1.0, TO_BOUNDARY * step))
 
 
 def active_rows(b: Barrier) -> Array:
-    """Return the bounds whose multiplier exceeds the slack, as `Plan.active`."""
+    """Return the bounds whose multiplier exceeds the slack, as `ActiveSet.side`."""
     pressing = b.z > b.t
     return np.asarray(pressing[0].astype(float) - pressing[1])
