@@ -36,8 +36,18 @@ MODULES: Final = (
     "control.models.finite",
     "control.models.lateral",
     "control.estimators.lag_filter",
+    "control.controllers.cascade.axis",
+    "control.controllers.cascade.lateral",
 )
 """Modules of kernels, in an order in which two compiling processes rarely wait for each other."""
+RECORDS: Final = (
+    "compiling.compiled",
+    "control.interfaces",
+    "control.solver.problem",
+    "control.models.lags",
+    "control.controllers.cascade.limits",
+)
+"""Further modules on which machine code depends: types of arguments, and constants."""
 VARIABLE: Final = "RCOPTERX_KERNELS"
 """Environment variable with the directory of the cache, instead of the user's."""
 KEPT: Final = 10
@@ -98,7 +108,7 @@ def _digest() -> str:
     """
     digest = hashlib.sha256()
     package = Path(__file__).parents[1]
-    for module in ("compiling.compiled", "control.interfaces", *sorted(MODULES)):
+    for module in (*RECORDS, *sorted(MODULES)):
         digest.update((package / f"{module.replace('.', '/')}.py").read_bytes())
     parts = [str(package), version("numba"), version("numpy"), sys.version, platform.machine()]
     try:

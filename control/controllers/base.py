@@ -63,8 +63,8 @@ class BaseController(ABC):
         """Compute one control step (`rcopterx.control.interfaces.Controller.step`)."""
         if len(reference.samples) != self._horizon or abs(reference.period_s - self._period_s) > 1e-9:
             reference = reference.resampled(0.0, self._period_s, self._horizon)
-        low, high = self._reference_min.copy(), self._reference_max.copy()
-        low[YAW], high[YAW] = estimate.motion[YAW] + REFERENCE_YAW_CAP_RAD * np.array((-1.0, 1.0))
+        low, high, yaw_rad = self._reference_min, self._reference_max, estimate.motion[YAW]
+        low[YAW], high[YAW] = yaw_rad - REFERENCE_YAW_CAP_RAD, yaw_rad + REFERENCE_YAW_CAP_RAD
         reference = Trajectory(np.clip(reference.samples, low, high), self._period_s)
         step = self._compute(estimate, reference)
         self._last_plan = step.plan

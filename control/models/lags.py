@@ -5,10 +5,11 @@
 with position p, velocity v, actuator a and stick u of each axis.
 """
 
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from rcopterx.compiling.compiled import ANY_VECTOR, NUMBER, record
 from rcopterx.control.models.roll_out import lag_poles
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
@@ -56,19 +57,8 @@ class LagDynamics(NamedTuple):
         B[a] = np.diag(1.0 - self.pole)
         return A, B
 
-    def feed_forward(self, change: Array, velocity: Array) -> tuple[Array, Array]:
-        """Return actuators at N + 1 stages and sticks at N stages that fly a reference.
 
-        Parameters
-        ----------
-        change
-            Change of the velocity per period that the actuators have to make, shape (N + 1, m).
-        velocity
-            Velocity of the reference, shape (N + 1, m).
-        """
-        actuators = change / (self.period_s * self.gain)
-        followed = (actuators[1:] - self.pole * actuators[:-1]) / (1.0 - self.pole)
-        return actuators, followed + self.gyro * velocity[:-1]
+LAG_DYNAMICS: Final[Any] = record(LagDynamics, NUMBER, *4 * [ANY_VECTOR])
 
 
 def behind_lag(model: Model, axis: int, lag_s: float, disturbances: int) -> tuple[Array, Array]:

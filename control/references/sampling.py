@@ -1,4 +1,4 @@
-"""Kernel that reads trajectories at other instants (`rcopterx.control.references.trajectory`)."""
+"""Kernels that sample trajectories (`rcopterx.control.references.trajectory`)."""
 
 import numpy as np
 
@@ -53,3 +53,23 @@ def resample(
         for axis in range(3):
             values[stage, axis] += offset_m[axis]
         values[stage, 3] += yaw_offset_rad
+
+
+@compiled(ANY_MATRIX, ANY_VECTOR, NUMBER)
+def samples_through(positions: Array, end_rates: Array, period_s: float) -> Array:
+    """Return the samples of N stages through positions x, y, z, yaw, shape (N, 4); rates are differences.
+
+    `end_rates` are the rates of the last stage, shape (4,).
+    """
+    stages = len(positions)
+    samples = np.empty((stages, 12))
+    for axis in range(4):
+        for k in range(stages):
+            samples[k, axis] = positions[k, axis]
+            if k < stages - 1:
+                samples[k, 4 + axis] = (positions[k + 1, axis] - positions[k, axis]) / period_s
+        samples[stages - 1, 4 + axis] = end_rates[axis]
+        for k in range(stages - 1):
+            samples[k, 8 + axis] = (samples[k + 1, 4 + axis] - samples[k, 4 + axis]) / period_s
+        samples[stages - 1, 8 + axis] = samples[stages - 2, 8 + axis]
+    return samples

@@ -6,10 +6,11 @@ States are position, velocity and actuator of every axis; rows are position, vel
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from rcopterx.control.controllers.cascade.limits import Task
+from rcopterx.compiling.compiled import ANY_MATRIX, COUNT, MATRIX, compiled, part
+from rcopterx.control.controllers.cascade.limits import TASK, Task
 from rcopterx.control.controllers.cascade.weights import CascadeWeights
-from rcopterx.control.models.lags import LagDynamics
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, repeated
+from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
+from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, repeated
 from rcopterx.vehicles.state import YAW, Array
 
 
@@ -25,16 +26,16 @@ class AxisProblem:
     ) -> None:
         self._axes, self._dynamics, self._feed_forward = axes, dynamics, feed_forward
         m = dynamics.axes
-        self._velocity, self._stick = slice(m, 2 * m), slice(2 * m, 3 * m)
+        stick = slice(2 * m, 3 * m)
         A, B = dynamics.matrices()
         C, D = np.eye(3 * m), np.eye(3 * m, m, -2 * m)
-        C[self._stick] = 0.0
+        C[stick] = 0.0
         W = np.concatenate((weights.position[axes], weights.velocity[axes], weights.effort[axes]))
         self._P_0: Array = np.asarray(
-            solve_discrete_are(A, B, C.T @ np.diag(W) @ C, np.diag(W[self._stick])), dtype=float
+            solve_discrete_are(A, B, C.T @ np.diag(W) @ C, np.diag(W[stick])), dtype=float
         )
         s = np.full(3 * m, weights.soft)
-        s[self._stick] = HARD
+        s[stick] = HARD
         s[:m][np.arange(4)[axes] == YAW] = 0.0
         self._problem = repeated(stages, A, B, C, D, W, s, self._P_0)
         self._problem.s[0, : 2 * m] = 0.0
@@ -44,36 +45,58 @@ class AxisProblem:
 
         `heights` bounds the position at every stage, shape (2, N), instead of the task's bounds.
         """
-        dynamics, axes = self._dynamics, self._axes
-        velocity = task.reference[:, 4 + axes.start : 4 + axes.stop]
+        p, dynamics, first, m = self._problem, self._dynamics, self._axes.start, self._dynamics.axes
+        velocity = task.reference[:, 4 + first : 4 + first + m]
         change = np.zeros(velocity.shape)
         if self._feed_forward:
-            acceleration = task.reference[:, 8 + axes.start : 8 + axes.stop]
-            change = velocity + dynamics.period_s * acceleration - dynamics.decay * velocity
-        p = self._stated(task, velocity, change)
+            acceleration = task.reference[:, 8 + first : 8 + first + m]
+            change = (1.0 - dynamics.decay) * velocity + dynamics.period_s * acceleration
+        state_following(p, task, dynamics, first, velocity, change)
         if heights is not None:
             p.low[:, 0], p.high[:, 0] = heights
         return p
 
-    def _stated(self, task: Task, velocity: Array, change: Array) -> OptimalControlProblem:
-        """Problem with a reference of velocities and their changes per period, shape (N + 1, m)."""
-        p, dynamics, axes, bounds = self._problem, self._dynamics, self._axes, task.bounds
-        position = slice(0, dynamics.axes)
-        load = task.load[axes]
-        balance = load / dynamics.gain
-        actuators, sticks = dynamics.feed_forward(change, velocity)
-        low, high = bounds.stick[:, axes]
-        p.low[:, position], p.high[:, position] = bounds.position[:, axes]
-        p.low[:, self._velocity], p.high[:, self._velocity] = (
-            bounds.lowest_velocity[:, axes],
-            bounds.highest_velocity[:, axes],
-        )
-        p.low[:, self._stick], p.high[:, self._stick] = low, high
-        p.r[:, position], p.r[:, self._velocity] = task.reference[:-1, axes], velocity[:-1]
-        p.r[:, self._stick] = np.minimum(np.maximum(sticks - balance, low), high)
-        p.c[:, self._velocity] = dynamics.period_s * load
-        motion = task.estimate.motion
-        measured = (motion[axes], motion[4 + axes.start : 4 + axes.stop], task.estimate.actuator[axes])
-        p.x_0[:] = np.concatenate(measured)
-        p.x_end[:] = np.concatenate((task.reference[-1, axes], velocity[-1], actuators[-1] - balance))
-        return p
+
+@part
+def set_bounds(p: OptimalControlProblem, task: Task, axis: int, position: int, velocity: int) -> None:
+    """Set the bounds of an axis's rows of position and velocity.
+
+    A velocity measured beyond its limits returns to them with `RECOVERY_S`: by noise and gusts a vehicle that
+    flies along a limit is beyond it half of the time, and to be back at the next stage would take a stick
+    from stop to stop.
+    """
+    limits, measured = task.limits, task.estimate.motion[4 + axis]
+    below = min(measured - limits.velocity[0, axis], 0.0)
+    above = max(measured - limits.velocity[1, axis], 0.0)
+    for k in range(len(p.r)):
+        p.low[k, position], p.high[k, position] = limits.position[0, axis], limits.position[1, axis]
+        p.low[k, velocity] = limits.velocity[0, axis] + task.recovery[k] * below
+        p.high[k, velocity] = limits.velocity[1, axis] + task.recovery[k] * above
+
+
+@compiled(PROBLEM, TASK, LAG_DYNAMICS, COUNT, ANY_MATRIX, MATRIX)
+def state_following(
+    p: OptimalControlProblem, task: Task, dynamics: LagDynamics, first: int, velocity: Array, change: Array
+) -> None:
+    """State the problem of the axes from `first` on with a reference of velocities, shape (N + 1, m).
+
+    `change` is how the actuators change them in a period. Sticks u and actuators a that follow from it:
+
+        a_k = change_k / (T b) - load / b,    u_k = (a_{k+1} - pole a_k) / (1 - pole) + gyro v_k
+    """
+    N, m, T = len(p.r), len(dynamics.gain), dynamics.period_s
+    motion, reference, sticks = task.estimate.motion, task.reference, task.limits.input
+    for i in range(m):
+        axis, speed, stick = first + i, m + i, 2 * m + i
+        gain, pole, load = dynamics.gain[i], dynamics.pole[i], task.load[axis]
+        set_bounds(p, task, axis, i, speed)
+        for k in range(N):
+            followed = (change[k + 1, i] - pole * change[k, i]) / (T * gain * (1.0 - pole)) - load / gain
+            wanted = followed + dynamics.gyro[i] * velocity[k, i]
+            p.low[k, stick], p.high[k, stick] = sticks[0, axis], sticks[1, axis]
+            p.r[k, i], p.r[k, speed] = reference[k, axis], velocity[k, i]
+            p.r[k, stick] = min(max(wanted, sticks[0, axis]), sticks[1, axis])
+            p.c[k, speed] = T * load
+        p.x_0[i], p.x_0[speed], p.x_0[stick] = motion[axis], motion[4 + axis], task.estimate.actuator[axis]
+        p.x_end[i], p.x_end[speed] = reference[N, axis], velocity[N, i]
+        p.x_end[stick] = change[N, i] / (T * gain) - load / gain

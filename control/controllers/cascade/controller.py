@@ -31,7 +31,8 @@ from rcopterx.control.controllers.cascade.weights import (
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle
 from rcopterx.control.models.lags import LagDynamics
-from rcopterx.control.references.trajectory import COLUMNS, POSITION, Trajectory
+from rcopterx.control.references.sampling import samples_through
+from rcopterx.control.references.trajectory import POSITION, Trajectory
 from rcopterx.control.solver.problem import Solver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, YAW, Array, Z
@@ -87,6 +88,7 @@ class CascadeController(MpcController):
         self._settings = settings
         self._effort_factors = np.array(settings.effort_factors)[[0, 0, 1, 2]]
         stages = settings.horizon - 1
+        self._slowed = bool((self._effort_factors > 1.0).any())
         self._recovery = recovery(period_s, stages)
         weights = self._weights()
         self._heading, self._height = (self._axis(axis, weights, stages) for axis in (YAW, Z))
@@ -128,25 +130,25 @@ class CascadeController(MpcController):
     def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
         task, expired = self._task(estimate, reference.samples), self._deadline()
         clear = self._clearances(task) if self._obstacles else None
-        heights = None if clear is None else clear.heights(task.bounds.position[:, Z])[:, :-1]
+        heights = None if clear is None else clear.heights(task.limits.position[:, Z])[:, :-1]
         heading = self._heading_solver.solve(self._heading.problem(task), True, expired)
         height = self._height_solver.solve(self._height.problem(task, heights), True, expired)
-        headings = one_more(heading.x[:, 0], heading.x[-1, 1], self._period_s)
+        last_rad = heading.x[-1:, 0] + self._period_s * heading.x[-1, 1]
+        headings = np.concatenate((heading.x[:, 0], last_rad))
         rows = None if clear is None else clear.rows(height.x[:, 0], self._settings.separation_weight)
         horizontal_problem = self._horizontal.along(headings, task, rows)
         horizontal = self._horizontal_solver.solve(horizontal_problem, self._horizontal.same_cost, expired)
-        inputs = np.column_stack((self._horizontal.sticks(horizontal, task), height.u, heading.u))
+        inputs = np.concatenate((self._horizontal.sticks(horizontal, task), height.u, heading.u), axis=1)
         if self._model.thrust_coupling:
             inputs[:, U_YAW] -= self._model.thrust_coupling * (height.u[:, 0] - height.x[:-1, 2])
-        flown = np.column_stack((horizontal.x[:, :2], height.x[:, 0], heading.x[:, 0]))
+        flown = np.concatenate((horizontal.x[:, :2], height.x[:, :1], heading.x[:, :1]), axis=1)
         velocity = self._horizontal.velocity_at_end(horizontal, headings)
         at_end = np.array((*velocity, height.x[-1, 1], heading.x[-1, 1]))
-        plans = (heading, height, horizontal)
         return ControlStep(
             inputs,
-            trajectory(one_more(flown, at_end, self._period_s), self._period_s),
-            None if all(plan.optimal for plan in plans) else EARLY_STOP,
-            sum(plan.iterations for plan in plans),
+            Trajectory(samples_through(flown, at_end, self._period_s), self._period_s),
+            None if heading.optimal and height.optimal and horizontal.optimal else EARLY_STOP,
+            heading.iterations + height.iterations + horizontal.iterations,
         )
 
     def _task(self, estimate: Estimate, reference: Array) -> Task:
@@ -155,7 +157,7 @@ class CascadeController(MpcController):
         if model.tilt is not None:
             estimate = with_tilt(model, estimate, load, self._settings.disturbance_compensation)
         load[U_THRUST] -= model.gravity_m_s2
-        return Task(estimate, load, reference, self._plan_limits.bounds(estimate.motion, self._recovery))
+        return Task(estimate, load, reference, self._plan_limits, self._recovery)
 
     def _clearances(self, task: Task) -> Clearances:
         """Separation constraints around the previous plan."""
@@ -170,7 +172,7 @@ class CascadeController(MpcController):
         """Accelerations to predict with, in the order of `Estimate.disturbance`."""
         settings = self._settings
         estimated = estimate.disturbance.copy() if settings.disturbance_compensation else np.zeros(INPUT_SIZE)
-        if (self._effort_factors > 1.0).any():
+        if self._slowed:
             estimated = self._filtered(estimated)
         integrate = not estimated.any() if settings.integrators is None else settings.integrators
         if not integrate:
@@ -187,18 +189,3 @@ class CascadeController(MpcController):
         share[U_THRUST] = 1.0
         self._filtered_disturbance += share * (estimated - self._filtered_disturbance)
         return self._filtered_disturbance.copy()
-
-
-def one_more(positions: Array, velocity: Array, period_s: float) -> Array:
-    """Return positions with one more, to which the velocity after the last stage leads."""
-    return np.concatenate((positions, positions[-1:] + period_s * velocity))
-
-
-def trajectory(flown: Array, period_s: float) -> Trajectory:
-    """Return the plan of N stages through N + 1 positions x, y, z, yaw, whose differences are its rates."""
-    rates = np.diff(flown, axis=0) / period_s
-    samples = np.empty((len(rates), COLUMNS))
-    samples[:, :4], samples[:, 4:8] = flown[:-1], rates
-    samples[:-1, 8:] = np.diff(rates, axis=0) / period_s
-    samples[-1, 8:] = samples[-2, 8:]
-    return Trajectory(samples, period_s)

@@ -12,32 +12,36 @@ factor of the solver stays as long as no bound is active. The planned heading tu
 bounded in the body frame, velocities and sticks, and the cost where the weights of both axes differ.
 """
 
+import math
+from typing import Any, Final, NamedTuple
+
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from rcopterx.control.controllers.cascade.axis import AxisProblem
+from rcopterx.compiling.compiled import ANY_MATRIX, FLAG, MATRIX, NUMBER, VECTOR, compiled, part, record
+from rcopterx.control.controllers.cascade.axis import AxisProblem, set_bounds, state_following
 from rcopterx.control.controllers.cascade.clearance import ClearRows
-from rcopterx.control.controllers.cascade.limits import Task
+from rcopterx.control.controllers.cascade.limits import TASK, Task
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights
 from rcopterx.control.interfaces import Estimate, TiltEstimate
-from rcopterx.control.models.lateral import POSITION, VELOCITY, lateral_system
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan, repeated
+from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
+from rcopterx.control.models.lateral import lateral_system
+from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, Plan, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array, heading_matrix
 
 
-def turns(heading: Array) -> Array:
-    """Return R(psi), body to inertial frame, of headings; shape (k, 2, 2)."""
-    R = np.empty((len(heading), 2, 2))
-    R[:, 0, 0] = R[:, 1, 1] = np.cos(heading)
-    R[:, 1, 0] = np.sin(heading)
-    R[:, 0, 1] = -R[:, 1, 0]
-    return R
+@part
+def middle(heading: Array, k: int) -> float:
+    """Return the heading in the middle of a period."""
+    return 0.5 * float(heading[k] + heading[k + 1])
 
 
-def turned(R: Array, vectors: Array) -> Array:
-    """Return R v of vectors, shape (k, 2)."""
-    return np.asarray((R @ vectors[:, :, None])[:, :, 0])
+@part
+def in_body(heading_rad: float, x: float, y: float) -> tuple[float, float]:
+    """Return a vector of the inertial frame in the frame of a body, R(psi)' v; with -psi the other way."""
+    c, s = math.cos(heading_rad), math.sin(heading_rad)
+    return c * x + s * y, c * y - s * x
 
 
 class LateralLags(AxisProblem):
@@ -51,24 +55,14 @@ class LateralLags(AxisProblem):
 
         Its first two states are the position in the inertial frame.
         """
-        dynamics, reference, p = self._dynamics, task.reference, self._problem
-        N, T = len(p.A), dynamics.period_s
-        middle = turns(0.5 * (heading[:-1] + heading[1:]))
-        to_body = middle.swapaxes(1, 2)
-        turn = np.diff(heading)[:, None]
-        velocity = turned(to_body, reference[:, 4:6])
-        change = np.zeros((N + 1, 2))
-        if self._feed_forward:
-            following = np.concatenate((to_body[1:], to_body[-1:]))
-            after = turned(following, reference[:, 4:6] + T * reference[:, 8:10])
-            change = after - dynamics.decay * velocity - turn * (velocity[:, ::-1] * (1.0, -1.0))
-        p.A[:, :2, 2:4] = T * middle[:N]
-        p.A[:, 2, 3], p.A[:, 3, 2] = turn[:N, 0], -turn[:N, 0]
-        R = middle[N]
+        p, feed_forward = self._problem, self._feed_forward
+        R = heading_matrix(0.5 * float(heading[-2] + heading[-1]))
         p.P[:] = self._P_0
         p.P[:2] = R @ p.P[:2]
         p.P[:, :2] = p.P[:, :2] @ R.T
-        self._stated(task, velocity, change)
+        velocity, change = np.empty((2, len(task.reference), 2))
+        turn(p, self._dynamics, task.reference, heading, velocity, change)
+        state_following(p, task, self._dynamics, 0, velocity, change if feed_forward else 0.0 * change)
         return p if clear is None else clear.added_to(p)
 
     def velocity_at_end(self, plan: Plan, heading: Array) -> Array:
@@ -81,10 +75,51 @@ class LateralLags(AxisProblem):
         return plan.u
 
 
-DEMAND = slice(4, 6)
-BODY_VELOCITY = slice(6, 8)
-STICK = slice(8, 10)
-"""Rows: position and velocity, then these; the first six have weights, positions and the last four bounds."""
+@compiled(PROBLEM, LAG_DYNAMICS, ANY_MATRIX, VECTOR, MATRIX, MATRIX)
+def turn(
+    p: OptimalControlProblem,
+    dynamics: LagDynamics,
+    reference: Array,
+    heading: Array,
+    velocity: Array,
+    change: Array,
+) -> None:
+    """Set the dynamics along a planned heading, and velocities and changes of the reference, body frame."""
+    N, T, decay = len(p.r), dynamics.period_s, dynamics.decay
+    for k in range(N + 1):
+        vx, vy, turn_rad = reference[k, 4], reference[k, 5], heading[k + 1] - heading[k]
+        middle_rad, following_rad = middle(heading, k), middle(heading, min(k + 1, N))
+        forward, left = in_body(middle_rad, vx, vy)
+        after = in_body(following_rad, vx + T * reference[k, 8], vy + T * reference[k, 9])
+        velocity[k, 0], velocity[k, 1] = forward, left
+        change[k, 0] = after[0] - decay[0] * forward - turn_rad * left
+        change[k, 1] = after[1] - decay[1] * left + turn_rad * forward
+        if k < N:
+            p.A[k, 0, 2], p.A[k, 0, 3] = in_body(middle_rad, T, 0.0)
+            p.A[k, 1, 2], p.A[k, 1, 3] = in_body(middle_rad, 0.0, T)
+            p.A[k, 2, 3], p.A[k, 3, 2] = turn_rad, -turn_rad
+
+
+VELOCITY: Final = 2
+DEMAND: Final = 4
+BODY_VELOCITY: Final = 6
+STICK: Final = 8
+ROWS: Final = 10
+"""Positions are the first two rows, these begin here. Rows up to the demands have weights; positions and the
+last four have bounds. Positions and velocities are also the first four states."""
+
+
+class Steering(NamedTuple):
+    """How pitch and roll sticks act on a vehicle with a tilt model."""
+
+    gain: Array
+    """b of both sticks, shape (2,)."""
+    drag: float
+    lead: float
+    """Stages by which demands precede the accelerations that they cause."""
+
+
+STEERING: Final[Any] = record(Steering, VECTOR, NUMBER, NUMBER)
 
 
 class LateralTilt:
@@ -99,67 +134,94 @@ class LateralTilt:
         self, model: Model, period_s: float, weights: CascadeWeights, stages: int, feed_forward: bool
     ) -> None:
         self._feed_forward = feed_forward
-        self._system = system = lateral_system(model, period_s)
-        self._gain = model.b[HORIZONTAL]
-        self._drag = float(model.k[HORIZONTAL].mean())
-        tilt = model.tilt
+        system, tilt = lateral_system(model, period_s), model.tilt
         assert tilt is not None
-        self._lead = (tilt.servo_lag_s + 2.0 * tilt.damping_ratio / tilt.frequency_rad_s) / period_s
-        """Stages by which demands precede the accelerations that they cause."""
+        lag_s = tilt.servo_lag_s + 2.0 * tilt.damping_ratio / tilt.frequency_rad_s
+        drag = float(model.k[HORIZONTAL].mean())
+        self._steering = steering = Steering(model.b[HORIZONTAL], drag, lag_s / period_s)
         A, B = system.transition, system.demand
-        W = np.zeros(10)
-        W[POSITION], W[VELOCITY] = weights.position[HORIZONTAL], weights.velocity[HORIZONTAL]
-        W[DEMAND] = weights.effort[HORIZONTAL] / self._gain**2
+        W = np.zeros(ROWS)
+        effort = weights.effort[HORIZONTAL] / steering.gain**2
+        W[:BODY_VELOCITY] = *weights.position[HORIZONTAL], *weights.velocity[HORIZONTAL], *effort
         self.same_cost = bool(np.allclose(W[2:6:2], W[3:6:2], rtol=1e-6))
         # The terminal cost prefers no direction: it takes the means of x and y.
         position, velocity, demand = W[:6].reshape(3, 2).mean(axis=1)
         Q = np.diag(np.repeat((position, velocity, *np.zeros(system.size // 2 - 2)), 2))
         P = solve_discrete_are(A, B, Q, demand * np.eye(2))
-        C, D, s = np.zeros((10, system.size)), np.zeros((10, 2)), np.zeros(10)
-        C[POSITION, POSITION] = C[VELOCITY, VELOCITY] = D[DEMAND] = np.eye(2)
-        s[POSITION] = s[BODY_VELOCITY] = weights.soft
-        s[STICK] = HARD
+        C, D, s = np.eye(ROWS, system.size), np.eye(ROWS, 2, -DEMAND), np.zeros(ROWS)
+        C[DEMAND:] = 0.0
+        s[[0, 1, BODY_VELOCITY, BODY_VELOCITY + 1]] = weights.soft
+        s[STICK:] = HARD
         self._problem = repeated(stages, A, B, C, D, W, s, P)
-        self._problem.s[0, : STICK.start] = 0.0
+        self._problem.s[0, :STICK] = 0.0
 
     def along(self, heading: Array, task: Task, clear: ClearRows | None) -> OptimalControlProblem:
         """State the problem as `LateralLags.along` does; sticks among its rows have the trim added."""
-        p, system, bounds = self._problem, self._system, task.bounds
-        motion, tilt, reference = task.estimate.motion, task.estimate.tilt, task.reference
-        R, R_mid = turns(heading[:-2]), turns(0.5 * (heading[:-2] + heading[1:-1]))
-        to_body = R_mid.swapaxes(1, 2)
-        p.C[:, BODY_VELOCITY, VELOCITY] = R.swapaxes(1, 2)
-        p.D[:, STICK] = to_body / self._gain[:, None]
-        low, high = bounds.stick[:, HORIZONTAL] + tilt.trim
-        p.low[:, POSITION], p.high[:, POSITION] = bounds.position[:, HORIZONTAL]
-        p.low[:, BODY_VELOCITY] = bounds.lowest_velocity[:, HORIZONTAL]
-        p.high[:, BODY_VELOCITY] = bounds.highest_velocity[:, HORIZONTAL]
-        p.low[:, STICK], p.high[:, STICK] = low, high
-        p.r[:, POSITION], p.r[:, VELOCITY] = reference[:-1, :2], reference[:-1, 4:6]
-        if self._feed_forward:
-            sticks = turned(to_body, self._demands(reference)) / self._gain
-            p.r[:, DEMAND] = turned(R_mid, np.minimum(np.maximum(sticks, low), high) * self._gain)
-        turn = heading_matrix(motion[YAW])
-        p.x_0[POSITION], p.x_0[VELOCITY] = motion[:2], turn @ motion[4:6]
-        p.x_0[system.core], p.x_0[system.servo] = tilt.core, turn @ (self._gain * tilt.servo)
-        p.x_0[system.wind] = tilt.wind_m_s2
-        p.x_end[POSITION], p.x_end[VELOCITY] = reference[-1, :2], reference[-1, 4:6]
+        p = self._problem
+        state_tilting(p, task, self._steering, heading, self._feed_forward)
         return p if clear is None else clear.added_to(p)
-
-    def _demands(self, reference: Array) -> Array:
-        """Demands that fly the reference, inertial frame, shape (N, 2)."""
-        needed = reference[:, 8:10] - self._drag * reference[:, 4:6]
-        stages = np.arange(len(reference) + 0.0)
-        ahead = stages[:-1] + self._lead
-        return np.column_stack([np.interp(ahead, stages, needed[:, axis]) for axis in range(2)])
 
     def velocity_at_end(self, plan: Plan, heading: Array) -> Array:  # noqa: ARG002 - it is a state
         """Return the velocity after the last stage, inertial frame, shape (2,)."""
-        return plan.x[-1, VELOCITY]
+        return plan.x[-1, VELOCITY : VELOCITY + 2]
 
     def sticks(self, plan: Plan, task: Task) -> Array:
         """Return the pitch and roll sticks of a plan, shape (N, 2)."""
-        return plan.y[:, STICK] - task.estimate.tilt.trim
+        return plan.y[:, STICK:ROWS] - task.estimate.tilt.trim
+
+
+@part
+def needed(task: Task, steering: Steering, k: int) -> tuple[float, float]:
+    """Accelerations by the tilt with which the reference flies at stage k, inertial frame."""
+    reference, drag = task.reference, steering.drag
+    return reference[k, 8] - drag * reference[k, 4], reference[k, 9] - drag * reference[k, 5]
+
+
+@part
+def refer_demand(p: OptimalControlProblem, task: Task, steering: Steering, k: int, middle_rad: float) -> None:
+    """Refer the demand of stage k to the one that flies the reference, within the bounds of the sticks."""
+    last, gain = len(task.reference) - 1, steering.gain
+    at = min(k + steering.lead, float(last))
+    before = min(int(at), last - 1)
+    x, y = needed(task, steering, before)
+    x_after, y_after = needed(task, steering, before + 1)
+    share = at - before
+    pitch, roll = in_body(middle_rad, x + share * (x_after - x), y + share * (y_after - y))
+    pitch = gain[0] * min(max(pitch / gain[0], p.low[k, STICK]), p.high[k, STICK])
+    roll = gain[1] * min(max(roll / gain[1], p.low[k, STICK + 1]), p.high[k, STICK + 1])
+    p.r[k, DEMAND], p.r[k, DEMAND + 1] = in_body(-middle_rad, pitch, roll)
+
+
+@compiled(PROBLEM, TASK, STEERING, VECTOR, FLAG)
+def state_tilting(
+    p: OptimalControlProblem, task: Task, steering: Steering, heading: Array, feed_forward: bool
+) -> None:
+    """State the problem along a planned heading."""
+    motion, tilt, reference, limits = task.estimate.motion, task.estimate.tilt, task.reference, task.limits
+    N, gain, servo = len(p.r), steering.gain, 4 + len(tilt.core)
+    for axis in range(2):
+        set_bounds(p, task, axis, axis, BODY_VELOCITY + axis)
+        for k in range(N):
+            p.r[k, axis], p.r[k, VELOCITY + axis] = reference[k, axis], reference[k, 4 + axis]
+            p.low[k, STICK + axis] = limits.input[0, axis] + tilt.trim[axis]
+            p.high[k, STICK + axis] = limits.input[1, axis] + tilt.trim[axis]
+        p.x_0[axis], p.x_0[servo + 2 + axis] = motion[axis], tilt.wind_m_s2[axis]
+        p.x_end[axis], p.x_end[VELOCITY + axis] = reference[N, axis], reference[N, 4 + axis]
+    for k in range(N):
+        middle_rad = middle(heading, k)
+        for axis in range(2):
+            x, y = 1.0 - axis, float(axis)
+            forward, left = in_body(heading[k], x, y)
+            pitch, roll = in_body(middle_rad, x, y)
+            p.C[k, BODY_VELOCITY, VELOCITY + axis], p.C[k, BODY_VELOCITY + 1, VELOCITY + axis] = forward, left
+            p.D[k, STICK, axis], p.D[k, STICK + 1, axis] = pitch / gain[0], roll / gain[1]
+        if feed_forward:
+            refer_demand(p, task, steering, k, middle_rad)
+    p.x_0[VELOCITY], p.x_0[VELOCITY + 1] = in_body(-motion[YAW], motion[4], motion[5])
+    sticks = gain[0] * tilt.servo[0], gain[1] * tilt.servo[1]
+    p.x_0[servo], p.x_0[servo + 1] = in_body(-motion[YAW], sticks[0], sticks[1])
+    for i in range(len(tilt.core)):
+        p.x_0[4 + i] = tilt.core[i]
 
 
 def with_tilt(model: Model, estimate: Estimate, disturbance: Array, compensate: bool) -> Estimate:
@@ -169,8 +231,9 @@ def with_tilt(model: Model, estimate: Estimate, disturbance: Array, compensate: 
     zero where the prediction does not `compensate` for it.
     """
     if estimate.has_tilt:
-        wind = estimate.tilt.wind_m_s2 if compensate else np.zeros(2)
-        return estimate._replace(tilt=estimate.tilt._replace(wind_m_s2=wind))
+        if compensate:
+            return estimate
+        return estimate._replace(tilt=estimate.tilt._replace(wind_m_s2=np.zeros(2)))
     turn, servo = heading_matrix(estimate.motion[YAW]), estimate.actuator[:2]
     assert model.tilt is not None
     core = np.zeros(model.tilt.dynamics().size)

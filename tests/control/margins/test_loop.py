@@ -87,9 +87,8 @@ def weights_of(states: tuple[float, ...], efforts: tuple[float, ...]) -> Cascade
 
 def resting(model: Model) -> Task:
     """Task of a vehicle that rests at the origin."""
-    estimate, limits = at_rest(model), PlanLimits.of(CascadeSettings().limits(model))
-    bounds = limits.bounds(estimate.motion, recovery(PERIOD_S, 20))
-    return Task(estimate, np.zeros(4), np.zeros((21, 12)), bounds)
+    limits = PlanLimits.of(CascadeSettings().limits(model))
+    return Task(at_rest(model), np.zeros(4), np.zeros((21, 12)), limits, recovery(PERIOD_S, 20))
 
 
 def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
