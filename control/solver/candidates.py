@@ -1,17 +1,25 @@
-"""The plan that is flown when a solver stops before it converges."""
+"""Plans with their quality; and the plan that is flown when a solver stops before it converges."""
 
 import numpy as np
 
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Trajectories
-from rcopterx.control.solver.sweep import cost, roll_out
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan, Trajectories
+from rcopterx.control.solver.sweep import quality, roll_out
 from rcopterx.vehicles.state import Array
 
 
-def best_plan(p: OptimalControlProblem, inputs: Array, last: Array | None) -> Trajectories:
-    """Return the less costly of two plans within hard bounds: of inputs, and of the last ones, shifted."""
-    known = [inputs] if last is None else [inputs, shift(last)]
+def rated(
+    p: OptimalControlProblem, plan: Trajectories, active: Array, iterations: int, optimal: bool
+) -> Plan:
+    """Return a plan with its residuals; arguments as of `Plan`."""
+    _, primal, dual = quality(p, plan)
+    return Plan(*plan, active, iterations, primal, dual, optimal)
+
+
+def best_plan(p: OptimalControlProblem, inputs: Array, shifted: Array | None) -> Trajectories:
+    """Return the less costly of two plans within hard bounds: of `inputs`, and of `shifted` ones."""
+    known = [inputs] if shifted is None else [inputs, shifted]
     plans = [rolled_out(p, within_hard_bounds(p, candidate)) for candidate in known]
-    return min(plans, key=lambda plan: float(np.nan_to_num(cost(p, plan), nan=np.inf)))
+    return min(plans, key=lambda plan: float(np.nan_to_num(quality(p, plan)[0], nan=np.inf)))
 
 
 def shift(stages: Array) -> Array:
@@ -38,4 +46,4 @@ def within_hard_bounds(p: OptimalControlProblem, inputs: Array) -> Array:
 def empty_plan(p: OptimalControlProblem) -> Trajectories:
     """Return a plan to be filled."""
     stages, nx, nu = p.B.shape
-    return Trajectories(np.empty((stages + 1, nx)), np.empty((stages, nu)), np.empty((stages, p.W.shape[1])))
+    return Trajectories(np.zeros((stages + 1, nx)), np.zeros((stages, nu)), np.zeros((stages, p.W.shape[1])))
