@@ -1,7 +1,7 @@
 """Safety arbiter of one vehicle (docs/safety.md).
 
-`transitions.py` holds the table of states; here are its conditions and the outputs. Every input first lets
-the time pass (`Arbiter.step`), then takes effect: an input that arrives after a limit cannot hide that it
+`transitions.py` holds the table of states; here are its conditions and the outputs. Before an input takes
+effect, everything happens that was due until then: an input that arrives after a limit cannot hide that it
 passed.
 """
 
@@ -63,27 +63,28 @@ class Arbiter:
         self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
         self._link = LinkState.LOST
-        self._arming = False
-        self._shutdown = False
+        self._arming = self._shutdown = False
         self._motion: Motion | None = None
         self._climb_m_s: float | None = None
-        self._now_s = -math.inf
-        self._shaped_s = -math.inf
+        self._now_s = self._shaped_s = -math.inf
         self._entered_s = -math.inf
         self._landing_since_s = -math.inf
         self._low_since_s: float | None = None
         self._thrust_time_s = 0.0
         self._bridging_step = 0
         self._details: dict[Condition, str] = {}
+        self._event_s: float | None = None
 
     # Inputs -------------------------------------------------------------------------------------------
 
     def command(self, command: CommandInput, now_s: float) -> Answer:
         """Take a command; a rejected one changes nothing but a counter."""
-        self._pass(now_s)
+        if now_s >= self.next_event_s():
+            self._pass(now_s)
         rejection = self._admission.consider(
             command, now_s, pose=self.surveillance.stamp, flying=self.commanded
         )
+        self._event_s = None
         return Answer(rejection is None, rejection or "accepted")
 
     def bid(self, agent: int, now_s: float, *, take_over: bool) -> int:
@@ -115,6 +116,7 @@ class Arbiter:
         if pose.vehicle != self._vehicle:
             self.surveillance.other_pose(pose, now_s)
         else:
+            self._event_s = None
             airborne = self.state in FLYING and not self._grounded(now_s)
             self.surveillance.own_pose(pose, now_s, airborne=airborne)
 
@@ -199,7 +201,7 @@ class Arbiter:
     def _take(self, condition: Condition, by: str, now_s: float) -> State:
         """Step once with a requested condition; return the state after it."""
         self._details[condition] = f"by {by}"
-        return self._step(now_s, condition).state
+        return self.step(now_s, condition).state
 
     # Conditions ---------------------------------------------------------------------------------------
 
@@ -296,11 +298,8 @@ class Arbiter:
 
     # Time ---------------------------------------------------------------------------------------------
 
-    def step(self, now_s: float) -> ArbiterOutput:
-        """Advance to `now_s`, change the state by the table, and return the output."""
-        return self._step(now_s)
-
-    def _step(self, now_s: float, requested: Condition | None = None) -> ArbiterOutput:
+    def step(self, now_s: float, requested: Condition | None = None) -> ArbiterOutput:
+        """Advance to `now_s`, change the state by the table, also as `requested`, and return the output."""
         acting = self._pass(now_s, requested)
         elapsed_s = 0.0 if math.isinf(self._shaped_s) else self._now_s - self._shaped_s
         self._shaped_s = self._now_s
@@ -319,7 +318,7 @@ class Arbiter:
         """Advance the time and change the state; returns the commands that act then."""
         now_s = max(now_s, self._now_s)
         elapsed_s = 0.0 if math.isinf(self._now_s) else now_s - self._now_s
-        self._now_s = now_s
+        self._now_s, self._event_s = now_s, None
         stream = self._stream()
         bridging = 0 if stream is None else bridging_step(stream, now_s, self.limits)
         self._watch_thrust(now_s, elapsed_s, stream, bridging)
@@ -380,18 +379,21 @@ class Arbiter:
 
     def next_event_s(self) -> float:
         """Next time after the last step at which state or output may change by itself [s]."""
+        if self._event_s is None:
+            self._event_s = self._found_event_s()
+        return self._event_s
+
+    def _found_event_s(self) -> float:
         if self.state not in FLYING:
             return math.inf
         limits = self.limits
         times = self.surveillance.next_event_s()
-        stream = self._stream()
-        if stream is not None:
+        if (stream := self._stream()) is not None:
             times.append(next_change_s(stream, self._now_s, limits))
         if self._low_since_s is not None:
             times += [self._low_since_s + limits.arm_low_s, self._idle_at_s]
-        times += [self._entered_s + limits.hold_limit_s, self._entered_s + self.limits.descent_s]
+        times += [self._entered_s + limits.hold_limit_s, self._entered_s + limits.descent_s]
         if self.state is State.LAND and self.surveillance.own_track is not None:
             times.append(self.surveillance.own_track.captured_s + limits.landing.pose_age_s)
             times.append(self._landing_since_s + limits.landing.longest_s)
-        now_s = self._now_s
-        return min([time_s for time_s in times if time_s > now_s], default=math.inf)
+        return min([time_s for time_s in times if time_s > self._now_s], default=math.inf)

@@ -153,8 +153,8 @@ class Transmitter:
 
         Until it is decided whether a vehicle is taken over, the page of the earlier process stays.
         """
-        if self._page is not None and not self.undecided:
-            self._page.save(self._applied())
+        if self._page is not None and not self.undecided and (last := self._applied()) != self._page.last:
+            self._page.save(last)
 
     def _applied(self) -> LastApplied:
         arbiter = self.arbiter
