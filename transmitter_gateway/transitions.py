@@ -51,10 +51,6 @@ class Transition:
     target: State
     reason: str
 
-    def fits(self, conditions: frozenset[Condition]) -> bool:
-        """Whether the row applies under `conditions`."""
-        return self.needs <= conditions and self.unless.isdisjoint(conditions)
-
 
 def _row(
     states: set[State] | frozenset[State],
@@ -123,4 +119,7 @@ ARMING = TRANSITIONS[-1]
 
 def find_transition(state: State, conditions: frozenset[Condition]) -> Transition | None:
     """First row of the table that fits, or None to stay."""
-    return next((row for row in TRANSITIONS if state in row.states and row.fits(conditions)), None)
+    for row in TRANSITIONS:
+        if state in row.states and row.needs <= conditions and row.unless.isdisjoint(conditions):
+            return row
+    return None
