@@ -21,7 +21,7 @@ from rcopterx.transmitter_gateway.station import Station
 from rcopterx.transmitter_gateway.wakeup import Wakeup
 
 STATUS_PERIOD_S = 0.2
-POSES_KEPT = 16
+POSES_KEPT = 64
 """Of one vehicle: more than arrive between two turns, also from a fast Tracker."""
 
 

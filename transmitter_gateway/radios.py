@@ -19,6 +19,8 @@ _LOG = logging.getLogger(__name__)
 TURN_S = 0.005
 """Longest time between two turns of the loop. Poses do not wake it: agents need the processor when a frame
 has arrived, and the limits of surveillance are tenths of a second."""
+COMMANDED_TURN_S = 0.02
+"""The same while commands fly all vehicles: each command is judged with the poses that are there."""
 
 
 class Radios:
@@ -40,13 +42,14 @@ class Radios:
             self.transmitters[name].resume(page, clock())
 
     def wait(self, due_s: float) -> None:
-        """Wait for a message, an answer of a module, a deadline or `due_s`, at most `TURN_S`."""
+        """Wait for a message, an answer of a module, a deadline or `due_s`, at most a turn."""
         transmitters = self.transmitters.values()
         self._heartbeat.beat(_flying(transmitters))
         deadlines_s = [due_s, *(transmitter.next_deadline_s() for transmitter in transmitters)]
         ports = {transmitter.port.fileno(): transmitter for transmitter in transmitters}
         descriptors = [port for port in ports if port is not None]
-        timeout_s = min(TURN_S, min(deadlines_s) - self._clock())
+        turn_s = COMMANDED_TURN_S if all(each.commanded for each in transmitters) else TURN_S
+        timeout_s = min(turn_s, min(deadlines_s) - self._clock())
         for descriptor in self._wakeup.wait([*descriptors, *self._keys.descriptors], timeout_s):
             if descriptor in ports:
                 ports[descriptor].on_readable(self._clock())

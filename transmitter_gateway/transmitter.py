@@ -72,20 +72,15 @@ class Transmitter:
         prepare_channels(protocol, calibration, limits)
         self._output = ArbiterOutput(State.DISARMED, "started")
         self._pending = self._due_now = False
-        self._attempt_s = -math.inf
         self._binding = Binding(at_power_up=protocol.binds_at_power_up)
-        self._range_check = False
-        self._shutdown = False
+        self._range_check = self._shutdown = self._ready = False
         self._low_frames = 0
         self._shown: tuple[float, ...] = ()
-        self._shown_until_s = -math.inf
+        self._shown_until_s = self._unknown_until_s = -math.inf
         self._page: StatePage | None = None
         self._written_u = NEUTRAL
-        self._written_s = -math.inf
-        self._returned_s = -math.inf
-        self._ready = False
+        self._attempt_s = self._written_s = self._returned_s = -math.inf
         self._last: LastApplied | None = None
-        self._unknown_until_s = -math.inf
 
     # Inputs --------------------------------------------------------------------------------------------
 
@@ -102,6 +97,11 @@ class Transmitter:
         self.arbiter.pose(pose, now_s)
         if pose.vehicle == self.vehicle:
             self._decide_at_once()
+
+    @property
+    def commanded(self) -> bool:
+        """Whether a command that is not late flies the vehicle."""
+        return self._output.cause is not None and not self._output.bridging_step
 
     def on_readable(self, now_s: float) -> None:
         """Read the module's answers; call it when the port's descriptor is readable or hung up."""

@@ -192,6 +192,21 @@ def test_poses_wait_at_most_a_turn_and_count_from_their_arrival(laboratory: Labo
     assert own_track(laboratory).seen_s == arrived_s
 
 
+def turns_of_ten_frames(laboratory: Laboratory) -> int:
+    frame, turns = laboratory.frame, 0
+    while laboratory.frame < frame + 10:
+        laboratory.turn()
+        turns += 1
+    return turns
+
+
+def test_loop_waits_for_commands_while_they_fly_all_vehicles(laboratory: Laboratory) -> None:
+    laboratory.fly()
+    assert turns_of_ten_frames(laboratory) <= 20
+    laboratory.bus.arrive("kill", FLEET_UNIT, Kill(source="operator", reason="test", vehicles=("h2",)))
+    assert turns_of_ten_frames(laboratory) >= 40
+
+
 def test_flood_of_commands_for_one_vehicle_is_read_in_portions_between_those_of_others(
     laboratory: Laboratory,
 ) -> None:

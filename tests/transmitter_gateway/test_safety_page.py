@@ -6,6 +6,7 @@ from pathlib import Path
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.transmitter_gateway.landing import HURRY
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
+from rcopterx.transmitter_gateway.radios import COMMANDED_TURN_S, TURN_S
 from rcopterx.transmitter_gateway.shaping import FADE_PER_S
 from rcopterx.transmitter_gateway.transitions import TRANSITIONS
 from rcopterx.transmitter_gateway.transmitter import THROTTLE_LOW_FRAMES
@@ -47,6 +48,8 @@ def test_figures_of_the_page_are_the_defaults() -> None:
         f"at most {limits.cut_after_s - limits.descend_after_s:.1f} s, then CUT;",
         f"the thrust falls by {FADE_PER_S}/s instead",
         f"at {landing.descent_m_s} m/s, from {landing.flare_m} m on at {landing.touchdown_m_s} m/s",
+        f"raw poses are judged | within {TURN_S * 1e3:.0f} ms; while commands fly all vehicles",
+        f"with each command, within {COMMANDED_TURN_S * 1e3:.0f} ms",
         f"older than {landing.pose_age_s * 1e3:.0f} ms",
         f"at most {landing.longest_s:.0f} s, then DESCEND",
         f"HOLD after {(poses.tracking_hold_s or 0) * 1e3:.0f} ms",
