@@ -66,7 +66,8 @@ def test_without_a_command_the_help_names_them_all() -> None:
 
 
 FLEETLESS = (
-    "experiment", "export", "flights", "recover", "replay", "replay-tracker", "report", "udev-rules",
+    "experiment", "export", "flights", "recover", "replay", "replay-tracker", "report", "types",
+    "udev-rules",
 )  # fmt: skip
 
 
