@@ -8,7 +8,7 @@ from typing import Final
 
 from rcopterx.agents.assembly import AgentParts
 from rcopterx.agents.following.leader_plans import LeaderPlans, present_link, target_link
-from rcopterx.agents.load.load_relief import Relief
+from rcopterx.agents.load.overload import Relief
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.guard import effort_factors

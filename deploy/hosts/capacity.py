@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from rcopterx.agents.load.load_relief import Relief
+from rcopterx.agents.load.overload import Relief
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 from rcopterx.deploy.watchdog.processor_time import Threads, threads_of
 

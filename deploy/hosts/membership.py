@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from rcopterx.agents.load.load_relief import LATE_SHARE
+from rcopterx.agents.load.overload import LATE_SHARE
 from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus

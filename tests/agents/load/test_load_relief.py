@@ -6,7 +6,8 @@ from agent_bench import Bench
 from pilot_bench import airborne, noted, seen
 
 from rcopterx.agents.following.traffic import MOST, Traffic
-from rcopterx.agents.load.load_relief import NEAREST, LoadRelief, Relief
+from rcopterx.agents.load.load_relief import NEAREST, LoadRelief
+from rcopterx.agents.load.overload import Relief
 from rcopterx.agents.load.pacing import Pacing
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
