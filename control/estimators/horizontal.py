@@ -46,7 +46,7 @@ class HorizontalMotion:
         motion = estimate.motion.copy()
         motion[:2] = selected.position_m
         motion[XD_BODY : YD_BODY + 1] = turned_about_z(selected.velocity_m_s, -float(motion[YAW]))
-        return estimate._replace(motion=motion, tilt=selected.estimate)
+        return Estimate(motion, estimate.actuator, estimate.disturbance, selected.estimate)
 
     def start(self, pose: Array, rates: Array, tilt: Array | None) -> None:
         """Start in the air at a pose with inertial rates, shape (4,)."""

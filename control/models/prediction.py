@@ -180,4 +180,4 @@ def _with_tilt(
     x = np.concatenate((estimate.motion[POSITION], velocity, *estimate.tilt))
     x, _ = predict_lateral(system.step, x, stick, 0.5 * (start_rad + end_rad))
     motion[POSITION], motion[XD_BODY : YD_BODY + 1] = x[POSITION], turned_about_z(x[VELOCITY], -end_rad)
-    return predicted._replace(tilt=system.tilt_estimate(x))
+    return Estimate(motion, predicted.actuator, predicted.disturbance, system.tilt_estimate(x))
