@@ -58,20 +58,9 @@ class AxisProblem:
 
 
 @part
-def set_bounds(p: OptimalControlProblem, task: Task, axis: int, position: int, velocity: int) -> None:
-    """Set the bounds of an axis's rows of position and velocity.
-
-    A velocity measured beyond its limits returns to them with `RECOVERY_S`: by noise and gusts a vehicle that
-    flies along a limit is beyond it half of the time, and to be back at the next stage would take a stick
-    from stop to stop.
-    """
-    limits, measured = task.limits, task.estimate.motion[4 + axis]
-    below = min(measured - limits.velocity[0, axis], 0.0)
-    above = max(measured - limits.velocity[1, axis], 0.0)
-    for k in range(len(p.r)):
-        p.low[k, position], p.high[k, position] = limits.position[0, axis], limits.position[1, axis]
-        p.low[k, velocity] = limits.velocity[0, axis] + task.recovery[k] * below
-        p.high[k, velocity] = limits.velocity[1, axis] + task.recovery[k] * above
+def beyond(value: float, lowest: float, highest: float) -> tuple[float, float]:
+    """Return by how much a value is below (negative) and above its limits."""
+    return min(value - lowest, 0.0), max(value - highest, 0.0)
 
 
 @compiled(PROBLEM, TASK, LAG_DYNAMICS, COUNT, ANY_MATRIX, MATRIX)
@@ -85,17 +74,22 @@ def state_following(
         a_k = change_k / (T b) - load / b,    u_k = (a_{k+1} - pole a_k) / (1 - pole) + gyro v_k
     """
     N, m, T = len(p.r), len(dynamics.gain), dynamics.period_s
-    motion, reference, sticks = task.estimate.motion, task.reference, task.limits.input
+    motion, reference, limits = task.estimate.motion, task.reference, task.limits
     for i in range(m):
         axis, speed, stick = first + i, m + i, 2 * m + i
         gain, pole, load = dynamics.gain[i], dynamics.pole[i], task.load[axis]
-        set_bounds(p, task, axis, i, speed)
+        slowest, fastest = limits.velocity[0, axis], limits.velocity[1, axis]
+        lowest, highest = limits.input[0, axis], limits.input[1, axis]
+        below, above = beyond(motion[4 + axis], slowest, fastest)
         for k in range(N):
             followed = (change[k + 1, i] - pole * change[k, i]) / (T * gain * (1.0 - pole)) - load / gain
             wanted = followed + dynamics.gyro[i] * velocity[k, i]
-            p.low[k, stick], p.high[k, stick] = sticks[0, axis], sticks[1, axis]
+            p.low[k, i], p.high[k, i] = limits.position[0, axis], limits.position[1, axis]
+            p.low[k, speed] = slowest + task.recovery[k] * below
+            p.high[k, speed] = fastest + task.recovery[k] * above
+            p.low[k, stick], p.high[k, stick] = lowest, highest
             p.r[k, i], p.r[k, speed] = reference[k, axis], velocity[k, i]
-            p.r[k, stick] = min(max(wanted, sticks[0, axis]), sticks[1, axis])
+            p.r[k, stick] = min(max(wanted, lowest), highest)
             p.c[k, speed] = T * load
         p.x_0[i], p.x_0[speed], p.x_0[stick] = motion[axis], motion[4 + axis], task.estimate.actuator[axis]
         p.x_end[i], p.x_end[speed] = reference[N, axis], velocity[N, i]

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from rcopterx.compiling.compiled import ANY_MATRIX, FLAG, MATRIX, NUMBER, VECTOR, compiled, part, record
-from rcopterx.control.controllers.cascade.axis import AxisProblem, set_bounds, state_following
+from rcopterx.control.controllers.cascade.axis import AxisProblem, beyond, state_following
 from rcopterx.control.controllers.cascade.clearance import ClearRows
 from rcopterx.control.controllers.cascade.limits import TASK, Task
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights
@@ -29,12 +29,6 @@ from rcopterx.control.models.lateral import lateral_system
 from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, Plan, repeated
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array, heading_matrix
-
-
-@part
-def middle(heading: Array, k: int) -> float:
-    """Return the heading in the middle of a period."""
-    return 0.5 * float(heading[k] + heading[k + 1])
 
 
 @part
@@ -88,7 +82,9 @@ def turn(
     N, T, decay = len(p.r), dynamics.period_s, dynamics.decay
     for k in range(N + 1):
         vx, vy, turn_rad = reference[k, 4], reference[k, 5], heading[k + 1] - heading[k]
-        middle_rad, following_rad = middle(heading, k), middle(heading, min(k + 1, N))
+        following = min(k + 1, N)
+        middle_rad = 0.5 * (heading[k] + heading[k + 1])
+        following_rad = 0.5 * (heading[following] + heading[following + 1])
         forward, left = in_body(middle_rad, vx, vy)
         after = in_body(following_rad, vx + T * reference[k, 8], vy + T * reference[k, 9])
         velocity[k, 0], velocity[k, 1] = forward, left
@@ -170,56 +166,48 @@ class LateralTilt:
         return plan.y[:, STICK:ROWS] - task.estimate.tilt.trim
 
 
-@part
-def needed(task: Task, steering: Steering, k: int) -> tuple[float, float]:
-    """Accelerations by the tilt with which the reference flies at stage k, inertial frame."""
-    reference, drag = task.reference, steering.drag
-    return reference[k, 8] - drag * reference[k, 4], reference[k, 9] - drag * reference[k, 5]
-
-
-@part
-def refer_demand(p: OptimalControlProblem, task: Task, steering: Steering, k: int, middle_rad: float) -> None:
-    """Refer the demand of stage k to the one that flies the reference, within the bounds of the sticks."""
-    last, gain = len(task.reference) - 1, steering.gain
-    at = min(k + steering.lead, float(last))
-    before = min(int(at), last - 1)
-    x, y = needed(task, steering, before)
-    x_after, y_after = needed(task, steering, before + 1)
-    share = at - before
-    pitch, roll = in_body(middle_rad, x + share * (x_after - x), y + share * (y_after - y))
-    pitch = gain[0] * min(max(pitch / gain[0], p.low[k, STICK]), p.high[k, STICK])
-    roll = gain[1] * min(max(roll / gain[1], p.low[k, STICK + 1]), p.high[k, STICK + 1])
-    p.r[k, DEMAND], p.r[k, DEMAND + 1] = in_body(-middle_rad, pitch, roll)
-
-
 @compiled(PROBLEM, TASK, STEERING, VECTOR, FLAG)
 def state_tilting(
     p: OptimalControlProblem, task: Task, steering: Steering, heading: Array, feed_forward: bool
 ) -> None:
     """State the problem along a planned heading."""
     motion, tilt, reference, limits = task.estimate.motion, task.estimate.tilt, task.reference, task.limits
-    N, gain, servo = len(p.r), steering.gain, 4 + len(tilt.core)
+    N, gain, drag, servo = len(p.r), steering.gain, steering.drag, 4 + len(tilt.core)
     for axis in range(2):
-        set_bounds(p, task, axis, axis, BODY_VELOCITY + axis)
+        rate, stick = BODY_VELOCITY + axis, STICK + axis
+        slowest, fastest = limits.velocity[0, axis], limits.velocity[1, axis]
+        below, above = beyond(motion[4 + axis], slowest, fastest)
         for k in range(N):
             p.r[k, axis], p.r[k, VELOCITY + axis] = reference[k, axis], reference[k, 4 + axis]
-            p.low[k, STICK + axis] = limits.input[0, axis] + tilt.trim[axis]
-            p.high[k, STICK + axis] = limits.input[1, axis] + tilt.trim[axis]
+            p.low[k, axis], p.high[k, axis] = limits.position[0, axis], limits.position[1, axis]
+            p.low[k, rate] = slowest + task.recovery[k] * below
+            p.high[k, rate] = fastest + task.recovery[k] * above
+            p.low[k, stick] = limits.input[0, axis] + tilt.trim[axis]
+            p.high[k, stick] = limits.input[1, axis] + tilt.trim[axis]
+            if feed_forward:
+                at = min(k + steering.lead, float(N))
+                before = min(int(at), N - 1)
+                needed = reference[before, 8 + axis] - drag * reference[before, 4 + axis]
+                after = reference[before + 1, 8 + axis] - drag * reference[before + 1, 4 + axis]
+                p.r[k, DEMAND + axis] = needed + (at - before) * (after - needed)
         p.x_0[axis], p.x_0[servo + 2 + axis] = motion[axis], tilt.wind_m_s2[axis]
         p.x_end[axis], p.x_end[VELOCITY + axis] = reference[N, axis], reference[N, 4 + axis]
     for k in range(N):
-        middle_rad = middle(heading, k)
+        middle_rad = 0.5 * (heading[k] + heading[k + 1])
         for axis in range(2):
             x, y = 1.0 - axis, float(axis)
             forward, left = in_body(heading[k], x, y)
             pitch, roll = in_body(middle_rad, x, y)
             p.C[k, BODY_VELOCITY, VELOCITY + axis], p.C[k, BODY_VELOCITY + 1, VELOCITY + axis] = forward, left
             p.D[k, STICK, axis], p.D[k, STICK + 1, axis] = pitch / gain[0], roll / gain[1]
-        if feed_forward:
-            refer_demand(p, task, steering, k, middle_rad)
+        if feed_forward:  # within the bounds of the sticks
+            pitch, roll = in_body(middle_rad, p.r[k, DEMAND], p.r[k, DEMAND + 1])
+            pitch = gain[0] * min(max(pitch / gain[0], p.low[k, STICK]), p.high[k, STICK])
+            roll = gain[1] * min(max(roll / gain[1], p.low[k, STICK + 1]), p.high[k, STICK + 1])
+            p.r[k, DEMAND], p.r[k, DEMAND + 1] = in_body(-middle_rad, pitch, roll)
     p.x_0[VELOCITY], p.x_0[VELOCITY + 1] = in_body(-motion[YAW], motion[4], motion[5])
-    sticks = gain[0] * tilt.servo[0], gain[1] * tilt.servo[1]
-    p.x_0[servo], p.x_0[servo + 1] = in_body(-motion[YAW], sticks[0], sticks[1])
+    pitch, roll = gain[0] * tilt.servo[0], gain[1] * tilt.servo[1]
+    p.x_0[servo], p.x_0[servo + 1] = in_body(-motion[YAW], pitch, roll)
     for i in range(len(tilt.core)):
         p.x_0[4 + i] = tilt.core[i]
 

@@ -11,7 +11,11 @@ from rcopterx.control.models.finite import ESTIMATE
 from rcopterx.vehicles.state import Array
 
 RECOVERY_S: Final = 0.2
-"""Time constant with which a velocity beyond its bounds returns to them."""
+"""Time constant with which a velocity measured beyond its limits returns to them.
+
+By noise and gusts a vehicle that flies along a limit is beyond it half of the time, and to be back at the
+next stage would take a stick from stop to stop.
+"""
 
 
 class PlanLimits(NamedTuple):
