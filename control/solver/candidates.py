@@ -15,9 +15,9 @@ def rated(
     return Plan(*plan, active, iterations, primal, dual, optimal)
 
 
-def best_plan(p: OptimalControlProblem, inputs: Array, shifted: Array | None) -> Trajectories:
-    """Return the less costly of two plans within hard bounds: of `inputs`, and of `shifted` ones."""
-    known = [inputs] if shifted is None else [inputs, shifted]
+def best_plan(p: OptimalControlProblem, inputs: Array, last: Array | None) -> Trajectories:
+    """Return the less costly of two plans within hard bounds: of inputs, and of the last ones, shifted."""
+    known = [inputs] if last is None else [inputs, shift(last)]
     plans = [rolled_out(p, within_hard_bounds(p, candidate)) for candidate in known]
     return min(plans, key=lambda plan: float(np.nan_to_num(quality(p, plan)[0], nan=np.inf)))
 
@@ -46,4 +46,4 @@ def within_hard_bounds(p: OptimalControlProblem, inputs: Array) -> Array:
 def empty_plan(p: OptimalControlProblem) -> Trajectories:
     """Return a plan to be filled."""
     stages, nx, nu = p.B.shape
-    return Trajectories(np.zeros((stages + 1, nx)), np.zeros((stages, nu)), np.zeros((stages, p.W.shape[1])))
+    return Trajectories(np.empty((stages + 1, nx)), np.empty((stages, nu)), np.empty((stages, p.W.shape[1])))
