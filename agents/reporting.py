@@ -3,6 +3,7 @@
 import logging
 import math
 import os
+from collections import Counter
 from collections.abc import Mapping
 from typing import Final
 
@@ -244,11 +245,10 @@ def diagnostics_of(
 
 
 def _summed(*counts: Mapping[str, int]) -> dict[str, int]:
-    total: dict[str, int] = {}
+    total: Counter[str] = Counter()
     for each in counts:
-        for kind, count in each.items():
-            total[kind] = total.get(kind, 0) + count
-    return total
+        total.update(each)
+    return dict(total)
 
 
 def _hover_thrust(pilot: Pilot) -> float | None:

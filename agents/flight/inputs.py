@@ -53,8 +53,7 @@ INPUT_UNIT: Final = 2.0**-12
 
 def as_sent(inputs: Array, model: Model) -> Array:
     """Return inputs, shape (k, 4), in whole `INPUT_UNIT`, but for those at the limits of the vehicle."""
-    rounded = np.rint(inputs / INPUT_UNIT) * INPUT_UNIT
-    return np.minimum(np.maximum(rounded, model.u_min), model.u_max)  # faster than `np.clip`
+    return np.clip(np.rint(inputs / INPUT_UNIT) * INPUT_UNIT, model.u_min, model.u_max)
 
 
 @dataclass(slots=True)

@@ -9,9 +9,7 @@ that finds nothing better than the previous plan has not failed, but its step is
 
 from collections import Counter
 from collections.abc import Callable
-from functools import cache
-from operator import le
-from typing import Final, NamedTuple, TypeGuard
+from typing import Final, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -47,7 +45,7 @@ _ERROR_CAP: Final = np.array([0.4, 0.4, 0.4, 0.8])
 """Of `hovering_input`: per square second, per second, and largest errors; x, y, z, yaw."""
 _TOLERANCE: Final = 1e-6
 _LARGEST: Final = 1e6
-_ESTIMATE_CAP: Final = (50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0, *4 * [2.0], *4 * [100.0])
+_ESTIMATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0] + 4 * [2.0] + 4 * [100.0])
 """Motion, actuators, disturbance: no vehicle is beyond these; estimates are cut to keep arithmetic finite."""
 
 
@@ -223,7 +221,7 @@ class StepGuard:
         solver_limit_s = self.calls.allowed_s(SOLVER_SHARE * controller.period_s)
 
         def step() -> ControlStep | NoSolutionError:
-            if _stops_early(controller):
+            if isinstance(controller, StopsEarly):
                 controller.set_deadline(lambda: limit.over(solver_limit_s))
             try:
                 return controller.step(task.estimate, task.reference, task.last_input)
@@ -237,8 +235,8 @@ class StepGuard:
             lambda result: self._problem(result, controller.horizon, controller.period_s),
         )
         if isinstance(result, ControlStep):
-            inputs = np.minimum(np.maximum(result.inputs, self._model.u_min), self._model.u_max)
-            return ControlStep(inputs, result.plan, result.fallback, result.iterations)
+            inputs = np.clip(result.inputs, self._model.u_min, self._model.u_max)
+            return replace(result, inputs=inputs)
         return result
 
     def _problem(self, step: object, stages: int, period_s: float) -> str | None:
@@ -265,16 +263,6 @@ class StepGuard:
         return None
 
 
-@cache
-def _is_early(kind: type) -> bool:
-    # Once for each type: a check against a protocol costs as much as a small kernel.
-    return issubclass(kind, StopsEarly)
-
-
-def _stops_early(controller: Controller) -> TypeGuard[StopsEarly]:
-    return _is_early(type(controller))
-
-
 def _misshapen(name: str, values: object, shape: tuple[int, int]) -> str | None:
     if not isinstance(values, np.ndarray):
         return f"{name} are {type(values).__name__} and no array"
@@ -284,10 +272,6 @@ def _misshapen(name: str, values: object, shape: tuple[int, int]) -> str | None:
 
 
 def _capped(estimate: Estimate) -> Estimate:
-    values = *estimate.motion.tolist(), *estimate.actuator.tolist(), *estimate.disturbance.tolist()
-    if all(map(le, map(abs, values), _ESTIMATE_CAP)):
-        return estimate
-    motion, actuator, disturbance = np.split(
-        np.clip(values, np.negative(_ESTIMATE_CAP), _ESTIMATE_CAP), (8, 12)
-    )
+    values = np.concatenate((estimate.motion, estimate.actuator, estimate.disturbance))
+    motion, actuator, disturbance = np.split(np.clip(values, -_ESTIMATE_CAP, _ESTIMATE_CAP), (8, 12))
     return Estimate(motion, actuator, disturbance, estimate.tilt)

@@ -1,6 +1,5 @@
 """Keeps the plan of a vehicle clear of the plans of others, as far as its controller can."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -34,12 +33,8 @@ class SeparationEllipsoid:
 
     def normalised(self, gap_m: Array) -> Array:
         """Length of gaps, shape (.., 3), in ellipsoids: 1 on its surface."""
-        return np.asarray(np.linalg.norm(gap_m / self.half_axes_m, axis=-1))
-
-    @property
-    def half_axes_m(self) -> Array:
-        """Half axes along x, y and z."""
-        return np.array((self.horizontal_m, self.horizontal_m, self.vertical_m))
+        half_axes_m = (self.horizontal_m, self.horizontal_m, self.vertical_m)
+        return np.asarray(np.linalg.norm(gap_m / half_axes_m, axis=-1))
 
 
 class Neighbour(Struct, frozen=True):
@@ -72,7 +67,6 @@ def near(
 
     The obstacles are in the order of their names, so that a vehicle keeps its place among the constraints.
     """
-    weights = ellipsoid.half_axes_m**-2.0
     own_m = plan.resampled(period_s, period_s, stages).position_m
     obstacles: list[Obstacle] = []
     closest, closest_m = np.inf, np.inf
@@ -83,9 +77,11 @@ def near(
         other = neighbour.plan
         other_m = other.trajectory.resampled(other.ahead_s + delay_s, period_s, stages).position_m
         gap_m = own_m - other_m
-        squares = gap_m * gap_m
-        distance = math.sqrt((squares @ weights).min()) / scale
-        closest, closest_m = min(closest, distance), min(closest_m, math.sqrt(squares.sum(axis=1).min()))
+        distance = float(ellipsoid.normalised(gap_m).min()) / scale
+        closest, closest_m = (
+            min(closest, distance),
+            min(closest_m, float(np.linalg.norm(gap_m, axis=1).min())),
+        )
         if distance < NEAR:
             obstacles.append(Obstacle(other_m, scale * ellipsoid.horizontal_m, scale * ellipsoid.vertical_m))
     return Near(tuple(obstacles), closest < TOUCHING, closest_m)

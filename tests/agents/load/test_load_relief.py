@@ -63,7 +63,7 @@ class Scene:
         self.bus.effective, self.bus.notes = set(self.bus.notes[-1:]), []
         return self.relief.update()
 
-    def hear(self, agents: int, flies: tuple[int, ...]) -> bool:
+    def receive(self, agents: int, flies: tuple[int, ...]) -> bool:
         """What the launcher tells takes effect at the next step, without a note."""
         status = LauncherStatus(running=tuple(f"h{n}" for n in range(agents)), absent=(), flies=flies)
         self.launcher.store(encode(status), self.bus.now_s)
@@ -209,19 +209,19 @@ def test_periods_behind_which_it_lags_count_all_and_those_without_poses_once() -
 
 def test_where_more_agents_run_than_the_computer_serves_half_rate_is_planned() -> None:
     scene = Scene()
-    assert not scene.hear(agents=10, flies=())
-    assert not scene.hear(agents=10, flies=FLIES)
-    assert scene.hear(agents=11, flies=FLIES)
+    assert not scene.receive(agents=10, flies=())
+    assert not scene.receive(agents=10, flies=FLIES)
+    assert scene.receive(agents=11, flies=FLIES)
     assert scene.doing() == (False, NEAREST, 2)
     assert "more agents" in scene.relief.remark
     assert "half rate" in scene.relief.remark
-    assert not scene.hear(agents=11, flies=FLIES)
+    assert not scene.receive(agents=11, flies=FLIES)
     # Neither calm nor a landing ends it.
     for flying in (True, False):
         for _ in range(2000):
             scene.relief.watch(0.0, flying)
     assert scene.bus.notes == []
-    assert scene.hear(agents=10, flies=FLIES)
+    assert scene.receive(agents=10, flies=FLIES)
     assert scene.doing() == (True, MOST, 1)
 
 
@@ -241,13 +241,13 @@ def test_the_more_agents_too_many_the_lower_the_rate(
     agents: int, flies: tuple[int, ...], relief: Relief
 ) -> None:
     scene = Scene()
-    scene.hear(agents, flies)
+    scene.receive(agents, flies)
     assert scene.relief.relief is relief
 
 
 def test_on_the_floor_the_rate_is_never_below_half_because_arming_asks_for_fresh_commands() -> None:
     scene = Scene()
-    scene.hear(agents=16, flies=FLIES)
+    scene.receive(agents=16, flies=FLIES)
     assert scene.pacing.every == 2
     scene.relief.watch(0.0, flying=True)
     assert scene.pacing.every == 4
@@ -261,8 +261,8 @@ def test_what_was_decided_under_another_load_is_forgotten() -> None:
     for _ in range(2):
         scene.overload()
         scene.take_effect()
-    assert scene.hear(agents=11, flies=FLIES)
-    assert scene.hear(agents=10, flies=FLIES)
+    assert scene.receive(agents=11, flies=FLIES)
+    assert scene.receive(agents=10, flies=FLIES)
     assert scene.relief.relief is Relief.NONE
     scene.overload()
     scene.take_effect()
