@@ -1,6 +1,7 @@
 """MessagePack coding of messages; what is not a valid message is rejected with a reason."""
 
-from typing import Final, TypeVar
+import threading
+from typing import Any, Final, TypeVar
 
 import msgspec
 
@@ -9,6 +10,8 @@ from rcopterx.bus.message import InvalidMessageError, Message
 M = TypeVar("M", bound=Message)
 
 _ENCODER: Final = msgspec.msgpack.Encoder()
+_DECODERS: Final[dict[type[Message], msgspec.msgpack.Decoder[Any]]] = {}
+_preparing: Final = threading.Lock()
 
 
 class RejectedError(ValueError):
@@ -36,7 +39,7 @@ def decode(payload: bytes, message_type: type[M]) -> M:
     if len(payload) > message_type.MAX_BYTES:
         raise RejectedError("size", f"{len(payload)} bytes, at most {message_type.MAX_BYTES} are allowed")
     try:
-        message = msgspec.msgpack.decode(payload, type=message_type)
+        message: M = _decoder(message_type).decode(payload)
     except msgspec.ValidationError as error:
         raise RejectedError("type", str(error)) from None
     except (msgspec.DecodeError, ValueError, OverflowError, RecursionError) as error:
@@ -46,3 +49,12 @@ def decode(payload: bytes, message_type: type[M]) -> M:
     except InvalidMessageError as error:
         raise RejectedError("value", str(error)) from None
     return message
+
+
+def _decoder(message_type: type[M]) -> msgspec.msgpack.Decoder[M]:
+    """Return the decoder of a message type."""
+    if message_type not in _DECODERS:
+        # While msgspec describes a type, a second thread that decodes it reads a null pointer and crashes.
+        with _preparing:
+            _DECODERS[message_type] = msgspec.msgpack.Decoder(message_type)
+    return _DECODERS[message_type]
