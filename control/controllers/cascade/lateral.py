@@ -192,6 +192,7 @@ def state_tilting(
                 p.r[k, DEMAND + axis] = needed + (at - before) * (after - needed)
         p.x_0[axis], p.x_0[servo + 2 + axis] = motion[axis], tilt.wind_m_s2[axis]
         p.x_end[axis], p.x_end[VELOCITY + axis] = reference[N, axis], reference[N, 4 + axis]
+    demand, low, high = p.r[:, DEMAND:BODY_VELOCITY], p.low[:, STICK:ROWS], p.high[:, STICK:ROWS]
     for k in range(N):
         middle_rad = 0.5 * (heading[k] + heading[k + 1])
         for axis in range(2):
@@ -201,10 +202,10 @@ def state_tilting(
             p.C[k, BODY_VELOCITY, VELOCITY + axis], p.C[k, BODY_VELOCITY + 1, VELOCITY + axis] = forward, left
             p.D[k, STICK, axis], p.D[k, STICK + 1, axis] = pitch / gain[0], roll / gain[1]
         if feed_forward:  # within the bounds of the sticks
-            pitch, roll = in_body(middle_rad, p.r[k, DEMAND], p.r[k, DEMAND + 1])
-            pitch = gain[0] * min(max(pitch / gain[0], p.low[k, STICK]), p.high[k, STICK])
-            roll = gain[1] * min(max(roll / gain[1], p.low[k, STICK + 1]), p.high[k, STICK + 1])
-            p.r[k, DEMAND], p.r[k, DEMAND + 1] = in_body(-middle_rad, pitch, roll)
+            pitch, roll = in_body(middle_rad, demand[k, 0], demand[k, 1])
+            pitch = gain[0] * min(max(pitch / gain[0], low[k, 0]), high[k, 0])
+            roll = gain[1] * min(max(roll / gain[1], low[k, 1]), high[k, 1])
+            demand[k, 0], demand[k, 1] = in_body(-middle_rad, pitch, roll)
     p.x_0[VELOCITY], p.x_0[VELOCITY + 1] = in_body(-motion[YAW], motion[4], motion[5])
     pitch, roll = gain[0] * tilt.servo[0], gain[1] * tilt.servo[1]
     p.x_0[servo], p.x_0[servo + 1] = in_body(-motion[YAW], pitch, roll)
