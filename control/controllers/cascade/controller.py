@@ -16,11 +16,7 @@ from rcopterx.control.controllers.base import EARLY_STOP, MpcController
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.control.controllers.cascade.disturbance_observer import DisturbanceObserver
-from rcopterx.control.controllers.cascade.lateral import (
-    LateralLags,
-    LateralTilt,
-    with_tilt,
-)
+from rcopterx.control.controllers.cascade.lateral import LateralLags, LateralTilt, with_tilt
 from rcopterx.control.controllers.cascade.limits import PlanLimits, Task, recovery
 from rcopterx.control.controllers.cascade.weights import (
     HORIZONTAL,
