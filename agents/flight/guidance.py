@@ -2,15 +2,14 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
+from rcopterx.agents.flight.beside_leaders import References, beside_leaders
 from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan, Task, offset_between
 from rcopterx.agents.flight.touchdown import Touchdown
-from rcopterx.agents.formation.law import combined_reference, follower_reference
 from rcopterx.agents.phases import AIRBORNE, Event, Phase, next_phase
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.paths import FlightPath
@@ -24,7 +23,6 @@ from rcopterx.control.references.set_points import (
     smooth_way,
 )
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.control.references.turns import on_turn_of
 from rcopterx.vehicles.state import YAW, Array
 
 TAKE_OFF_SPEED_M_S = 0.6
@@ -35,15 +33,6 @@ SHORTEST_TRANSITION_S = 0.5
 """Shortest transition of an offset, unless a request says otherwise."""
 RESTORED_PATIENCE_S = 0.3
 """After a restart, transitions of offsets go on for so long without a leader's plan."""
-
-
-class References(NamedTuple):
-    """References of one control period."""
-
-    flown: Trajectory
-    """What the vehicle flies."""
-    nominal: Trajectory
-    """The same if no vehicle above this one were disturbed: the set points of the head with all offsets."""
 
 
 class Guidance:
@@ -337,7 +326,9 @@ class Guidance:
         if self.follows:
             usable = self._usable_plans(plans, estimate, time_s, delay_s)
             if usable:
-                found = self._beside_leaders(usable, estimate, time_s, delay_s, period_s, stages)
+                yaw_rad, share = float(estimate.motion[YAW]), self.deviation_share
+                links = [link for link in self.followed if link.leader in usable]
+                found = beside_leaders(links, usable, share, yaw_rad, time_s, delay_s, period_s, stages)
                 first = found.flown.samples[0]
                 self.source = SetPointReference(first[:3], float(first[YAW]))
                 return found
@@ -360,32 +351,6 @@ class Guidance:
         elif self._joined != usable.keys():
             self._begin_transitions(usable, estimate, time_s, None)
         return usable
-
-    def _beside_leaders(
-        self,
-        plans: Mapping[str, LeaderPlan],
-        estimate: Estimate,
-        time_s: float,
-        delay_s: float,
-        period_s: float,
-        stages: int,
-    ) -> References:
-        """Return the references beside the leaders with plans."""
-        links = [link for link in self.followed if link.leader in plans]
-        weights = [link.weight for link in links]
-
-        def beside(leaders: Iterable[Trajectory], yaw_rad: float) -> Trajectory:
-            references = []
-            for link, leader in zip(links, leaders, strict=True):
-                course, ahead_s = link.course(time_s + delay_s), plans[link.leader].ahead_s + delay_s
-                reference = follower_reference(leader, course, ahead_s, period_s, stages)
-                references.append(on_turn_of(reference, yaw_rad))
-            return combined_reference(references, weights)
-
-        partly = (plans[link.leader].partly_undisturbed(self.deviation_share) for link in links)
-        flown = beside(partly, float(estimate.motion[YAW]))
-        undisturbed = (plans[link.leader].undisturbed() for link in links)
-        return References(flown, beside(undisturbed, float(flown.samples[0, YAW])))
 
     def check_floor(self, estimate: Estimate, time_s: float) -> bool:
         """Leave the landing phase once the vehicle stands on the floor; return whether it does."""
