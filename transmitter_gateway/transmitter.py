@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.binding import Binding
-from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
     NEUTRAL,
@@ -26,8 +25,7 @@ from rcopterx.transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ProtocolError, RadioProtocol
+from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ProtocolError
 from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import TransmitterSnapshot, Write
@@ -44,32 +42,25 @@ LEASES_PER_S = 1000
 
 
 class Transmitter:
-    """Flies one vehicle through one serial port, which the first `tick` opens.
+    """Flies one vehicle through its serial port, which the first `tick` opens.
 
     The calibration's slew rates and hover thrust also serve the arbiter. Raises `PulseRangeError` if the
     calibration can give a pulse width that the protocol cannot carry, and `ProtocolError` if low power is
     requested and the radio has none.
     """
 
-    def __init__(
-        self,
-        vehicle: str,
-        limits: ArbiterLimits,
-        calibration: Calibration,
-        protocol: RadioProtocol,
-        port: SerialPort,
-        *,
-        low_power: bool = False,
-    ) -> None:
-        self.vehicle = vehicle
-        self.arbiter = Arbiter(vehicle, limits, calibration.throttle.u_hover, calibration.slew_per_s)
+    def __init__(self, settings: TransmitterSettings, port: SerialPort) -> None:
+        calibration, protocol = settings.calibration, settings.protocol
+        hover, slew_per_s = calibration.throttle.u_hover, calibration.slew_per_s
+        self.vehicle = settings.vehicle
+        self.arbiter = Arbiter(settings.vehicle, settings.limits, hover, slew_per_s)
         self.protocol, self.port = protocol, port
         self._calibration = calibration
         self._arming: Arming | None = None
-        self._low_power = low_power
-        if low_power and "low_power" not in protocol.offers:
+        self._low_power = settings.low_power
+        if settings.low_power and "low_power" not in protocol.offers:
             raise ProtocolError(f"{protocol.name}: low_power cannot be asked for")
-        prepare_channels(protocol, calibration, limits)
+        prepare_channels(protocol, calibration, settings.limits)
         self._output = ArbiterOutput(State.DISARMED, "started")
         self._pending = self._due_now = False
         self._binding = Binding(at_power_up=protocol.binds_at_power_up)
@@ -387,15 +378,3 @@ class Transmitter:
             bridging_step=self._output.bridging_step,
             counters={str(k): n for k, n in (self.arbiter.counters + self.port.counters).items()},
         )
-
-
-def build_transmitter(settings: TransmitterSettings) -> Transmitter:
-    """Build the transmitter of a vehicle; raises what `Transmitter` raises."""
-    return Transmitter(
-        settings.vehicle,
-        settings.limits,
-        settings.calibration,
-        settings.protocol,
-        SerialPort(settings.port, settings.protocol.line),
-        low_power=settings.low_power,
-    )

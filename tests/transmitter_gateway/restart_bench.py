@@ -20,6 +20,7 @@ from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.serial_port import SerialPort
+from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import NOT_FLYING, PAGE_BYTES, StatePage
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 
@@ -50,7 +51,8 @@ class Restart:
     def start(self) -> None:
         protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
         port = SerialPort(str(self.path), LINE, call)
-        self.transmitter = Transmitter("h1", ArbiterLimits(), Calibration(), protocol, port)
+        settings = TransmitterSettings("h1", port.path, protocol, Calibration(), ArbiterLimits())
+        self.transmitter = Transmitter(settings, port)
         self.transmitter.resume(self.page, self.now_s)
 
     def run(self, seconds: float, thrust: float | None = 0.55) -> list[ReceiverState]:

@@ -1,5 +1,6 @@
 import select
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from operator import call
 from pathlib import Path
@@ -27,11 +28,17 @@ from rcopterx.transmitter_gateway.inputs import (
     State,
 )
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError, PulseRangeError, SerialLine
+from rcopterx.transmitter_gateway.protocols.base import (
+    ProtocolError,
+    PulseRangeError,
+    RadioProtocol,
+    SerialLine,
+)
 from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
 from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
+from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import Write
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 
@@ -41,17 +48,19 @@ HOVER = (0.1, -0.1, 0.55, 0.05)
 FRAME_S = 27 * 120e-6
 
 
+def settings_of(calibration: Calibration, protocol: RadioProtocol | None = None) -> TransmitterSettings:
+    protocol = protocol or MultiProtocol(MultiSettings(rx_num=3), LINE)
+    return TransmitterSettings("h1", "/nonexistent", protocol, calibration, ArbiterLimits())
+
+
 class Bench:
     """Transmitter and emulated radio on a pseudo-terminal, driven in virtual time."""
 
     def __init__(self, path: Path, calibration: Calibration | None = None) -> None:
         self.now_s = 0.0
         self.radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
-        protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
         self.port = SerialPort(str(path), LINE, call)
-        self.transmitter = Transmitter(
-            "h1", ArbiterLimits(), calibration or Calibration(), protocol, self.port
-        )
+        self.transmitter = Transmitter(settings_of(calibration or Calibration()), self.port)
         self.transmitter.arbiter.bid(1, 0.0, take_over=False)
         self.sequence = 0
         self.next_command_s = 0.02
@@ -279,8 +288,7 @@ def test_shutdown_lands_sends_at_least_25_low_frames_and_finishes(bench: Bench) 
 def test_disarmed_vehicles_get_throttle_low_without_trim_also_in_bind_frames(tmp_path: Path) -> None:
     bench = Bench(tmp_path / "h1")
     calibration = Calibration(throttle=ThrottleCalibration(us0=1180))
-    protocol = MultiProtocol(MultiSettings(rx_num=3), LINE)
-    bench.transmitter = Transmitter("h1", ArbiterLimits(), calibration, protocol, bench.port)
+    bench.transmitter = Transmitter(settings_of(calibration), bench.port)
     bench.transmitter.arbiter.bid(1, bench.now_s, take_over=False)
     bench.run(1.0, IDLE)
     assert bench.transmitter.bind(bench.now_s).accepted
@@ -395,11 +403,11 @@ def test_full_port_is_tried_again_and_then_given_up(bench: Bench, monkeypatch: p
     assert bench.transmitter.next_deadline_s() <= bench.now_s + 0.005
 
 
-def make(protocol: MultiProtocol | Dsm2SerialProtocol | PpmGenProtocol, **options: object) -> Transmitter:
-    port = SerialPort("/nonexistent", LINE, call)
-    calibration = options.pop("calibration", Calibration())
-    assert isinstance(calibration, Calibration)
-    return Transmitter("h1", ArbiterLimits(), calibration, protocol, port, low_power=bool(options))
+def make(
+    protocol: RadioProtocol, *, calibration: Calibration | None = None, low_power: bool = False
+) -> Transmitter:
+    settings = settings_of(calibration or Calibration(), protocol)
+    return Transmitter(replace(settings, low_power=low_power), SerialPort("/nonexistent", LINE, call))
 
 
 @pytest.mark.parametrize(
