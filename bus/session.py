@@ -186,10 +186,6 @@ class Session:
         """Leave the bus; done at the end of the program otherwise."""
         self._close()
 
-    def connected(self) -> bool:
-        """Return whether a router is linked at this moment."""
-        return bool(list(self._zenoh.info.routers_zid()))
-
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """Send a message; never blocks, drops on congestion."""
         publisher = self._publishers.get((unit, channel.topic)) or self._declare(channel, unit)

@@ -1,8 +1,8 @@
-"""Events of a flight in the rig: set points, offsets, leaders, controllers."""
+"""Events of a flight in the rig: set points, offsets, leaders."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import followed_leader
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.set_points import ProfileLimits
 from rcopterx.vehicles.tuples import Three
@@ -108,19 +107,4 @@ class Lead(Event):
     def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
         """Hold the place."""
         pilot.guidance.lead(pilot.estimate)
-        return None
-
-
-@dataclass(frozen=True)
-class Switch(Event):
-    """Another controller replaces the present one in flight."""
-
-    controller: str
-    settings: Mapping[str, object] = field(default_factory=dict)
-
-    def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
-        """Replace it."""
-        controller = CONTROLLERS.build(self.controller, pilot.model, pilot.controller.period_s, self.settings)
-        controller.reset(pilot.estimate, pilot.input_history.newest)
-        pilot.controller = controller
         return None

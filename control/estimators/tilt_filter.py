@@ -71,8 +71,6 @@ class TiltFilter:
         self._H[:2, POSITION] = self._H[2:, system.tilt] = np.eye(2)
         self.x: Array = np.zeros(size)
         self.P: Array = np.zeros((size, size))
-        self.tilts_rejected = 0
-        """Measured tilts too far from the predicted one."""
         self._forget_body()
 
     def _prepare(self, period_s: float) -> tuple[LateralStep, Array]:
@@ -94,11 +92,6 @@ class TiltFilter:
     def tilt(self) -> Array:
         """Estimated tilt of the axis of the thrust, inertial frame, shape (2,)."""
         return self.x[self._layout.tilt]
-
-    @property
-    def body_offset_rad(self) -> Array:
-        """Estimated tilt of the measured body against the axis of the thrust, body frame, shape (2,)."""
-        return self.x[self._offset]
 
     @property
     def estimate(self) -> TiltEstimate:
@@ -178,8 +171,6 @@ class TiltFilter:
             if max(map(abs, (tilt - self.tilt - offset).tolist())) <= TILT_GATE:
                 H, R, z = self._H.copy(), self.R, np.concatenate((position_m, tilt))
                 H[2:, self._offset] = heading_matrix(yaw_rad)
-            else:
-                self.tilts_rejected += 1
         self.x, self.P = update(self.x, self.P, H, R, z, self._limit)
 
     def forget_offset(self) -> None:

@@ -34,7 +34,6 @@ class Child:
     hung: int = 0
     """How often it was killed because it made no progress."""
     quick_deaths: int = 0
-    last_exit: int | None = None
     wanted: bool = True
     """Whether it shall run; any thread may change it at any time."""
     take_over: bool = False

@@ -82,7 +82,6 @@ class Supervisor:
         self._prepare_at_s = self._spare_at_s = 0.0
         self.turns = 0
         """Number of turns of the loop that calls `watch`."""
-        self.spare_failures = 0
         self.spares_hung = 0
         blind = not any(spec.role in KNOWING_ROLES for spec in specs)
         self.liveness: Liveness | None = None if watchdog is None else Liveness(Watchdog(watchdog, blind))
@@ -188,7 +187,6 @@ class Supervisor:
             try:
                 self._spares.prepare()
             except OSError:
-                self.spare_failures += 1
                 self._spare_at_s = now_s + SPARE_RETRY_S
         return lines
 
@@ -279,7 +277,6 @@ class Supervisor:
     def _reap(self, child: Child) -> int:
         assert child.process is not None
         code = child.process.wait()
-        child.last_exit = code
         child.process = None
         return code
 

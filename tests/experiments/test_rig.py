@@ -9,7 +9,7 @@ from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
 from rcopterx.agents.formation.topology import places
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.experiments.events import Event, Follow, GoTo, Lead, Switch
+from rcopterx.experiments.events import Event, Follow, GoTo, Lead
 from rcopterx.experiments.record import FlightRecord, rms
 from rcopterx.experiments.rig import (
     Rig,
@@ -109,14 +109,6 @@ def test_rig_flies_on_from_where_it_stopped() -> None:
     whole = Rig(pair(), LABORATORY, 5).fly(4.0, (STEP,))
     joined = np.vstack((first["h2"].motion, second["h2"].motion))
     assert np.array_equal(joined, whole["h2"].motion)
-
-
-def test_controller_may_be_switched_in_flight() -> None:
-    switch = Switch(1.5, "h1", "paper", {"horizon": 30, **NO_HURRY})
-    record = flown([leader()], (switch,), seconds=3.0, conditions=LABORATORY)["h1"]
-    after = record.time_s >= 1.5
-    assert np.abs(np.diff(record.inputs[:, 2]))[after[1:]].max() < 0.1
-    assert np.abs(record.motion[after, :3] - (0.0, 0.0, 1.0)).max() < 0.1
 
 
 def test_follower_that_leads_holds_its_place() -> None:

@@ -82,5 +82,5 @@ def test_second_launch_is_refused_and_the_fleet_is_undisturbed(flying: Flying, t
     with pytest.raises(FleetError, match=r"^lab is already up on this computer; stop it first$"):
         Launcher(load_fleet(flying.path), "main")
     with Fleet(flying.fleet.file) as another:
-        assert another.session.connected()
+        another.wait_until(lambda: another.present() == list(NAMES), 30, "the fleet is disturbed", NAMES)
     truth.assert_none_touched_down()
