@@ -10,6 +10,7 @@ import tty
 from collections import Counter, deque
 from pathlib import Path
 
+from rcopterx.simulator.radio_end import RadioEnd
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, RadioModule, SerialFrame
 from rcopterx.simulator.radio_receiver import Receiver, ReceiverOutput
 
@@ -65,7 +66,7 @@ class RadioLink:
         return frames
 
 
-class RadioPty:
+class RadioPty(RadioEnd):
     """A `RadioLink` on a pseudo-terminal with a fixed name, a symbolic link.
 
     Call `receive` whenever `fileno` is readable and `live` often enough for the module to answer; `service`
@@ -175,6 +176,14 @@ class RadioPty:
     def output(self, now_s: float) -> ReceiverOutput:
         """Output of the receiver to the vehicle at `now_s`."""
         return self.link.output(now_s)
+
+    def take_outputs(self) -> list[tuple[float, tuple[float, ...]]]:
+        """See `RadioEnd`."""
+        return self.link.take_outputs()
+
+    def take_frames(self) -> list[SerialFrame]:
+        """See `RadioEnd`."""
+        return self.link.take_frames()
 
     def unplug(self, *, powered: bool = False) -> None:
         """Pull the cable: the device vanishes for its users; `powered` if the module has power of its own."""

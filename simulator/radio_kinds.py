@@ -3,11 +3,16 @@
 from collections.abc import Callable
 from typing import Final
 
-from rcopterx.simulator.radio import RadioPty
+from rcopterx.simulator.crazyflie import Crazyflie
+from rcopterx.simulator.crazyflie_udp import CrazyflieUdp
+from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_boards import Dsm2Board, DsmpModule, TrainerTransmitter
+from rcopterx.simulator.radio_end import RadioEnd
 from rcopterx.simulator.radio_module import RadioModule
 from rcopterx.simulator.radio_multi import MultiModule
+from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.simulator.settings import SimulatedRadio
+from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
 from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
 
@@ -35,22 +40,34 @@ def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
     return _MODULES[radio.protocol.name](radio, start_s)
 
 
-def condition_refused(radio: RadioPty, condition: str) -> str | None:
-    """Why a module cannot be brought into a condition; None if it can. See `set_condition`."""
-    if condition == "refusing" and not isinstance(radio.link.module, MultiModule):
+def radio_end_of(port: str, radio: SimulatedRadio, start_s: float) -> RadioEnd:
+    """Emulated radio of a vehicle at a port; raises `OSError` if the port cannot be used."""
+    if isinstance(radio.protocol, CrazyflieProtocol):
+        return CrazyflieUdp(port, Crazyflie(radio.protocol.settings, start_s))
+    return RadioPty(port, RadioLink(module_of(radio, start_s), Receiver(radio.model_match)))
+
+
+def _multi_module(radio: RadioEnd) -> MultiModule | None:
+    module = radio.link.module if isinstance(radio, RadioPty) else None
+    return module if isinstance(module, MultiModule) else None
+
+
+def condition_refused(radio: RadioEnd, condition: str) -> str | None:
+    """Why a radio cannot be brought into a condition; None if it can. See `set_condition`."""
+    if condition == "refusing" and _multi_module(radio) is None:
         return "only a Multiprotocol module tells that it does not know the protocol"
     return None
 
 
-def set_condition(radio: RadioPty, condition: str, now_s: float) -> None:
-    """Break or repair the radio module behind a pseudo-terminal while the laboratory runs.
+def set_condition(radio: RadioEnd, condition: str, now_s: float) -> None:
+    """Break or repair a radio while the laboratory runs.
 
     `condition` is `ready`; `unplugged`: the cable, which also feeds the module, is pulled; `adapter`: the
     adapter is gone, the module has power; `off`: the adapter is there, the module has no
-    power; `refusing`: a Multiprotocol module whose firmware has no DSM2.
+    power; `refusing`: a Multiprotocol module whose firmware has no DSM2. A Crazyflie keeps its battery
+    without the adapter, and loses it with `off`.
     """
-    module = radio.link.module
-    if isinstance(module, MultiModule):
+    if (module := _multi_module(radio)) is not None:
         module.knows_dsm2 = condition != "refusing"
     if condition in ("unplugged", "adapter"):
         radio.unplug(powered=condition == "adapter")

@@ -3,9 +3,7 @@
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
-from rcopterx.simulator.radio import RadioLink, RadioPty
-from rcopterx.simulator.radio_kinds import module_of
-from rcopterx.simulator.radio_receiver import Receiver
+from rcopterx.simulator.radio_kinds import radio_end_of
 from rcopterx.simulator.settings import SimulatedVehicle
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 
@@ -27,11 +25,7 @@ class Room:
             seed,
         )
         self.radios = {
-            vehicle.name: RadioPty(
-                vehicle.port,
-                RadioLink(module_of(vehicle.radio, start_s), Receiver(vehicle.radio.model_match)),
-            )
-            for vehicle in vehicles
+            vehicle.name: radio_end_of(vehicle.port, vehicle.radio, start_s) for vehicle in vehicles
         }
         self._armed: set[str] = set()
         """Vehicles whose flight controllers are armed: only with low throttle, until the channel is off."""
@@ -45,7 +39,7 @@ class Room:
         for vehicle in self.vehicles:
             radio = self.radios[vehicle.name]
             radio.live(now_s)
-            for received_s, pulses_us in radio.link.take_outputs():
+            for received_s, pulses_us in radio.take_outputs():
                 self._drive(vehicle, pulses_us, max(0.0, received_s - self._now_s))
         if now_s > self._now_s:
             self.laboratory.advance(now_s - self._now_s)
@@ -74,6 +68,6 @@ class Room:
         return TrackedBody(vehicle.subject, pose.position_m, pose.quaternion_xyzw)
 
     def close(self) -> None:
-        """Remove the pseudo-terminals."""
+        """Remove the ports of the radios."""
         for radio in self.radios.values():
             radio.close()

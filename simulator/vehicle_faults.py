@@ -6,7 +6,7 @@ from typing import Final
 from rcopterx.simulator.fault_table import FaultTable
 from rcopterx.simulator.faults import BreakRadio, BreakVehicle, FaultError, Recover, TimedFault
 from rcopterx.simulator.plant import Plant, PlantFaults, four
-from rcopterx.simulator.radio import RadioPty
+from rcopterx.simulator.radio_end import RadioEnd
 from rcopterx.simulator.radio_kinds import condition_refused, set_condition
 
 _STICKS: Final = ("pitch", "roll", "thrust", "yaw")
@@ -15,7 +15,7 @@ _STICKS: Final = ("pitch", "roll", "thrust", "yaw")
 class VehicleFaults:
     """Breaks and repairs the plants and the radio modules of vehicles; other faults are ignored."""
 
-    def __init__(self, plants: Mapping[str, Plant], radios: Mapping[str, RadioPty]) -> None:
+    def __init__(self, plants: Mapping[str, Plant], radios: Mapping[str, RadioEnd]) -> None:
         self._plants, self._radios = plants, radios
         self._table: FaultTable[BreakRadio | BreakVehicle | Recover, BreakRadio | BreakVehicle] = FaultTable()
 

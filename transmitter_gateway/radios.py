@@ -9,7 +9,7 @@ from pathlib import Path
 from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
-from rcopterx.transmitter_gateway.serial_port import SerialPort
+from rcopterx.transmitter_gateway.ports import port_for
 from rcopterx.transmitter_gateway.settings import GatewaySettings
 from rcopterx.transmitter_gateway.state_page import StatePage, open_page, page_of_process
 from rcopterx.transmitter_gateway.transmitter import Transmitter
@@ -38,8 +38,7 @@ class Radios:
         self._wakeup, self._keys, self._heartbeat = wakeup, keys, heartbeat
         self._clock = clock
         self.transmitters = {
-            each.vehicle: Transmitter(each, SerialPort(each.port, each.protocol.line))
-            for each in settings.transmitters
+            each.vehicle: Transmitter(each, port_for(each)) for each in settings.transmitters
         }
         self._pages = {name: _page(settings.states / name) for name in self.transmitters}
         for name, page in self._pages.items():

@@ -13,12 +13,12 @@ from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
-from enum import StrEnum
 from functools import partial
 from threading import Thread
 
 import serial
 
+from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 
 TCGETS2 = 0x802C542A
@@ -53,27 +53,13 @@ def reason_of(error: Exception) -> str:
     return REASONS.get(number, os.strerror(number))
 
 
-class WriteOutcome(StrEnum):
-    """Outcome of a write."""
-
-    WRITTEN = "frames written"
-    CLOSED = "frames not sent: port closed"
-    SILENT = "frames not sent: silence after a short write"
-    BACKLOG = "frames not sent: earlier bytes still queued"
-    SHORT = "short writes"
-    FAILED = "failed writes"
-
-
 def in_thread(work: Callable[[], None]) -> None:
     """Run `work` in a thread of its own, which does not keep the process from ending."""
     Thread(target=work, name="serial port", daemon=True).start()
 
 
-class SerialPort:
-    """A port that is opened and reopened by `service` and written frame by frame.
-
-    `problem` is why it is not open, None when it is; outcomes of writes, openings and losses are counted by
-    name.
+class SerialPort(Port):
+    """A serial device; see `Port`.
 
     Parameters
     ----------

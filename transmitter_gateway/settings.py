@@ -11,7 +11,7 @@ from rcopterx.transmitter_gateway.protocols.base import RadioProtocol
 
 @dataclass(frozen=True)
 class TransmitterSettings:
-    """One vehicle's transmitter; `port` is its serial device."""
+    """One vehicle's transmitter; `port` is its serial device or address."""
 
     vehicle: str
     port: str

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from msgspec import Struct
 
 from rcopterx.transmitter_gateway.inputs import ArbiterOutput, LinkState, State
-from rcopterx.transmitter_gateway.serial_port import WriteOutcome
+from rcopterx.transmitter_gateway.port import WriteOutcome
 
 
 class Write(Struct, frozen=True):

@@ -9,7 +9,7 @@ from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.transmitter_gateway.inputs import NAMES, Action, ActionRequest, CommandInput, State
-from rcopterx.transmitter_gateway.serial_port import WriteOutcome
+from rcopterx.transmitter_gateway.port import WriteOutcome
 from rcopterx.transmitter_gateway.snapshot import Write
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 

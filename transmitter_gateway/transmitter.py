@@ -1,4 +1,4 @@
-"""One transmitter: arbiter, calibration, radio protocol and serial port, driven by a single-threaded loop.
+"""One transmitter: arbiter, calibration, radio protocol and port, driven by a single-threaded loop.
 
 The loop calls `on_command`, `on_pose`, `on_readable` and `request` when something arrives, and `tick` at the
 latest at `next_deadline_s`, which is at once after any of these. Only `tick` decides and writes, and it
@@ -25,8 +25,8 @@ from rcopterx.transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
+from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ProtocolError
-from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import TransmitterSnapshot, Write
 from rcopterx.transmitter_gateway.state_page import StatePage
@@ -42,14 +42,14 @@ LEASES_PER_S = 1000
 
 
 class Transmitter:
-    """Flies one vehicle through its serial port, which the first `tick` opens.
+    """Flies one vehicle through one port, which the first `tick` opens.
 
     The calibration's slew rates and hover thrust also serve the arbiter. Raises `PulseRangeError` if the
     calibration can give a pulse width that the protocol cannot carry, and `ProtocolError` if low power is
     requested and the radio has none.
     """
 
-    def __init__(self, settings: TransmitterSettings, port: SerialPort) -> None:
+    def __init__(self, settings: TransmitterSettings, port: Port) -> None:
         calibration, protocol = settings.calibration, settings.protocol
         hover, slew_per_s = calibration.throttle.u_hover, calibration.slew_per_s
         self.vehicle = settings.vehicle
@@ -376,5 +376,9 @@ class Transmitter:
             lease=self.arbiter.lease,
             binding=self._binding.active,
             bridging_step=self._output.bridging_step,
-            counters={str(k): n for k, n in (self.arbiter.counters + self.port.counters).items()},
+            counters={
+                str(name): count
+                for counters in (self.arbiter.counters, self.port.counters, self.protocol.counters)
+                for name, count in counters.items()
+            },
         )

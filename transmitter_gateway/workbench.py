@@ -10,7 +10,8 @@ from contextlib import AbstractContextManager
 
 from rcopterx.transmitter_gateway.binding import AFTER_BIND_S, LONGEST_BIND_S, POWER_UP_LIMIT_S
 from rcopterx.transmitter_gateway.inputs import Answer, LinkState
-from rcopterx.transmitter_gateway.serial_port import IN_USE, SerialPort
+from rcopterx.transmitter_gateway.ports import port_for
+from rcopterx.transmitter_gateway.serial_port import IN_USE
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 
@@ -40,7 +41,7 @@ class Workbench(AbstractContextManager["Workbench"]):
         self.vehicle = settings.vehicle
         self._clock = clock
         self._wait = wait
-        self.transmitter = Transmitter(settings, SerialPort(settings.port, settings.protocol.line))
+        self.transmitter = Transmitter(settings, port_for(settings))
 
     def __exit__(self, *_: object) -> None:
         self.transmitter.show(None)

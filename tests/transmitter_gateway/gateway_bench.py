@@ -22,11 +22,11 @@ from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.port import WriteOutcome
 from rcopterx.transmitter_gateway.process import Gateway
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.radios import Radios
-from rcopterx.transmitter_gateway.serial_port import WriteOutcome
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import Write
 from rcopterx.transmitter_gateway.state_page import begin_page

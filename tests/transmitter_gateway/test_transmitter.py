@@ -28,6 +28,7 @@ from rcopterx.transmitter_gateway.inputs import (
     State,
 )
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.port import WriteOutcome
 from rcopterx.transmitter_gateway.protocols.base import (
     ProtocolError,
     PulseRangeError,
@@ -37,7 +38,7 @@ from rcopterx.transmitter_gateway.protocols.base import (
 from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
-from rcopterx.transmitter_gateway.serial_port import SerialPort, WriteOutcome
+from rcopterx.transmitter_gateway.serial_port import SerialPort
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import Write
 from rcopterx.transmitter_gateway.transmitter import Transmitter

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar, Literal
 
 from msgspec import Struct
@@ -98,6 +99,8 @@ class RadioProtocol(ABC):
         Shortest possible and longest wanted time between the starts of two frames.
     rest_us
         Pulse width of the channels that `encode` gets none for.
+    counters
+        Answers that were rejected, by reason.
     """
 
     name: ClassVar[str]
@@ -109,6 +112,7 @@ class RadioProtocol(ABC):
     minimum_interval_s: float
     keepalive_s: float
     rest_us: float = CENTER_US
+    counters: Mapping[str, int] = MappingProxyType({})
 
     @abstractmethod
     def encode(

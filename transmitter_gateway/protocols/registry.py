@@ -6,13 +6,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
-from rcopterx.transmitter_gateway.protocols import dsm2_serial, dsmp, multi, ppm
+from rcopterx.transmitter_gateway.protocols import crazyflie, dsm2_serial, dsmp, multi, ppm
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol, SerialLine
 
 _KINDS: dict[str, tuple[type[Any], Callable[..., RadioProtocol], SerialLine]] = {
     "multi": (multi.MultiSettings, multi.MultiProtocol, multi.LINE),
     "dsm2_serial": (dsm2_serial.Dsm2Settings, dsm2_serial.Dsm2SerialProtocol, dsm2_serial.LINE),
     "dsmp": (dsmp.DsmpSettings, dsmp.DsmpProtocol, dsmp.LINE),
+    "crazyflie": (crazyflie.CrazyflieSettings, crazyflie.CrazyflieProtocol, crazyflie.LINE),
     "ppm": (ppm.PpmSettings, ppm.PpmGenProtocol, ppm.PPM_GEN_LINE),
     "sc8000p": (ppm.PpmSettings, ppm.Sc8000pProtocol, ppm.SC8000P_LINE),
 }

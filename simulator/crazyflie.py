@@ -1,0 +1,171 @@
+"""Emulated firmware of a Crazyflie between radio and motors (behaviour: crazyflie-firmware, supervisor)."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from typing import Final
+
+from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
+from rcopterx.transmitter_gateway.protocols import crtp
+from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
+from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
+
+LEVEL_AFTER_S: Final = 0.5
+STOP_AFTER_S: Final = 2.0
+WATCHDOG_S: Final = 1.0
+LEAST_THRUST: Final = 1000
+"""Less is nothing."""
+
+
+class Crazyflie:
+    """The firmware of one vehicle, without any port or clock.
+
+    Attributes
+    ----------
+    state
+        What the supervisor reports.
+    motors_run
+        Whether the motors get thrust.
+    powered
+        Whether its battery is in.
+    rejected
+        Packets that the firmware ignored, by reason.
+
+    Parameters
+    ----------
+    settings
+        How set points become the pulse widths that the simulated vehicle gets.
+    arms_itself
+        As brushed vehicles do; brushless ones wait for a request.
+    """
+
+    def __init__(
+        self, settings: CrazyflieSettings, start_s: float = 0.0, *, arms_itself: bool = True
+    ) -> None:
+        self._settings = settings
+        self._arms_itself = arms_itself
+        self.frames: deque[SerialFrame] = deque(maxlen=FRAME_LOG_LENGTH)
+        self.rejected: Counter[str] = Counter()
+        self._outputs: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=FRAME_LOG_LENGTH)
+        self._last: tuple[float, ...] | None = None
+        self.motors_run = False
+        self.power_cycle(start_s)
+
+    def power_cycle(self, now_s: float) -> None:
+        """Start anew, which ends every stop."""
+        self.powered = True
+        self.state = crtp.SupervisorState(
+            can_be_armed=True, armed=self._arms_itself, arms_itself=self._arms_itself
+        )
+        self._unlocked = False
+        self._set_point = crtp.SetPoint()
+        self._received_s = self._fed_s = math.inf
+        self._advanced_s = now_s
+
+    def switch_off(self) -> None:
+        """Take the battery out."""
+        self.powered = False
+        self._note(self._advanced_s)
+
+    def receive(self, raw: bytes, now_s: float) -> list[bytes]:
+        """Take a packet at `now_s`; return the answers."""
+        self.advance(now_s)
+        if not self.powered:
+            return []
+        if raw == crtp.NULL_PACKET:
+            return [crtp.NULL_PACKET]
+        try:
+            packet = crtp.Packet.from_bytes(raw)
+            answers = self._obey(packet, now_s)
+        except FrameDecodeError as error:
+            self.rejected[str(error)] += 1
+            return []
+        self._note(now_s)
+        return [answer.to_bytes() for answer in answers]
+
+    def _obey(self, packet: crtp.Packet, now_s: float) -> list[crtp.Packet]:
+        if packet.port == crtp.COMMANDER:
+            self._take(crtp.SetPoint.of(packet), now_s)
+            return []
+        if packet == crtp.state_request():
+            return [self.state.packet()]
+        if packet == crtp.watchdog():
+            self._fed_s = now_s
+            return []
+        if packet == crtp.emergency_stop():
+            self._lock()
+            return []
+        for on in (False, True):
+            if packet == crtp.arm_request(on=on):
+                return [self._arm(on=on, answer=packet)]
+        raise FrameDecodeError(f"crazyflie: no such port or command: {packet.port}, {packet.channel}")
+
+    def _take(self, set_point: crtp.SetPoint, now_s: float) -> None:
+        self._unlocked = self._unlocked or set_point.thrust == 0
+        self._set_point, self._received_s = set_point, now_s
+        pulses_us = self._settings.pulses_us(set_point, armed=self.state.armed)
+        self.frames.append(SerialFrame(now_s, pulses_us, kill=self.state.locked))
+
+    def _arm(self, *, on: bool, answer: crtp.Packet) -> crtp.Packet:
+        if not self.state.locked:
+            self._change(armed=on or self._arms_itself)
+        done = self.state.armed is on
+        data = bytes((crtp.ANSWERED | crtp.ARM, done, self.state.armed))
+        return crtp.Packet(answer.port, answer.channel, data)
+
+    def _change(self, *, armed: bool, locked: bool = False) -> None:
+        self.state = crtp.SupervisorState(
+            can_be_armed=not armed and not locked, armed=armed, arms_itself=self._arms_itself, locked=locked
+        )
+
+    def _lock(self) -> None:
+        self._change(armed=False, locked=True)
+
+    def advance(self, now_s: float) -> None:
+        """Apply the ages of the set point and of the watchdog until `now_s`."""
+        timers = (
+            (self._received_s + LEVEL_AFTER_S, self._note),
+            (self._received_s + STOP_AFTER_S, self._stop),
+            (self._fed_s + WATCHDOG_S, self._lock_at),
+        )
+        for due_s, act in sorted(timers, key=lambda timer: timer[0]):
+            if self.powered and self._advanced_s < due_s <= now_s:
+                act(due_s)
+        self._advanced_s = max(self._advanced_s, now_s)
+
+    def _stop(self, now_s: float) -> None:
+        """Lock a vehicle that flies without commands; any other waits for thrust 0."""
+        self._unlocked = False
+        if self._set_point.thrust >= LEAST_THRUST and self.state.armed:
+            self._lock_at(now_s)
+
+    def _lock_at(self, now_s: float) -> None:
+        self._lock()
+        self._note(now_s)
+
+    def _note(self, now_s: float) -> None:
+        """Note what the vehicle gets if it has changed."""
+        point = self._set_point
+        runs = self.powered and self.state.armed and self._unlocked and point.thrust >= LEAST_THRUST
+        if not runs:
+            point = crtp.SetPoint()
+        elif now_s >= self._received_s + LEVEL_AFTER_S:
+            point = crtp.SetPoint(thrust=point.thrust)
+        pulses_us = self._settings.pulses_us(point, armed=self.powered and self.state.armed)
+        self.motors_run = runs
+        if pulses_us != self._last:
+            self._last = pulses_us
+            self._outputs.append((now_s, pulses_us))
+
+    def take_outputs(self) -> list[tuple[float, tuple[float, ...]]]:
+        """Return and forget when the vehicle has got other pulse widths, and which [us]."""
+        outputs = list(self._outputs)
+        self._outputs.clear()
+        return outputs
+
+    def take_frames(self) -> list[SerialFrame]:
+        """Return and forget the set points that were received."""
+        frames = list(self.frames)
+        self.frames.clear()
+        return frames

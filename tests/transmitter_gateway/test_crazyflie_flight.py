@@ -1,0 +1,163 @@
+"""Promises of arbiter and firmware together: each state of the arbiter is one of the firmware."""
+
+import math
+from collections import Counter
+
+import pytest
+
+from rcopterx.simulator.crazyflie import LEVEL_AFTER_S, WATCHDOG_S, Crazyflie
+from rcopterx.transmitter_gateway.calibration import ArmingChannel, Calibration
+from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, CommandInput, PoseInput, State
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.port import Port, WriteOutcome
+from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol, CrazyflieSettings
+from rcopterx.transmitter_gateway.protocols.crtp import joined, separated
+from rcopterx.transmitter_gateway.settings import TransmitterSettings
+from rcopterx.transmitter_gateway.transmitter import Transmitter
+
+
+class Air(Port):
+    """A port whose packets reach the vehicle at once."""
+
+    def __init__(self, vehicle: Crazyflie) -> None:
+        self.path, self.problem, self.counters = "air", "closed", Counter()
+        self._vehicle = vehicle
+        self._answers: list[bytes] = []
+
+    @property
+    def is_open(self) -> bool:
+        return self.problem is None
+
+    @property
+    def next_attempt_s(self) -> float:
+        return math.inf if self.is_open else -math.inf
+
+    def fileno(self) -> int | None:
+        return None
+
+    def service(self, now_s: float) -> bool:
+        opened, self.problem = not self.is_open, None
+        return opened
+
+    def write_frame(self, frame: bytes, now_s: float) -> WriteOutcome:
+        for packet in separated(frame):
+            self._answers += self._vehicle.receive(packet, now_s)
+        return WriteOutcome.WRITTEN
+
+    def read_available(self, now_s: float) -> bytes:
+        answers, self._answers = self._answers, []
+        return joined(answers)
+
+    def close(self) -> None:
+        self.problem = "closed"
+
+
+class Bench:
+    def __init__(self, *, arms_itself: bool, watchdog: bool = True) -> None:
+        settings = CrazyflieSettings(watchdog=watchdog)
+        self.vehicle = Crazyflie(settings, arms_itself=arms_itself)
+        protocol, calibration = CrazyflieProtocol(settings), Calibration(arming=ArmingChannel(4))
+        self.transmitter = Transmitter(
+            TransmitterSettings("c1", "air", protocol, calibration, ArbiterLimits()), Air(self.vehicle)
+        )
+        self.now_s = 0.0
+        self.sequence = 0
+        self.lease = self.transmitter.bid(1, 0.0, take_over=False)
+
+    @property
+    def state(self) -> State:
+        return self.transmitter.arbiter.state
+
+    def run(self, seconds: float, thrust: float | None = 0.6, *, seen: bool = True) -> list[bool]:
+        """Fly for some time; return for every period whether the motors run."""
+        running = []
+        for _ in range(round(seconds / 0.02)):
+            self.now_s += 0.02
+            self.sequence += 1
+            if seen:
+                pose = PoseInput("c1", 1, self.sequence, (0.0, 0.0, 0.8), 0.02, 0.0)
+                self.transmitter.on_pose(pose, self.now_s)
+            if thrust is not None:
+                u = (0.1, 0.0, thrust, 0.0)
+                command = CommandInput(self.lease, 1, self.sequence, self.sequence, u)
+                self.transmitter.on_command(command, self.now_s)
+            self.transmitter.on_readable(self.now_s)
+            self.transmitter.tick(self.now_s)
+            self.vehicle.advance(self.now_s)
+            running.append(self.vehicle.motors_run)
+        return running
+
+    def request(self, action: Action) -> bool:
+        return self.transmitter.request(ActionRequest(action, "operator"), self.now_s).accepted
+
+    def fly(self) -> None:
+        assert not any(self.run(1.5, 0.0))
+        assert self.request(Action.ARM)
+        self.run(2.0)
+        assert self.state is State.ARMED
+        assert self.vehicle.motors_run
+        assert self.vehicle.state.armed
+
+
+@pytest.fixture(params=[True, False], ids=["brushed", "brushless"])
+def bench(request: pytest.FixtureRequest) -> Bench:
+    return Bench(arms_itself=request.param)
+
+
+def test_a_vehicle_that_is_not_armed_gets_no_thrust_and_is_disarmed(bench: Bench) -> None:
+    assert not any(bench.run(3.0, 0.6))
+    assert bench.state is State.DISARMED
+    assert bench.vehicle.state.armed is bench.vehicle.state.arms_itself
+
+
+def test_a_vehicle_is_armed_with_thrust_0_and_then_flies(bench: Bench) -> None:
+    bench.fly()
+    thrusts = [pulses[0] for _, pulses in bench.vehicle.take_outputs()]
+    assert max(thrusts) == pytest.approx(1580.0, abs=1.0)
+
+
+def test_a_kill_stops_the_motors_within_a_period_and_for_good(bench: Bench) -> None:
+    bench.fly()
+    assert bench.request(Action.KILL)
+    bench.transmitter.tick(bench.now_s + 0.004)
+    assert not bench.vehicle.motors_run
+    assert bench.vehicle.state.locked
+    bench.run(1.0, 0.0)
+    assert bench.request(Action.RESET)
+    bench.run(1.0, 0.0)
+    assert not bench.request(Action.ARM), "the vehicle is locked until it restarts"
+    assert "off and on" in bench.transmitter.snapshot(bench.now_s).module
+    bench.vehicle.power_cycle(bench.now_s)
+    bench.fly()
+
+
+def test_without_commands_the_arbiter_holds_and_lands_before_the_firmware_acts(bench: Bench) -> None:
+    bench.fly()
+    bench.vehicle.take_outputs()
+    assert all(bench.run(LEVEL_AFTER_S + 1.0, None))
+    assert bench.state is State.LAND
+    assert not bench.vehicle.state.locked
+
+
+@pytest.mark.parametrize("watchdog", [True, False])
+def test_a_gateway_that_dies_leaves_a_vehicle_that_levels_and_stops_itself(watchdog: bool) -> None:
+    bench = Bench(arms_itself=True, watchdog=watchdog)
+    bench.fly()
+    bench.vehicle.take_outputs()
+    died_s = bench.now_s
+    bench.vehicle.advance(died_s + 10.0)
+    (level_s, level), (stop_s, stopped) = bench.vehicle.take_outputs()
+    assert level_s - died_s == pytest.approx(LEVEL_AFTER_S, abs=0.03)
+    assert level[1:4] == pytest.approx((1500.0, 1500.0, 1500.0))
+    assert stopped[0] == 1100.0
+    if watchdog:
+        assert WATCHDOG_S - 0.3 <= stop_s - died_s <= WATCHDOG_S
+    else:
+        assert stop_s - died_s == pytest.approx(2.0, abs=0.03)
+    assert bench.vehicle.state.locked
+
+
+def test_a_vehicle_that_restarts_in_flight_is_not_flown_on(bench: Bench) -> None:
+    bench.fly()
+    bench.vehicle.power_cycle(bench.now_s)
+    assert not any(bench.run(1.0)), "its thrust waits for a set point without thrust"

@@ -1,0 +1,58 @@
+"""What a transmitter needs of the way to its radio, whether a serial line, a datagram socket or USB."""
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from enum import StrEnum
+
+
+class WriteOutcome(StrEnum):
+    """Outcome of a write."""
+
+    WRITTEN = "frames written"
+    CLOSED = "frames not sent: port closed"
+    SILENT = "frames not sent: silence after a short write"
+    BACKLOG = "frames not sent: earlier bytes still queued"
+    SHORT = "short writes"
+    FAILED = "failed writes"
+
+
+class Port(ABC):
+    """A port that is opened and reopened by `service` and written frame by frame; it never blocks.
+
+    `problem` is why it is not open, None when it is; outcomes of writes, openings and losses are counted by
+    name.
+    """
+
+    path: str
+    problem: str | None
+    counters: Counter[str]
+
+    @property
+    @abstractmethod
+    def is_open(self) -> bool:
+        """True while frames can be written; False is the state LINK_LOST."""
+
+    @property
+    @abstractmethod
+    def next_attempt_s(self) -> float:
+        """When `service` has something to do again [s]; infinite while open."""
+
+    @abstractmethod
+    def fileno(self) -> int | None:
+        """File descriptor to wait for answers on, None while closed."""
+
+    @abstractmethod
+    def service(self, now_s: float) -> bool:
+        """Open the port if it is closed and an attempt is due; return True once, when it is open."""
+
+    @abstractmethod
+    def write_frame(self, frame: bytes, now_s: float) -> WriteOutcome:
+        """Write one whole frame, or nothing; never wait."""
+
+    @abstractmethod
+    def read_available(self, now_s: float) -> bytes:
+        """Return the bytes that have arrived, possibly none."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the port, and discard what is still to be sent; `service` would open it again."""

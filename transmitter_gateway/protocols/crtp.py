@@ -1,0 +1,150 @@
+"""Packets of a Crazyflie: the Crazy RealTime Protocol (format: documentation of crazyflie-firmware)."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable
+
+from msgspec import Struct
+
+from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
+
+NULL_PACKET = b"\xff"
+"""Carries nothing; a computer asks with it whether a vehicle is there, and a vehicle answers with it."""
+LONGEST_DATA = 30
+COMMANDER, SUPERVISOR = 3, 9
+"""Ports."""
+STATE_CHANNEL, COMMAND_CHANNEL = 0, 1
+"""Channels of the supervisor."""
+ARM, EMERGENCY_STOP, WATCHDOG, STATE_BITS = 0x01, 0x03, 0x04, 0x0C
+"""Commands of the supervisor."""
+ANSWERED = 0x80
+
+_SET_POINT = struct.Struct("<fffH")
+_LINK_BITS = 0x0C
+_STATE_ANSWER = bytes((ANSWERED | STATE_BITS,))
+_STATE_FLAGS = {
+    "can_be_armed": 0,
+    "armed": 1,
+    "arms_itself": 2,
+    "flying": 4,
+    "tumbled": 5,
+    "locked": 6,
+    "crashed": 7,
+}
+
+
+class Packet(Struct, frozen=True):
+    """A packet: port 0..15, channel 0..3, and at most 30 bytes."""
+
+    port: int
+    channel: int
+    data: bytes = b""
+
+    def to_bytes(self) -> bytes:
+        """Encode with its header."""
+        return bytes((self.port << 4 | _LINK_BITS | self.channel,)) + self.data
+
+    @staticmethod
+    def from_bytes(raw: bytes) -> Packet:
+        """Decode; raises `FrameDecodeError` for a packet that is empty or too long."""
+        if not 1 <= len(raw) <= 1 + LONGEST_DATA:
+            raise FrameDecodeError(f"crtp: packet of {len(raw)} bytes, 1 to {1 + LONGEST_DATA} are possible")
+        return Packet(raw[0] >> 4, raw[0] & 0x03, raw[1:])
+
+
+class SetPoint(Struct, frozen=True):
+    """Attitude as the firmware reads it: roll to the right, pitch nose up, yaw clockwise seen from above.
+
+    `thrust` is 0..65535; the first one after the start has to be 0.
+    """
+
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
+    yaw_rate_deg_s: float = 0.0
+    thrust: int = 0
+
+    def packet(self) -> Packet:
+        """Encode."""
+        return Packet(
+            COMMANDER, 0, _SET_POINT.pack(self.roll_deg, self.pitch_deg, self.yaw_rate_deg_s, self.thrust)
+        )
+
+    @staticmethod
+    def of(packet: Packet) -> SetPoint:
+        """Decode; raises `FrameDecodeError` for another packet, and for angles that are not finite."""
+        if (packet.port, packet.channel) != (COMMANDER, 0) or len(packet.data) != _SET_POINT.size:
+            raise FrameDecodeError("crtp: no set point")
+        roll, pitch, yaw_rate, thrust = _SET_POINT.unpack(packet.data)
+        if not all(map(math.isfinite, (roll, pitch, yaw_rate))):
+            raise FrameDecodeError("crtp: a set point that is not finite")
+        return SetPoint(roll, pitch, yaw_rate, thrust)
+
+
+class SupervisorState(Struct, frozen=True):
+    """State of the firmware's supervisor, as far as it is used here.
+
+    `arms_itself`: whenever it can; `locked`: until a restart.
+    """
+
+    can_be_armed: bool = False
+    armed: bool = False
+    arms_itself: bool = False
+    flying: bool = False
+    tumbled: bool = False
+    locked: bool = False
+    crashed: bool = False
+
+    def packet(self) -> Packet:
+        """Encode as the answer to `state_request`."""
+        bits = sum(getattr(self, name) << bit for name, bit in _STATE_FLAGS.items())
+        return Packet(SUPERVISOR, STATE_CHANNEL, _STATE_ANSWER + bits.to_bytes(2, "little"))
+
+    @staticmethod
+    def of(packet: Packet) -> SupervisorState | None:
+        """Decode; None for another packet. Raises `FrameDecodeError` for a malformed answer."""
+        data = packet.data
+        if (packet.port, packet.channel) != (SUPERVISOR, STATE_CHANNEL) or data[:1] != _STATE_ANSWER:
+            return None
+        if len(data) != 3:
+            raise FrameDecodeError(f"crtp: state of {len(data)} bytes, 3 are needed")
+        bits = int.from_bytes(data[1:], "little")
+        return SupervisorState(**{name: bool(bits >> bit & 1) for name, bit in _STATE_FLAGS.items()})
+
+
+def state_request() -> Packet:
+    """Ask for the state of the supervisor."""
+    return Packet(SUPERVISOR, STATE_CHANNEL, bytes((STATE_BITS,)))
+
+
+def arm_request(*, on: bool) -> Packet:
+    """Arm or disarm."""
+    return Packet(SUPERVISOR, COMMAND_CHANNEL, bytes((ARM, on)))
+
+
+def emergency_stop() -> Packet:
+    """Stop the motors until a restart."""
+    return Packet(SUPERVISOR, COMMAND_CHANNEL, bytes((EMERGENCY_STOP,)))
+
+
+def watchdog() -> Packet:
+    """Keep the motors running for another second; from the first one on the firmware waits for the next."""
+    return Packet(SUPERVISOR, COMMAND_CHANNEL, bytes((WATCHDOG,)))
+
+
+def joined(packets: Iterable[bytes]) -> bytes:
+    """Join packets into a frame: each after a byte with its length."""
+    return b"".join(bytes((len(packet),)) + packet for packet in packets)
+
+
+def separated(frame: bytes) -> list[bytes]:
+    """Separate the packets of a frame; raises `FrameDecodeError` for one that ends within a packet."""
+    packets = []
+    while frame:
+        end = 1 + frame[0]
+        if not 1 < end <= len(frame):
+            raise FrameDecodeError("crtp: a frame that ends within a packet")
+        packets.append(frame[1:end])
+        frame = frame[end:]
+    return packets
