@@ -31,6 +31,7 @@ from rcopterx.bus.requests import VERBS, Reply, Request
 UNITS: Final = {
     "_m_s2": "m/s²",
     "_rad_s": "rad/s",
+    "_deg_s": "deg/s",
     "_m_s": "m/s",
     "_per_s": "1/s",
     "_ms_p50": "ms",
@@ -42,6 +43,7 @@ UNITS: Final = {
     "_mb": "MB",
     "_hz": "Hz",
     "_rad": "rad",
+    "_deg": "deg",
     "_m": "m",
     "_s": "s",
 }

@@ -24,6 +24,7 @@ from rcopterx.transmitter_gateway.calibration import (
     ThrottleCalibration,
 )
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
+from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
 from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2Settings
 from rcopterx.transmitter_gateway.protocols.dsmp import DsmpSettings
 from rcopterx.transmitter_gateway.protocols.multi import MultiSettings
@@ -157,6 +158,7 @@ PROTOCOLS: Final[dict[str, type]] = {
     "dsm2_serial": Dsm2Settings,
     "dsmp": DsmpSettings,
     "ppm": PpmSettings,
+    "crazyflie": CrazyflieSettings,
 }
 
 

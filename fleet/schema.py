@@ -13,7 +13,7 @@ from rcopterx.bus.message import Four, Name, Period, Place, Three
 from rcopterx.bus.messages import LeaderLink
 
 Text = Annotated[str, Meta(min_length=1)]
-ProtocolName = Literal["multi", "dsm2_serial", "dsmp", "ppm"]
+ProtocolName = Literal["multi", "dsm2_serial", "dsmp", "ppm", "crazyflie"]
 
 DEFAULT_HOST = "main"
 ROUTER_PORT = 7447
@@ -131,7 +131,8 @@ class TransmitterConfig(Table, frozen=True, kw_only=True):
     """A vehicle's transmitter."""
 
     port: Text
-    """Serial device. A relative path is in the run directory; the simulator creates it."""
+    """Serial device, or `udp://HOST:PORT` of a Crazyflie that is simulated. A relative path is in the run
+    directory; the simulator creates it."""
     gateway: Name = "transmitters"
     """Transmitter gateway that serves it."""
     protocol: ProtocolName | None = None

@@ -6,7 +6,7 @@ from contextlib import suppress
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.radio_end import RadioEnd
 from rcopterx.simulator.radio_module import SerialFrame
-from rcopterx.transmitter_gateway.udp_port import LONGEST_DATAGRAM, MOST_AT_ONCE, udp_address
+from rcopterx.transmitter_gateway.protocols.crtp import LONGEST_DATAGRAM, udp_address
 
 
 class CrazyflieUdp(RadioEnd):
@@ -45,7 +45,7 @@ class CrazyflieUdp(RadioEnd):
             return
         # A sender that has gone is reported here, and is no concern of the vehicle.
         with suppress(BlockingIOError, ConnectionRefusedError):
-            for _ in range(MOST_AT_ONCE):
+            while True:
                 raw, sender = self._socket.recvfrom(LONGEST_DATAGRAM)
                 for answer in self.vehicle.receive(raw, now_s):
                     self._socket.sendto(answer, sender)

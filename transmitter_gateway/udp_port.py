@@ -7,21 +7,17 @@ from contextlib import suppress
 from typing import Final
 
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError
-from rcopterx.transmitter_gateway.protocols.crtp import NULL_PACKET, joined, separated
+from rcopterx.transmitter_gateway.protocols.crtp import (
+    LONGEST_DATAGRAM,
+    NULL_PACKET,
+    joined,
+    separated,
+    udp_address,
+)
 
-UDP: Final = "udp://"
 PROBE_S: Final = 0.05
 MOST_AT_ONCE: Final = 64
-LONGEST_DATAGRAM: Final = 64
-
-
-def udp_address(path: str) -> tuple[str, int]:
-    """Host and port of `udp://HOST:PORT`; raises `ProtocolError` for anything else."""
-    host, _, port = path.removeprefix(UDP).rpartition(":")
-    if not path.startswith(UDP) or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ProtocolError(f"{path!r} is no address such as udp://127.0.0.1:19850")
-    return host, int(port)
+"""Packets, so that a flood keeps no other vehicle waiting."""
 
 
 class UdpPort(Port):

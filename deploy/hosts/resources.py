@@ -44,7 +44,10 @@ def check_resources(fleet: FleetFile, host: str, directory: Path, without: Colle
     missing = []
     needed = [name for name in fleet.transmitters_on(host) if name not in without]
     for name in needed:
-        device = serial_path(fleet.vehicles[name].transmitter.port, directory)
+        port = fleet.vehicles[name].transmitter.port
+        if "://" in port:
+            continue
+        device = serial_path(port, directory)
         where = f"vehicles.{name}.transmitter.port"
         if not device.exists():
             missing.append(f"{where}: there is no device {device}")

@@ -4,8 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from rcopterx.bus.message import Four
-from rcopterx.deploy.hosts.run_directory import run_directory, serial_path
+from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.ports import port_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.roles.tracker import tracker_address
 from rcopterx.fleet.radios import calibration_of, protocol_of
@@ -71,7 +72,7 @@ def _simulated(fleet: FleetFile, name: str, directory: Path) -> SimulatedVehicle
         subject=vehicle.subject,
         model=model_of(fleet, name),
         start=Pose(place[:3], place[3]),
-        port=str(serial_path(vehicle.transmitter.port, directory)),
+        port=port_of(fleet, name, directory),
         radio=SimulatedRadio(protocol_of(fleet, name), vehicle.transmitter.model_match),
         calibration=calibration_of(fleet, name),
     )

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from rcopterx.deploy.hosts.run_directory import run_directory, serial_path, states_directory
+from rcopterx.deploy.hosts.run_directory import run_directory, states_directory
 from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.ports import port_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.schema import FleetFile
@@ -25,7 +26,7 @@ def gateway_settings(fleet: FleetFile, gateway: str, directory: Path) -> Gateway
         transmitters=tuple(
             TransmitterSettings(
                 vehicle=name,
-                port=str(serial_path(vehicle.transmitter.port, directory)),
+                port=port_of(fleet, name, directory),
                 protocol=protocol_of(fleet, name),
                 calibration=calibration_of(fleet, name),
                 limits=limits_of(fleet, name),

@@ -27,7 +27,7 @@ def new_lab(
     protocol: Annotated[
         str | None,
         typer.Option(
-            metavar="multi|dsm2_serial|dsmp|ppm",
+            metavar="multi|dsm2_serial|dsmp|ppm|crazyflie",
             help="Protocol of the radio modules; by default that of the type.",
         ),
     ] = None,

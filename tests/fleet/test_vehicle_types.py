@@ -123,7 +123,11 @@ def test_an_installed_package_adds_a_type(tmp_path: Path, monkeypatch: pytest.Mo
         (("model", "lag_s"), [0.1, 0.1, 0.1], r"mine.toml: model.lag_s: expected `array` of length 4"),
         (("text",), "", r"mine.toml: text: "),
         (("colour",), "red", r"mine.toml: .*`colour`, allowed are text"),
-        (("transmitter", "protocol"), "morse", r"mine.toml: transmitter.protocol: .*allowed are dsm2_serial"),
+        (
+            ("transmitter", "protocol"),
+            "morse",
+            r"mine.toml: transmitter.protocol: .*allowed are crazyflie, dsm2_serial",
+        ),
         (
             ("transmitter", "settings", "rate"),
             3,
@@ -190,3 +194,16 @@ def test_the_uncertainty_of_a_quadrotor_covers_angle_limits_of_20_to_50_degrees(
         gain = 9.81 * math.tan(math.radians(limit_deg))
         factor = max(gain / model.input_gain[0], model.input_gain[0] / gain)
         assert factor <= model.uncertainty.gain_factor
+
+
+def test_full_stick_of_the_crazyflie_is_the_same_for_its_model_and_its_protocol() -> None:
+    kind = vehicle_type("crazyflie")
+    protocol = protocol_of(parse_fleet(FLEET.format(type="crazyflie")), "h1")
+    full = protocol.settings
+    assert kind.model.input_gain[0] == pytest.approx(
+        9.81 * math.tan(math.radians(full.full_tilt_deg)), rel=0.01
+    )
+    yaw_rate = kind.model.input_gain[3] / -kind.model.damping[3]
+    assert yaw_rate == pytest.approx(math.radians(full.full_yaw_rate_deg_s), rel=0.01)
+    low, hover, high = (kind.calibration.throttle.pulse_us(u) for u in (0.0, 0.55, 1.0))
+    assert (low, hover, high) == (1100.0, 1540.0, 1900.0), "thrust is linear"

@@ -8,11 +8,13 @@ from collections.abc import Iterable
 
 from msgspec import Struct
 
-from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
+from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError, ProtocolError
 
 NULL_PACKET = b"\xff"
 """Carries nothing; a computer asks with it whether a vehicle is there, and a vehicle answers with it."""
 LONGEST_DATA = 30
+UDP = "udp://"
+LONGEST_DATAGRAM = 64
 COMMANDER, SUPERVISOR = 3, 9
 """Ports."""
 STATE_CHANNEL, COMMAND_CHANNEL = 0, 1
@@ -148,3 +150,11 @@ def separated(frame: bytes) -> list[bytes]:
         packets.append(frame[1:end])
         frame = frame[end:]
     return packets
+
+
+def udp_address(path: str) -> tuple[str, int]:
+    """Host and port of `udp://HOST:PORT`; raises `ProtocolError` for anything else."""
+    host, _, port = path.removeprefix(UDP).rpartition(":")
+    if not path.startswith(UDP) or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ProtocolError(f"{path!r} is no address such as udp://127.0.0.1:19850")
+    return host, int(port)

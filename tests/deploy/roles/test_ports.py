@@ -1,0 +1,34 @@
+"""Promises of the ports in fleet files: each protocol has its own kind of address."""
+
+from pathlib import Path
+
+import pytest
+
+from rcopterx.deploy.fleet_check import check_fleet
+from rcopterx.deploy.roles.ports import port_of
+from rcopterx.fleet.reading import fleet_path, load_fleet, parse_fleet
+from rcopterx.fleet.schema import FleetError
+
+FLEET = """
+name = "lab"
+[vehicles.h1]
+type = "{type}"
+subject = "one"
+transmitter = {{ port = "{port}" }}
+"""
+
+
+def test_a_serial_device_may_be_in_the_run_directory(tmp_path: Path) -> None:
+    for port, found in (("radio-h1", str(tmp_path / "radio-h1")), ("/dev/ttyUSB0", "/dev/ttyUSB0")):
+        assert port_of(parse_fleet(FLEET.format(type="quadrotor", port=port)), "h1", tmp_path) == found
+
+
+def test_a_crazyflie_has_an_address(tmp_path: Path) -> None:
+    address = "udp://127.0.0.1:19850"
+    assert port_of(parse_fleet(FLEET.format(type="crazyflie", port=address)), "h1", tmp_path) == address
+    with pytest.raises(FleetError, match=r"vehicles\.h1\.transmitter\.port: .*udp://127.0.0.1:19850"):
+        port_of(parse_fleet(FLEET.format(type="crazyflie", port="/dev/ttyUSB0")), "h1", tmp_path)
+
+
+def test_the_fleet_of_crazyflies_can_be_set_up(tmp_path: Path) -> None:
+    check_fleet(load_fleet(fleet_path("crazyflies")), tmp_path)
