@@ -137,6 +137,8 @@ def cost(
     with _errors():
         document = run(against, names, rounds, Progress("bench cost").say)
     print_document(document, as_json, lambda found: "\n".join(table(found)))
+    if document["failed"]:
+        raise failure(*(f"{name}: {problem}" for name, problem in document["failed"].items()))
 
 
 @app.command()

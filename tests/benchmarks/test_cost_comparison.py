@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rcopterx.benchmarks.cost import (
+    TRIALS,
     CostError,
     Trial,
     compared,
@@ -88,3 +89,23 @@ def test_a_trial_that_does_not_exist_is_refused_with_those_that_do(tmp_path: Pat
     result: Any = CliRunner().invoke(app, ["bench", "cost", "--against", str(tmp_path), "--only", "seven"])
     assert result.exit_code == 2
     assert "largest" in result.output
+
+
+def test_a_trial_that_fails_leaves_the_figures_of_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "benchmarks").mkdir()
+    (tmp_path / "benchmarks" / "scale.py").touch()
+
+    def flown(trial: Trial, checkout: Path) -> dict[str, float]:
+        if trial is TRIALS["six"]:
+            raise CostError("no vehicle is ready")
+        return {"load": 1.0}
+
+    monkeypatch.setattr("rcopterx.benchmarks.cost.measured", flown)
+    document = run(tmp_path, ["six", "trio"], 2, lambda _: None)
+    assert document["failed"] == {"six": "no vehicle is ready"}
+    assert document["trials"]["trio"]["load"]["ratio"] == 1.0
+    result = CliRunner().invoke(app, ["bench", "cost", "--against", str(tmp_path), "--only", "six,trio"])
+    assert (result.exit_code, "six: no vehicle is ready" in result.output) == (1, True)
+    assert "trio: load" in result.output
