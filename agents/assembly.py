@@ -62,24 +62,18 @@ def build_pilot(settings: AgentSettings) -> Pilot:
     ValueError
         Unknown controller or estimator, or a setting it does not accept.
     """
-    configuration, model, period_s = settings.configuration, settings.model, settings.period_s
-    controller = default_controller = configuration.controller_for(model, period_s)
-    estimator = default_estimator = configuration.estimator_for(model, period_s)
-    if (plain := configuration.with_default_controller()) != configuration:
-        default_controller = plain.controller_for(model, period_s)
-    if (plain := configuration.with_default_estimator()) != configuration:
-        default_estimator = plain.estimator_for(model, period_s)
+    parts = settings.configuration.parts(settings.model, settings.period_s)
     return Pilot(
-        model,
-        controller,
-        estimator,
+        parts.model,
+        parts.controller,
+        parts.estimator,
         Guidance(
             [followed_leader(link) for link in settings.following],
             deviation_share=settings.deviation_share,
         ),
         settings.separation,
-        default_controller,
-        default_estimator,
+        parts.default_controller,
+        parts.default_estimator,
         settings.hover_thrust_limits,
     )
 

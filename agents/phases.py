@@ -41,6 +41,19 @@ class Event(StrEnum):
     """An agent that restarts finds its vehicle in the air."""
 
 
+EVENT_OF_STATE: Final = MappingProxyType(
+    {
+        "armed": Event.ARM,
+        "hold": Event.OVERRIDE,
+        "land": Event.OVERRIDE,
+        "descend": Event.OVERRIDE,
+        "disarmed": Event.DISARM,
+        "cut": Event.DISARM,
+        "killed": Event.DISARM,
+    }
+)
+"""Event of each state of the arbiter."""
+
 TRANSITIONS: Final = MappingProxyType(
     {
         (Phase.GROUND, Event.ARM): Phase.ARMED,

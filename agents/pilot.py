@@ -24,7 +24,7 @@ from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimi
 from rcopterx.agents.guards.estimator_guard import EstimatorGuard
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
-from rcopterx.agents.phases import Event, Phase
+from rcopterx.agents.phases import EVENT_OF_STATE, Event, Phase
 from rcopterx.agents.separation.avoidance import Neighbour, PlanAvoidance, SeparationEllipsoid
 from rcopterx.control.identification.excitation import Exciter
 from rcopterx.control.interfaces import Controller, Estimate, Estimator, Measurement
@@ -43,16 +43,6 @@ CONTROLLER_REPLACED: Final = "controller_replaced"
 _INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)
 """Phases in which a vehicle shows whether it follows its sticks."""
 _NO_NEIGHBOURS: Mapping[str, Neighbour] = MappingProxyType({})
-
-_EVENT_OF_STATE = {
-    "armed": Event.ARM,
-    "hold": Event.OVERRIDE,
-    "land": Event.OVERRIDE,
-    "descend": Event.OVERRIDE,
-    "disarmed": Event.DISARM,
-    "cut": Event.DISARM,
-    "killed": Event.DISARM,
-}
 
 
 class StampedMeasurement(Struct, frozen=True):
@@ -223,7 +213,7 @@ class Pilot:
         self.input_history.correct(sequence, value)
         if not self.clock.started:
             return
-        event = _EVENT_OF_STATE[state]
+        event = EVENT_OF_STATE[state]
         if not self.informed and event is not Event.DISARM and self._in_the_air(value):
             event = Event.RESUME
             if not self._watched:
@@ -238,7 +228,7 @@ class Pilot:
         if not self.clock.started:
             return
         before = self._watched
-        self._watched = _EVENT_OF_STATE[state] is not Event.DISARM and self._in_the_air(value)
+        self._watched = EVENT_OF_STATE[state] is not Event.DISARM and self._in_the_air(value)
         if self._watched and not before:
             self.input_history = InputHistory(value)
         self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, value)
@@ -257,6 +247,14 @@ class Pilot:
     def limit_time(self, limit: TimeLimit) -> None:
         """Set the time limit of steps of controllers and calls of estimators."""
         self.step_guard.calls.limit = self.estimator.calls.limit = limit
+
+    def use_model(self, model: Model, default: Controller, default_estimator: Estimator) -> None:
+        """Change to another model, and defaults for it; a controller and an estimator have to follow."""
+        self.model = self.step_guard.model = model
+        self.step_guard.default, self.estimator.default = default, default_estimator
+        self.vehicle_watch = self.vehicle_watch.with_model(model)
+        if not self._lift_off.under_way:
+            self._lift_off = LiftOff(model)
 
     def use_controller(self, controller: Controller) -> None:
         """Change to another controller, which starts from the input applied last."""

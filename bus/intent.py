@@ -4,7 +4,18 @@ from typing import ClassVar
 
 from msgspec import Struct
 
-from rcopterx.bus.message import Clock, Count, FloatArray, Message, Name, Number, Place, Seconds, Settings
+from rcopterx.bus.message import (
+    Clock,
+    Count,
+    FloatArray,
+    Message,
+    Name,
+    Number,
+    Parameters,
+    Place,
+    Seconds,
+    Settings,
+)
 from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
 
 
@@ -21,12 +32,14 @@ class OffsetMove(Struct, frozen=True, kw_only=True):
 
 
 class FlownBy(Struct, frozen=True, kw_only=True):
-    """Controller and estimator of a vehicle."""
+    """Controller, estimator and model of a vehicle."""
 
     controller: Name
     controller_settings: Settings = {}
     estimator: Name
     estimator_settings: Settings = {}
+    model: Parameters = {}
+    """Parameters of the model that a request changed."""
 
 
 class Intent(Message, frozen=True, kw_only=True):
@@ -61,6 +74,8 @@ class Intent(Message, frozen=True, kw_only=True):
     """Settings that the fleet file or a request changed; all others have their defaults."""
     estimator: Name
     estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
+    model: Parameters = {}  # noqa: RUF012 - msgspec copies it
+    """Parameters of the model that a request changed."""
     interrupted: Name | None = None
     """Phase that continues once the transmitter gateway obeys again; only in the phase `emergency`."""
     previous: FlownBy | None = None

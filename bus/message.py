@@ -47,6 +47,8 @@ Whole = Annotated[int, Meta(ge=-MAX_COUNT, le=MAX_COUNT)]
 Setting = bool | Whole | Finite | Annotated[str, Meta(max_length=60)] | tuple[Finite, ...] | None
 Settings = Annotated[dict[SettingName, Setting], Meta(max_length=MAX_SETTINGS)]
 """Settings of a controller or an estimator; its own type says what is allowed."""
+Parameters = Annotated[dict[SettingName, Setting | Settings], Meta(max_length=MAX_SETTINGS)]
+"""Parameters of a model that were identified, as in the table `model` of a fleet file."""
 Three = tuple[Number, Number, Number]
 Four = tuple[Number, Number, Number, Number]
 Eight = tuple[Number, Number, Number, Number, Number, Number, Number, Number]

@@ -14,6 +14,7 @@ from rcopterx.bus.message import (
     InvalidMessageError,
     Message,
     Name,
+    Parameters,
     Seconds,
     Settings,
     Text,
@@ -22,6 +23,7 @@ from rcopterx.bus.message import (
 from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
 
 MAX_PATH_S: Final = 600.0
+MAX_COMBS: Final = 3
 REST_TOLERANCE: Final = 1e-6
 """Computed trajectories seldom end with exact zeros."""
 
@@ -123,13 +125,15 @@ class Lead(Request, frozen=True, kw_only=True):
 
 
 class Tune(Request, frozen=True, kw_only=True):
-    """Change controller, estimator or their settings; answered when the change is in effect."""
+    """Change controller, estimator, their settings or the model; answered when the change is in effect."""
 
     controller: Name | None = None
     controller_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
     """Weights, limits, horizon and other settings, added to the present ones."""
     estimator: Name | None = None
     estimator_settings: Settings = {}  # noqa: RUF012 - msgspec copies it
+    model: Parameters = {}  # noqa: RUF012 - msgspec copies it
+    """Identified parameters of the model; controller and estimator are built for it."""
 
 
 class Excite(Request, frozen=True, kw_only=True):
@@ -141,6 +145,8 @@ class Excite(Request, frozen=True, kw_only=True):
     """Root mean square on pitch, roll, thrust and yaw."""
     reach_m: Annotated[float, Meta(gt=0, le=5)] = 0.3
     """It ends early when the vehicle is further than this from its set point on any axis."""
+    comb: Annotated[int, Meta(ge=0, lt=MAX_COMBS)] = 0
+    """Vehicles with different combs are excited at different frequencies."""
 
 
 class TakeControl(Request, frozen=True, kw_only=True):

@@ -9,7 +9,11 @@ from rcopterx.control.identification import fit
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.experiments.paper_sequence import Say, Wait, leader_of
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.ground_station.identification.identification import IdentificationError, excited_flight
+from rcopterx.ground_station.identification.identification import (
+    IdentificationError,
+    Wanted,
+    excited_flights,
+)
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
 from rcopterx.ground_station.scripting.waiting import NotReachedError
@@ -122,10 +126,12 @@ def lead(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
 def identify(fleet: Fleet, say: Say, _wait: Wait, name: str, seconds: float) -> None:
     """Excite a vehicle without leaders, fit its model, and show its parameters; nothing is written."""
     say(f"{name}: its sticks move for {seconds:g} s")
-    recording = excited_flight(
-        fleet, name, seconds, progress=lambda left_s: say(f"{name}: {left_s:.0f} s left")
+    recordings, failures = excited_flights(
+        fleet, [name], Wanted(seconds), lambda left_s: say(f"{name}: {left_s:.0f} s left")
     )
-    found = fit.identify(recording, model_of(fleet.file, name))
+    if failures:
+        raise IdentificationError(f"{name}: {failures[name]}")
+    found = fit.identify(recordings[name], model_of(fleet.file, name))
     if found.problems:
         raise IdentificationError(f"{name}: {'; '.join(found.problems)}")
     for number in found.parameters:

@@ -16,19 +16,9 @@ from rcopterx.fleet.reading import load_fleet, parse_fleet, shipped_fleets
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.transmitter_gateway.calibration import Calibration
-from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.model import FITTED, Model
 
 DIGITS = 4
-FITTED = (
-    "input_gain",
-    "damping",
-    "lag_s",
-    "delay_s",
-    "hover_thrust",
-    "thrust_coupling",
-    "tilt",
-    "uncertainty",
-)
 
 
 def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> list[str]:
@@ -49,6 +39,13 @@ def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> lis
     return _rewrite(path, ("vehicles", vehicle, "transmitter", "calibration"), True, edit, reads_back)
 
 
+def fitted_parameters(model: Model) -> dict[str, Any]:
+    """Return the fields of a model in `FITTED`, rounded to `DIGITS` significant digits."""
+    # msgspec would leave out defaults of dataclasses that it has converted.
+    plain = asdict(model)
+    return {name: _rounded(plain[name]) for name in FITTED}
+
+
 def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
     """Change the model of a vehicle; return a line for each changed field, with old and new value.
 
@@ -57,7 +54,7 @@ def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
     Raises `FleetError`: the file cannot be used, or comes with the package; nothing was written.
     """
     path = _own(path)
-    before, after = _plain(model_of(load_fleet(path), vehicle)), _plain(model)
+    before, after = fitted_parameters(model_of(load_fleet(path), vehicle)), fitted_parameters(model)
 
     def edit(table: Any) -> list[str]:
         new = not table
@@ -67,7 +64,7 @@ def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
         return lines
 
     def reads_back(file: FleetFile) -> bool:
-        return _plain(model_of(file, vehicle)) == after
+        return fitted_parameters(model_of(file, vehicle)) == after
 
     return _rewrite(path, ("vehicles", vehicle, "model"), False, edit, reads_back)
 
@@ -97,13 +94,6 @@ def _rewrite(
         raise FleetError(f"{path}: {'.'.join(keys)} cannot be changed by a program")
     _replace(path, changed)
     return lines
-
-
-def _plain(model: Model) -> dict[str, Any]:
-    """Return the fields of a model in `FITTED`, rounded."""
-    # msgspec would leave out defaults of dataclasses that it has converted.
-    plain = asdict(model)
-    return {name: _rounded(plain[name]) for name in FITTED}
 
 
 def _rounded(value: Any) -> Any:

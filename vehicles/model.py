@@ -6,10 +6,12 @@ and, in the simulator, in the tilt of their thrust.
 """
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
-from typing import Literal
+from typing import Any, Final, Literal
 
+import msgspec
 import numpy as np
 
 from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, U_YAW, Array
@@ -188,3 +190,34 @@ class Model:
         hover = np.zeros(INPUT_SIZE)
         hover[U_THRUST] = self.gravity_m_s2 / self.input_gain[U_THRUST]
         return hover
+
+
+FITTED: Final = (
+    "input_gain",
+    "damping",
+    "lag_s",
+    "delay_s",
+    "hover_thrust",
+    "thrust_coupling",
+    "tilt",
+    "uncertainty",
+)
+"""Parameters that an identification finds."""
+
+
+def with_parameters(model: Model, parameters: Mapping[str, Any]) -> Model:
+    """Return a model with identified parameters; tables of `tilt` and `uncertainty` may be incomplete.
+
+    Raises
+    ------
+    ValueError
+        A parameter that no identification finds, of the wrong type, or that no vehicle can have.
+    """
+    plain = asdict(model)
+    for name, value in parameters.items():
+        if name not in FITTED:
+            raise ValueError(f"{name}: not among the identified parameters {', '.join(FITTED)}")
+        known = plain[name]
+        incomplete = isinstance(known, dict) and isinstance(value, Mapping)
+        plain[name] = known | dict(value) if incomplete else value
+    return msgspec.convert(plain, Model)

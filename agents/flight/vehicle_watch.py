@@ -110,6 +110,12 @@ class VehicleWatch:
         self._back = round(WINDOW_S / period_s)
         self._gravity_m_s2 = model.gravity_m_s2
 
+    def with_model(self, model: Model) -> "VehicleWatch":
+        """Return the watch of a flight that continues with another model."""
+        watch = VehicleWatch(model, self._limits, self._period_s)
+        watch.active, watch.fault = self.active, self.fault
+        return watch
+
     def begin(self) -> None:
         """Begin a flight, perhaps with another battery."""
         self.fault = None

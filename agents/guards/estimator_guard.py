@@ -33,6 +33,8 @@ class EstimatorGuard:
     ----------
     calls
         Counts and describes failures.
+    default
+        Replaces an estimator that fails.
     estimate
         The last good estimate.
     replaced
@@ -42,9 +44,9 @@ class EstimatorGuard:
     def __init__(self, estimator: Estimator, default: Estimator | None = None) -> None:
         self.calls = GuardedCall("estimator", FIRST_CALLS, FIRST_CALLS_FACTOR)
         self.replaced = False
+        self.default = default
         self.estimate = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
         self._estimator = estimator
-        self._default = default
         self._started = False
         self._read_estimate()
 
@@ -72,9 +74,9 @@ class EstimatorGuard:
 
     def use_default(self) -> bool:
         """Replace the estimator by the default one; False if that is in use, or there is none."""
-        if self._default is None or self._estimator is self._default:
+        if self.default is None or self._estimator is self.default:
             return False
-        self._estimator, self.replaced = self._default, True
+        self._estimator, self.replaced = self.default, True
         self.calls.begin()
         self._restart()
         return True

@@ -85,7 +85,7 @@ class StepGuard:
         """Flies in the place of a controller that fails; None for the feedback law alone."""
         self.calls = GuardedCall("controller", FIRST_STEPS, FIRST_STEPS_FACTOR)
         """Counts failures; a result is unusable if it has a wrong shape, is not finite or beyond limits."""
-        self._model = model
+        self.model = model
         self._age_s = 0.0
         """Time since the last usable step."""
         self._failed_for_s = 0.0
@@ -198,18 +198,18 @@ class StepGuard:
 
     def _hover_step(self, failed: Controller, task: _Task) -> ControlStep:
         """Return the inputs of a plain feedback law, or those that carry a vehicle of unknown motion."""
-        inputs = np.tile(self._model.hover_input, (failed.horizon - 1, 1))
+        inputs = np.tile(self.model.hover_input, (failed.horizon - 1, 1))
         if task.known:
-            inputs[0] = hovering_input(self._model, task.estimate.motion, task.reference.samples[0, :4])
+            inputs[0] = hovering_input(self.model, task.estimate.motion, task.reference.samples[0, :4])
         else:
-            inputs[:, U_THRUST] = self._model.hover_thrust
-        inputs = np.clip(inputs, self._model.u_min, self._model.u_max)
+            inputs[:, U_THRUST] = self.model.hover_thrust
+        inputs = np.clip(inputs, self.model.u_min, self.model.u_max)
         return self._with_plan(inputs, HOVER, task, failed.period_s)
 
     def _with_plan(self, inputs: Array, fallback: str, task: _Task, period_s: float) -> ControlStep:
         """Return inputs and their prediction; for an unknown motion the previous plan goes on."""
         stages = len(inputs) + 1
-        plan = predict(self._model, task.estimate, inputs, period_s) if task.known else None
+        plan = predict(self.model, task.estimate, inputs, period_s) if task.known else None
         if plan is None or not np.isfinite(plan.samples).all():
             known = task.reference if self._plan is None else self._plan
             plan = known.resampled(0.0 if self._plan is None else period_s, period_s, stages)
@@ -235,7 +235,7 @@ class StepGuard:
             lambda result: self._problem(result, controller.horizon, controller.period_s),
         )
         if isinstance(result, ControlStep):
-            inputs = np.clip(result.inputs, self._model.u_min, self._model.u_max)
+            inputs = np.clip(result.inputs, self.model.u_min, self.model.u_max)
             return replace(result, inputs=inputs)
         return result
 
@@ -255,7 +255,7 @@ class StepGuard:
             return "the plan is not finite, or beyond all reason"
         if abs(plan.period_s - period_s) > _TOLERANCE:
             return f"stages of the plan are {plan.period_s:g} s apart, not {period_s:g} s"
-        low, high = self._model.u_min - _TOLERANCE, self._model.u_max + _TOLERANCE
+        low, high = self.model.u_min - _TOLERANCE, self.model.u_max + _TOLERANCE
         if not ((low <= inputs) & (inputs <= high)).all():
             return "inputs are not finite, or leave the limits of the vehicle"
         if not (step.fallback is None or isinstance(step.fallback, str)):

@@ -244,7 +244,11 @@ class RequestHandler:
         present = self._tuning.configuration
         # Tuning ends the effect of the guard against oscillation.
         wanted = without_guard(present).changed(
-            request.controller, request.controller_settings, request.estimator, request.estimator_settings
+            request.controller,
+            request.controller_settings,
+            request.estimator,
+            request.estimator_settings,
+            request.model,
         )
         if wanted == present:
             return f"nothing changes: it flies with {present.controller} and {present.estimator} like this"
@@ -326,7 +330,7 @@ class RequestHandler:
         for corner_m in (place_m - request.reach_m, place_m + request.reach_m):
             problem = problem or self._room.outside(corner_m)
         try:
-            excitation = Excitation(request.amplitude, request.duration_s)
+            excitation = Excitation(request.amplitude, request.duration_s, request.comb)
         except ValueError as error:
             problem = problem or str(error)
         if problem is not None:

@@ -90,6 +90,7 @@ def intent_of(
         controller_settings=flown.controller_settings,
         estimator=flown.estimator,
         estimator_settings=flown.estimator_settings,
+        model=flown.model,
         previous=None if previous is None else previous.message,
     )
 
@@ -114,9 +115,13 @@ def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
 
 
 def configuration_of(flown: Intent | FlownBy) -> Configuration:
-    """Return controller and estimator of a predecessor."""
+    """Return controller, estimator and model of a predecessor."""
     return Configuration(
-        flown.controller, flown.estimator, flown.controller_settings, flown.estimator_settings
+        flown.controller,
+        flown.estimator,
+        flown.controller_settings,
+        flown.estimator_settings,
+        flown.model,
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcopterx.agents.pilot import Pilot
-from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.agents.tuning.configuration import Configuration, FlownParts
 from rcopterx.agents.work_ahead import WorkAhead
 from rcopterx.control.interfaces import Controller, Estimate, Estimator, NoSolutionError
 from rcopterx.control.references.trajectory import hold
@@ -28,6 +28,8 @@ class Replacement:
     configuration: Configuration
     controller: Controller | None
     estimator: Estimator | None
+    parts: FlownParts | None
+    """Everything, for another model."""
 
 
 class Tuning:
@@ -47,6 +49,8 @@ class Tuning:
         """Why another configuration flies than the chosen one, after deaths of the process."""
         self._restored: Configuration | None = None
         self._pilot = pilot
+        self._model = pilot.model
+        """Of the fleet file."""
         self._period_s = period_s
         self._work: WorkAhead[Replacement | ValueError] = WorkAhead("tuning", wake)
 
@@ -104,25 +108,30 @@ class Tuning:
 
     def _build(self, wanted: Configuration, estimate: Estimate, frame_period_s: float) -> Replacement:
         """Build what differs from the present configuration, and let it run a few steps as a warm-up."""
-        present, model, last_input = self.configuration, self._pilot.model, estimate.actuator
-        controller = estimator = None
+        present, model, last_input = self.configuration, self._model, estimate.actuator
+        parts = controller = estimator = None
+        if wanted.model != present.model:
+            parts = wanted.parts(model, self._period_s)
+            controller, estimator = parts.controller, parts.estimator
         if (wanted.controller, wanted.controller_settings) != (
             present.controller,
             present.controller_settings,
         ):
-            controller = wanted.controller_for(model, self._period_s)
+            controller = controller or wanted.controller_for(model, self._period_s)
+        if (wanted.estimator, wanted.estimator_settings) != (present.estimator, present.estimator_settings):
+            estimator = estimator or wanted.estimator_for(model, self._period_s)
+        if controller is not None:
             motion = estimate.motion
             reference = hold(motion[:3], float(motion[YAW]), self._period_s, controller.horizon)
             controller.reset(estimate, last_input)
             for _ in range(WARM_UP_STEPS if wanted.controller != present.controller else 1):
                 with suppress(NoSolutionError):
                     controller.step(estimate, reference, last_input)
-        if (wanted.estimator, wanted.estimator_settings) != (present.estimator, present.estimator_settings):
-            estimator = wanted.estimator_for(model, self._period_s)
+        if estimator is not None:
             estimator.take_over(estimate)
             for _ in range(WARM_UP_STEPS if wanted.estimator != present.estimator else 1):
                 estimator.predict(last_input, frame_period_s)
-        return Replacement(wanted, controller, estimator)
+        return Replacement(wanted, controller, estimator, parts)
 
     def wait(self) -> None:
         """Wait for the end of the preparation."""
@@ -143,6 +152,10 @@ class Tuning:
         restored, self._restored = self._restored is not None, None
         if isinstance(result, ValueError):
             return result
+        if result.parts is not None:
+            self._pilot.use_model(
+                result.parts.model, result.parts.default_controller, result.parts.default_estimator
+            )
         if result.controller is not None:
             self._pilot.use_controller(result.controller)
         if result.estimator is not None:

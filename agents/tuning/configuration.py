@@ -2,19 +2,29 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
 from rcopterx.bus.intent import FlownBy
-from rcopterx.bus.message import Setting
+from rcopterx.bus.message import Parameters, Setting
 from rcopterx.control.interfaces import Controller, Estimator
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
-from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.model import Model, with_parameters
 
 DEFAULT_CONTROLLER: Final = "cascade"
 DEFAULT_ESTIMATOR: Final = "extended_kalman"
 """Defaults of a fleet file; they fly with their default settings where others fail."""
+
+
+class FlownParts(NamedTuple):
+    """What flies in a configuration, and what takes the place of a controller or an estimator that fails."""
+
+    model: Model
+    controller: Controller
+    estimator: Estimator
+    default_controller: Controller
+    default_estimator: Estimator
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +37,12 @@ class Configuration:
     """Name and settings of the controller, the horizon among them."""
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     """Name and settings of the estimator."""
+    model: Mapping[str, object] = field(default_factory=dict)
+    """Parameters of the model that were identified in flight; all others are those of the fleet file."""
 
     def __post_init__(self) -> None:
         # Rows of numbers are lists in a fleet file and tuples in a message; here they are tuples.
-        for name in ("controller_settings", "estimator_settings"):
+        for name in ("controller_settings", "estimator_settings", "model"):
             settings = getattr(self, name).items()
             plain = {key: tuple(value) if isinstance(value, list) else value for key, value in settings}
             object.__setattr__(self, name, plain)
@@ -43,6 +55,7 @@ class Configuration:
             controller_settings=msgspec.convert(self.controller_settings, dict[str, Setting]),
             estimator=self.estimator,
             estimator_settings=msgspec.convert(self.estimator_settings, dict[str, Setting]),
+            model=msgspec.convert(self.model, Parameters),
         )
 
     def changed(
@@ -51,11 +64,12 @@ class Configuration:
         controller_settings: Mapping[str, object],
         estimator: str | None,
         estimator_settings: Mapping[str, object],
+        model: Mapping[str, object] | None = None,
     ) -> "Configuration":
         """The configuration after a change.
 
-        Settings are added to the present ones. Another controller keeps only the horizon, another estimator
-        nothing, because settings are specific to each of them.
+        Settings and parameters of the model are added to the present ones. Another controller keeps only the
+        horizon, another estimator nothing, because settings are specific to each of them.
         """
         kept = dict(self.controller_settings)
         if controller not in (None, self.controller):
@@ -67,6 +81,7 @@ class Configuration:
             controller_settings={**kept, **controller_settings},
             estimator=estimator or self.estimator,
             estimator_settings={**kept_by_estimator, **estimator_settings},
+            model={**self.model, **(model or {})},
         )
 
     def with_default_controller(self) -> "Configuration":
@@ -78,6 +93,20 @@ class Configuration:
         """The configuration with the default estimator."""
         return replace(self, estimator=DEFAULT_ESTIMATOR, estimator_settings={})
 
+    def flown_model(self, model: Model) -> Model:
+        """Return the model of the fleet file with the parameters identified in flight.
+
+        Raises
+        ------
+        ValueError
+            A parameter that the vehicle cannot have, or another structure of the tilt.
+        """
+        flown = with_parameters(model, self.model)
+        sizes = [0 if one.tilt is None else one.tilt.dynamics().size for one in (model, flown)]
+        if sizes[0] != sizes[1]:
+            raise ValueError("tilt: its structure cannot change in flight")
+        return flown
+
     def controller_for(self, model: Model, period_s: float) -> Controller:
         """Build the controller.
 
@@ -86,7 +115,7 @@ class Configuration:
         ValueError
             Unknown controller, or a setting it does not accept.
         """
-        return CONTROLLERS.build(self.controller, model, period_s, self.controller_settings)
+        return CONTROLLERS.build(self.controller, self.flown_model(model), period_s, self.controller_settings)
 
     def estimator_for(self, model: Model, period_s: float) -> Estimator:
         """Build the estimator.
@@ -96,4 +125,16 @@ class Configuration:
         ValueError
             Unknown estimator, or a setting it does not accept.
         """
-        return ESTIMATORS.build(self.estimator, model, period_s, self.estimator_settings)
+        return ESTIMATORS.build(self.estimator, self.flown_model(model), period_s, self.estimator_settings)
+
+    def parts(self, model: Model, period_s: float) -> FlownParts:
+        """Build everything for a vehicle; errors as of `controller_for` and `estimator_for`."""
+        controller = default_controller = self.controller_for(model, period_s)
+        estimator = default_estimator = self.estimator_for(model, period_s)
+        if (plain := self.with_default_controller()) != self:
+            default_controller = plain.controller_for(model, period_s)
+        if (plain := self.with_default_estimator()) != self:
+            default_estimator = plain.estimator_for(model, period_s)
+        return FlownParts(
+            self.flown_model(model), controller, estimator, default_controller, default_estimator
+        )

@@ -1,8 +1,8 @@
 """Multisines on the sticks of a flying vehicle, added to the commands of its controller.
 
 Every axis has its own frequencies, so that all axes are excited at once and their responses, including the
-coupling of pitch and roll, can be separated. The controller continues to hold the vehicle in place; a
-prediction-error fit is consistent in closed loop.
+coupling of pitch and roll, can be separated; so have neighbours that are excited at the same time. The
+controller continues to hold the vehicle in place; a prediction-error fit is consistent in closed loop.
 """
 
 import math
@@ -17,6 +17,8 @@ from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 BASE_HZ: Final = 0.05
 """All frequencies are multiples of it, so that the signal repeats every 20 s."""
+COMBS: Final = 3
+"""Sets of frequencies, which do not meet within 60 s."""
 FADE_S: Final = 2.0
 _LATERAL_BAND_HZ: Final = (0.4, 4.5)
 _THRUST_BAND_HZ: Final = (0.3, 3.0)
@@ -32,37 +34,41 @@ YAW_RATE_RAD_S: Final = 0.4
 class Excitation:
     """A multisine on every stick, of root mean square `amplitude`; it fades in and out within `FADE_S`.
 
-    Raises ValueError for an amplitude outside 0 to 1, or a duration too short to separate the tones of two
-    axes.
+    Excitations of different `comb` have different frequencies. Raises ValueError for an amplitude outside 0
+    to 1, an unknown comb, or a duration too short to separate the tones of two axes.
     """
 
     amplitude: tuple[float, ...]
     duration_s: float
+    comb: int = 0
 
     def __post_init__(self) -> None:
         if len(self.amplitude) != INPUT_SIZE or not all(0.0 <= a <= 1.0 for a in self.amplitude):
             raise ValueError(f"amplitude: four numbers from 0 to 1, got {self.amplitude}")
         if not 1.0 / BASE_HZ <= self.duration_s <= 600.0:
             raise ValueError(f"duration_s: must be from {1 / BASE_HZ:g} to 600 s, got {self.duration_s}")
+        if not 0 <= self.comb < COMBS:
+            raise ValueError(f"comb: must be from 0 to {COMBS - 1}, got {self.comb}")
 
     def at(self, time_s: float) -> Array:
         """Return the addition to the sticks, shape (4,), some time after the start; zeros outside."""
         if not 0.0 <= time_s < self.duration_s:
             return np.zeros(INPUT_SIZE)
         fade = min(1.0, time_s / FADE_S, (self.duration_s - time_s) / FADE_S)
+        shift_hz = self.comb * BASE_HZ / COMBS
         return np.array(
             [
-                fade * rms * math.sqrt(2.0 / len(tones)) * _sum_of_tones(tones, time_s)
+                fade * rms * math.sqrt(2.0 / len(tones)) * _sum_of_tones(tones, shift_hz, time_s)
                 for rms, tones in zip(self.amplitude, TONES_HZ, strict=True)
             ]
         )
 
 
-def _sum_of_tones(tones_hz: Sequence[float], time_s: float) -> float:
-    """Sum of unit sines with Schroeder's phases, which keep its peaks low."""
+def _sum_of_tones(tones_hz: Sequence[float], shift_hz: float, time_s: float) -> float:
+    """Sum of unit sines, each shifted by a frequency, with Schroeder's phases, which keep its peaks low."""
     count = len(tones_hz)
     return sum(
-        math.sin(math.tau * hz * time_s + math.pi * index * (index + 1) / count)
+        math.sin(math.tau * (hz + shift_hz) * time_s + math.pi * index * (index + 1) / count)
         for index, hz in enumerate(tones_hz)
     )
 
@@ -87,10 +93,10 @@ def _all_tones() -> tuple[tuple[float, ...], ...]:
 
 
 TONES_HZ: Final = _all_tones()
-"""Frequencies on pitch, roll, thrust and yaw."""
+"""Frequencies on pitch, roll, thrust and yaw of the first comb."""
 
 
-def excitation_for(model: Model, duration_s: float, strength: float = 1.0) -> Excitation:
+def excitation_for(model: Model, duration_s: float, strength: float = 1.0, comb: int = 0) -> Excitation:
     """Return the excitation that moves a vehicle of this model by centimetres.
 
     `strength` is the fraction of the usual accelerations and yaw rate; the root mean square is at most a
@@ -108,7 +114,7 @@ def excitation_for(model: Model, duration_s: float, strength: float = 1.0) -> Ex
     )
     room = np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
     amplitude = np.minimum(strength * wanted, 0.25 * room)
-    return Excitation(tuple(float(value) for value in amplitude), duration_s)
+    return Excitation(tuple(float(value) for value in amplitude), duration_s, comb)
 
 
 LONGEST_BLIND_S: Final = 0.1

@@ -1,18 +1,21 @@
-"""Flies the excitation of an identification on a running fleet, and records it from the bus."""
+"""Flies excitations for an identification on a running fleet, and records them from the bus."""
 
-from collections.abc import Callable
-from typing import Final
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.requests import Excite
-from rcopterx.control.identification.excitation import DONE, UNDER_WAY, excitation_for
+from rcopterx.control.identification.excitation import COMBS, DONE, UNDER_WAY, excitation_for
 from rcopterx.control.identification.recording import FlightLog, FlightRecording
 from rcopterx.control.interfaces import Measurement
-from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.fleet.vehicle_models import limits_of, model_of
+from rcopterx.ground_station.identification.spacing import NoRoomError, spread
 from rcopterx.ground_station.report.recorder import Recorder, Recording
+from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.vehicles.state import four
@@ -20,6 +23,7 @@ from rcopterx.vehicles.state import four
 BEGIN_LIMIT_S: Final = 2.0
 OVERDUE_S: Final = 5.0
 PROGRESS_S: Final = 5.0
+ARRIVAL_S: Final = 20.0
 
 Progress = Callable[[float], None]
 """Called every few seconds with the time that is left [s]."""
@@ -29,56 +33,130 @@ class IdentificationError(RefusedError):
     """The flight cannot be used."""
 
 
-def excited_flight(
-    fleet: Observer,
-    name: str,
-    duration_s: float,
-    strength: float = 1.0,
-    reach_m: float = 0.4,
-    progress: Progress = lambda _: None,
-) -> FlightRecording:
-    """Excite a hovering vehicle, which does not follow, and record its poses and applied sticks.
+class Wanted(NamedTuple):
+    """How vehicles are excited."""
 
-    `strength` is a fraction of the usual excitation, `reach_m` the largest distance from the set point.
+    duration_s: float
+    strength: float = 1.0
+    """Fraction of the usual excitation."""
+    reach_m: float = 0.4
+    """Largest distance from the set point on every axis."""
+
+
+class Excited(NamedTuple):
+    """What is known after an excitation."""
+
+    recordings: dict[str, FlightRecording]
+    failures: dict[str, str]
+    """Why the flight of a vehicle cannot be used."""
+
+
+@contextmanager
+def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float) -> Iterator[None]:
+    """Let vehicles hover apart from each other, without leaders; they return to their formation at the end.
 
     Raises
     ------
     IdentificationError
-        The agent refused the excitation or ended it early, or the recording cannot be used.
-    RequestFailedError
-        The agent did not answer.
+        A vehicle does not fly, or there is no room.
+    RefusedError, RequestFailedError, NotReachedError
+        A vehicle did not go to its place.
     """
-    model = model_of(fleet.file, name)
-    excitation = excitation_for(model, duration_s, strength)
-    recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED))
-    request = Excite(duration_s=duration_s, amplitude=four(np.array(excitation.amplitude)), reach_m=reach_m)
-    reply = fleet.session.request(name, request)
-    if not reply.accepted:
-        raise IdentificationError(reply.reason)
-    recorder.start()
+    states = {name: fleet.state_of(name) for name in names}
+    statuses = {name: state.agent for name, state in states.items()}
+    standing = [name for name, status in statuses.items() if status is None or status.phase != "flying"]
+    if standing:
+        raise IdentificationError(f"{', '.join(standing)}: must hover (rcopterx takeoff)")
+    flying = {name: status for name, status in statuses.items() if status is not None}
+    places = {name: status.position_m or status.set_point.position_m for name, status in flying.items()}
+    volume, surveillance = fleet.file.volume, limits_of(fleet.file, names[0]).surveillance
     try:
-        outcome = _wait(fleet, name, duration_s, progress)
+        apart = spread(places, reach_m, surveillance.minimum_distance_m or 0.0, (volume.min_m, volume.max_m))
+    except NoRoomError as error:
+        raise IdentificationError(str(error)) from None
+    try:
+        for name, state in states.items():
+            if state.assigned:
+                fleet[name].lead()
+        for name, place_m in apart.items():
+            fleet[name].go_to(place_m, flying[name].yaw_rad or 0.0)
+        fleet.wait_for_arrival(names, timeout_s=ARRIVAL_S)
+        yield
+    finally:
+        for name, state in states.items():
+            if state.assigned:
+                fleet[name].follow(state.assigned)
+            else:
+                set_point = flying[name].set_point
+                fleet[name].go_to(set_point.position_m, set_point.yaw_rad)
+
+
+def excited_flights(
+    fleet: Observer, names: Sequence[str], wanted: Wanted, progress: Progress = lambda _: None
+) -> Excited:
+    """Excite hovering vehicles without leaders at the same time, and record poses and applied sticks.
+
+    Raises
+    ------
+    RequestFailedError
+        An agent did not answer.
+    """
+    recordings: dict[str, FlightRecording] = {}
+    failures: dict[str, str] = {}
+    recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED))
+    begun: list[str] = []
+    try:
+        for index, name in enumerate(names):
+            excitation = excitation_for(
+                model_of(fleet.file, name), wanted.duration_s, wanted.strength, index % COMBS
+            )
+            request = Excite(
+                duration_s=wanted.duration_s,
+                amplitude=four(np.array(excitation.amplitude)),
+                reach_m=wanted.reach_m,
+                comb=excitation.comb,
+            )
+            reply = fleet.session.request(name, request)
+            if reply.accepted:
+                begun.append(name)
+            else:
+                failures[name] = reply.reason
+        recorder.start()
+        outcomes = _wait(fleet, begun, wanted.duration_s, progress) if begun else {}
     except BaseException:
-        fleet.session.request(name, Excite(duration_s=0.0))
+        for name in begun:
+            fleet.session.request(name, Excite(duration_s=0.0))
         raise
     recording = recorder.stop()
-    if outcome != DONE:
-        raise IdentificationError(f"ended early: {outcome or 'the agent was replaced'}")
-    return recording_of(recording, name, model.kind, fleet.file.vehicles[name].control.period_s)
+    for name, outcome in outcomes.items():
+        vehicle, period_s = model_of(fleet.file, name), fleet.file.vehicles[name].control.period_s
+        try:
+            if outcome != DONE:
+                raise IdentificationError(f"ended early: {outcome or 'the agent was replaced'}")
+            recordings[name] = recording_of(recording, name, vehicle.kind, period_s)
+        except IdentificationError as error:
+            failures[name] = str(error)
+    return Excited(recordings, failures)
 
 
-def _wait(fleet: Observer, name: str, duration_s: float, progress: Progress) -> str:
-    """Wait until the excitation is over; return its outcome."""
+def _wait(fleet: Observer, names: Sequence[str], duration_s: float, progress: Progress) -> dict[str, str]:
+    """Wait until the excitations are over; return their outcomes."""
 
-    def outcome() -> str:
-        status = fleet.state_of(name).agent
-        return "" if status is None else status.excitation
+    def outcomes() -> dict[str, str]:
+        statuses = {name: fleet.state_of(name).agent for name in names}
+        return {name: "" if status is None else status.excitation for name, status in statuses.items()}
 
     def left_s() -> float:
-        status = fleet.state_of(name).agent
-        return 0.0 if status is None else status.excitation_left_s
+        statuses = [fleet.state_of(name).agent for name in names]
+        return max(0.0 if status is None else status.excitation_left_s for status in statuses)
 
-    fleet.wait_until(lambda: outcome() == UNDER_WAY, BEGIN_LIMIT_S, "the excitation does not begin", [name])
+    begun: set[str] = set()
+
+    def all_begun() -> bool:
+        begun.update(name for name, outcome in outcomes().items() if outcome == UNDER_WAY)
+        return len(begun) == len(names)
+
+    fleet.wait_until(all_begun, BEGIN_LIMIT_S, "the excitation does not begin", names)
     reported_s = duration_s
 
     def over() -> bool:
@@ -86,10 +164,10 @@ def _wait(fleet: Observer, name: str, duration_s: float, progress: Progress) -> 
         if left_s() <= reported_s - PROGRESS_S:
             reported_s = left_s()
             progress(reported_s)
-        return outcome() != UNDER_WAY
+        return UNDER_WAY not in outcomes().values()
 
-    fleet.wait_until(over, duration_s + OVERDUE_S, "the excitation does not end", [name])
-    return outcome()
+    fleet.wait_until(over, duration_s + OVERDUE_S, "the excitation does not end", names)
+    return outcomes()
 
 
 def recording_of(recording: Recording, name: str, kind: str, period_s: float) -> FlightRecording:

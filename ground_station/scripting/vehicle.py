@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from rcopterx.bus.message import FloatArray, Setting
+from rcopterx.bus.message import FloatArray, Parameters, Setting
 from rcopterx.bus.messages import LeaderLink, Plan, SetPoint
 from rcopterx.bus.requests import (
     Arm,
@@ -179,6 +179,18 @@ class Vehicle:
             estimator_settings=dict(estimator_settings or {}),
         )
         return self._request(request, TUNING_LIMIT_S)
+
+    def use_model(self, parameters: Parameters) -> str:
+        """Fly with identified parameters of the model, without a bump; returns as `tune` does.
+
+        Parameters are those of the table `model` in the fleet file.
+
+        Raises
+        ------
+        RefusedError
+            A parameter is unknown, or no vehicle can have it.
+        """
+        return self._request(Tune(model=parameters), TUNING_LIMIT_S)
 
     def wait_for_phase(self, phase: str, timeout_s: float = 15.0) -> None:
         """Wait for a flight phase; see `Fleet.wait_for_phase`."""

@@ -1,7 +1,8 @@
-"""Fitting the model of a vehicle to its own flight: `identify`."""
+"""Fitting the models of vehicles to their own flight: `identify`."""
 
 import json
 from collections.abc import Callable
+from contextlib import ExitStack, nullcontext
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -17,28 +18,43 @@ from rcopterx.commands.fleet_option import (
     user_errors,
     wanted_fleet,
 )
-from rcopterx.commands.output import JsonOption, PlotOption, check_plot, print_changes, write_plot
+from rcopterx.commands.output import JsonOption, PlotOption, check_plot, write_plot
 
 if TYPE_CHECKING:
     from rcopterx.control.identification.fit import Identification
     from rcopterx.control.identification.recording import FlightRecording
+    from rcopterx.fleet.schema import FleetFile
+    from rcopterx.ground_station.scripting.fleet import Fleet
     from rcopterx.vehicles.model import Model
 
+    Fit = tuple[FlightRecording, Model, Identification]
+
+REACH_M = 0.4
+TOGETHER_REACH_M = 0.25
 PICTURED_S = 10.0
 AXES = ("x [m]", "y [m]", "z [m]", "yaw [rad]")
 
 
 def identify(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE")],
+    vehicles: Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...")] = None,
+    together: Annotated[
+        bool, typer.Option("--all", help="All vehicles at the same time, from and back to their formation.")
+    ] = False,
     seconds: Annotated[
         float, typer.Option(metavar="SECONDS", min=20, max=300, help="Duration of the excitation.")
-    ] = 70.0,
+    ] = 60.0,
     strength: Annotated[
         float, typer.Option(metavar="FRACTION", min=0.1, max=2, help="Fraction of the usual excitation.")
     ] = 1.0,
     reach: Annotated[
-        float, typer.Option(metavar="METRES", min=0.1, max=2, help="Largest distance from the set point.")
-    ] = 0.4,
+        float | None,
+        typer.Option(
+            metavar="METRES",
+            min=0.1,
+            max=2,
+            help="Largest distance from the set point. Default: 0.4, with --all 0.25.",
+        ),
+    ] = None,
     from_file: Annotated[
         Path | None, typer.Option("--from", metavar="FILE", help="Fit a recorded flight instead of flying.")
     ] = None,
@@ -47,60 +63,129 @@ def identify(
     ] = None,
     plot: PlotOption = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print the model without changing the fleet file.")
+        bool, typer.Option("--dry-run", help="Print the models; change neither flight nor fleet file.")
     ] = False,
     as_json: JsonOption = False,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """Excite a hovering vehicle, fit its model to the flight, and write it into the fleet file.
+    """Excite hovering vehicles, fit their models, fly on with them, and write them into the fleet file.
 
-    The vehicle must hover without following (rcopterx lead VEHICLE), with room around it.
+    A named vehicle must hover without following (rcopterx lead VEHICLE), with room around it. With --all
+    the vehicles of a formation move apart first, and return to it at the end. Without --fleet the models
+    are used in this flight only.
     """
     check_plot(plot)
-    from rcopterx.control.identification import fit
-    from rcopterx.control.identification.recording import load_recording
-    from rcopterx.fleet.editing import write_model
-    from rcopterx.fleet.vehicle_models import model_of
-
-    say = partial(typer.echo, err=as_json)
+    names, say = vehicles or [], partial(typer.echo, err=as_json)
+    if bool(names) == together:
+        raise typer.BadParameter("name vehicles, or give --all")
+    if len(names) != 1 and (from_file or save or plot):
+        raise typer.BadParameter("--from, --save and --plot are for one vehicle")
     with user_errors():
-        path = None if dry_run else _own_file(fleet)
+        path = None if dry_run or not (fleet or from_file) else _own_file(fleet)
         file, _ = wanted_fleet(fleet)
-        known_vehicles(file.vehicles, [vehicle])
-        known = model_of(file, vehicle)
+        known_vehicles(file.vehicles, names)
+    failures: dict[str, str] = {}
+    with ExitStack() as stack:
+        running = None if from_file else stack.enter_context(running_fleet(fleet))
+        if running is None:
+            recordings = {names[0]: _loaded(names[0], from_file)}
+        else:
+            wanted = (seconds, strength, reach or (TOGETHER_REACH_M if together else REACH_M))
+            recordings, failures = _flown(running, names, wanted, say)
+        if save is not None and recordings:
+            _saved(names[0], recordings[names[0]], save, say)
+        fits = {name: _fit(file, name, recording, say) for name, recording in recordings.items()}
+        if plot is not None and fits:
+            write_plot(partial(_draw, *fits[names[0]]), plot)
+        _print(fits, failures, together, as_json)
+        for name, (_, _, found) in fits.items():
+            for remark in found.remarks:
+                say(f"{name}: {remark}")
+            if not found.problems:
+                _use(name, found.model, path, None if dry_run else running, say)
+    problems = [f"{name}: {reason}" for name, reason in failures.items()]
+    problems += [f"{name}: {problem}" for name, (*_, found) in fits.items() for problem in found.problems]
+    if problems:
+        raise failure(*problems)
+
+
+def _loaded(name: str, path: Path | None) -> "FlightRecording":
+    """Read the recording of a vehicle."""
+    from rcopterx.control.identification.recording import load_recording
+
+    assert path is not None
     try:
-        excitation = (seconds, strength, reach)
-        recording = load_recording(from_file) if from_file else _flown(vehicle, fleet, excitation, say)
-        if save is not None:
-            recording.save(save)
-            say(f"recording: {save}")
-        say(f"fitting {recording.duration_s:.0f} s of flight")
-        found = fit.identify(recording, known)
+        return load_recording(path)
     except (ValueError, OSError) as error:
-        raise failure(f"{vehicle}: {error}") from None
-    write_plot(partial(_draw, recording, known, found), plot)
-    typer.echo(json.dumps(document_of(vehicle, found), indent=2) if as_json else _text(found))
-    for remark in found.remarks:
-        say(f"{vehicle}: {remark}")
-    if found.problems:
-        raise failure(*(f"{vehicle}: {problem}" for problem in found.problems))
-    if path is not None:
-        with user_errors():
-            print_changes(vehicle, write_model(path, vehicle, found.model), err=as_json)
-        say(f"{vehicle}: the model is in {path}; land and start the fleet again to fly with it")
+        raise failure(f"{name}: {error}") from None
+
+
+def _saved(name: str, recording: "FlightRecording", path: Path, say: Callable[[str], None]) -> None:
+    try:
+        recording.save(path)
+    except OSError as error:
+        raise failure(f"{name}: {error}") from None
+    say(f"recording: {path}")
 
 
 def _flown(
-    vehicle: str, fleet: str | None, excitation: tuple[float, float, float], say: Callable[[str], None]
-) -> "FlightRecording":
-    from rcopterx.ground_station.identification.identification import excited_flight
+    running: "Fleet", names: list[str], wanted: tuple[float, float, float], say: Callable[[str], None]
+) -> tuple[dict[str, "FlightRecording"], dict[str, str]]:
+    """Fly the excitation of some vehicles, or with all of a formation; return recordings and failures."""
+    from rcopterx.ground_station.identification import identification as flights
 
-    with running_fleet(fleet) as running:
-        running.wait_for_status([vehicle])
-        say(f"{vehicle}: excitation for {excitation[0]:g} s")
-        return excited_flight(
-            running, vehicle, *excitation, lambda left_s: say(f"{vehicle}: {left_s:.0f} s left")
-        )
+    excitation = flights.Wanted(*wanted)
+    flown = names or running.present()
+    running.wait_for_status(flown)
+    if not names:
+        say(f"{', '.join(flown)}: move apart")
+    with nullcontext() if names else flights.room_for_all(running, flown, excitation.reach_m):
+        say(f"{', '.join(flown)}: excitation for {excitation.duration_s:g} s")
+        return flights.excited_flights(running, flown, excitation, lambda left_s: say(f"{left_s:.0f} s left"))
+
+
+def _fit(file: "FleetFile", name: str, recording: "FlightRecording", say: Callable[[str], None]) -> "Fit":
+    """Fit the model of a vehicle."""
+    from rcopterx.control.identification import fit
+    from rcopterx.fleet.vehicle_models import model_of
+
+    say(f"{name}: fitting {recording.duration_s:.0f} s of flight")
+    with user_errors():
+        known = model_of(file, name)
+    try:
+        return recording, known, fit.identify(recording, known)
+    except ValueError as error:
+        raise failure(f"{name}: {error}") from None
+
+
+def _use(
+    name: str, model: "Model", path: Path | None, running: "Fleet | None", say: Callable[[str], None]
+) -> None:
+    """Write a model into the fleet file, and let the vehicle fly with it."""
+    from rcopterx.fleet.editing import fitted_parameters, write_model
+
+    with user_errors():
+        if path is not None:
+            for line in write_model(path, name, model) or ["nothing to change"]:
+                say(f"{name}: {line}")
+        if running is not None:
+            running[name].use_model(fitted_parameters(model))
+    flies = (
+        "it flies with the model" if running is not None else "start the fleet again to fly with the model"
+    )
+    say(f"{name}: {flies}" + (f", which is in {path}" if path is not None else ""))
+
+
+def _print(fits: "dict[str, Fit]", failures: dict[str, str], together: bool, as_json: bool) -> None:
+    """Print models, several of them with the names of their vehicles."""
+    documents = [document_of(name, found) for name, (_, _, found) in fits.items()]
+    if not as_json:
+        for name, (_, _, found) in fits.items():
+            typer.echo((f"{name}:\n" if together or len(fits) > 1 else "") + _text(found))
+    elif len(fits) == 1 and not (together or failures):
+        typer.echo(json.dumps(documents[0], indent=2))
+    else:
+        typer.echo(json.dumps({"vehicles": documents, "failed": failures}, indent=2))
 
 
 def _own_file(fleet: str | None) -> Path:

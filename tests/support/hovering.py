@@ -57,7 +57,9 @@ class HoveringFlight:
         controller, estimator = wanted.get("controller"), wanted.get("estimator")
         assert controller is None or isinstance(controller, str)
         assert estimator is None or isinstance(estimator, str)
-        self.tuning.begin(present.changed(controller, settings, estimator, {}))
+        model = wanted.get("model", {})
+        assert isinstance(model, Mapping)
+        self.tuning.begin(present.changed(controller, settings, estimator, {}, model))
         outcomes: list[str | ValueError] = []
 
         def ready() -> bool:

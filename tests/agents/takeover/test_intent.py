@@ -27,7 +27,9 @@ from rcopterx.control.references.set_points import (
 )
 from rcopterx.control.references.trajectory import COLUMNS, YAW, Trajectory
 
-CONFIGURATION = Configuration("lqr", "kalman", {"horizon": 12, "position_weights": (1.0, 2.0)}, {})
+MODEL = {"delay_s": 0.05, "lag_s": (0.1, 0.1, 0.1, 0.05), "uncertainty": {"gain_factor": 1.3}}
+SETTINGS = {"horizon": 12, "position_weights": (1.0, 2.0)}
+CONFIGURATION = Configuration("lqr", "kalman", SETTINGS, {}, MODEL)
 UP = (0.1, 0.2, 1.0)
 numbers = st.floats(-2.0, 2.0)
 places = st.tuples(numbers, numbers, numbers).map(np.array)

@@ -53,6 +53,50 @@ def test_another_horizon_takes_over_without_a_bump(horizon: int) -> None:
     assert flight.error_m() < 0.1
 
 
+def test_another_model_takes_over_without_a_bump() -> None:
+    flight = HoveringFlight("cascade")
+    flight.fly(150)
+    b_x, b_y, b_z, b_psi = flight.pilot.model.input_gain
+    gains = (1.2 * b_x, 1.2 * b_y, 1.1 * b_z, b_psi)
+    assert isinstance(flight.change(model={"input_gain": gains, "uncertainty": {"gain_factor": 1.3}}), str)
+    flight.fly(1)
+    assert flight.bump() < BUMP
+    assert flight.pilot.model.input_gain == gains
+    assert flight.pilot.model.uncertainty.gain_factor == 1.3
+    flight.fly(150)
+    assert flight.error_m() < 0.25
+
+
+def test_settings_change_the_controller_of_an_identified_model() -> None:
+    flight = HoveringFlight("cascade")
+    flight.fly(50)
+    identified = {"delay_s": 0.07}
+    assert isinstance(flight.change(model=identified), str)
+    assert isinstance(flight.change(controller_settings={"horizon": 30}), str)
+    assert flight.pilot.model.delay_s == 0.07
+    assert flight.tuning.configuration.model == identified
+
+
+@pytest.mark.parametrize(
+    ("model", "reason"),
+    [
+        ({"delay_s": -0.1}, "delay_s"),
+        ({"delay_s": "long"}, "delay_s"),
+        ({"state_min": (0.0,) * 7}, "state_min: not among the identified parameters"),
+        ({"tilt": {"frequency_rad_s": 12.0, "damping_ratio": 0.1}}, "tilt: its structure cannot change"),
+    ],
+)
+def test_a_model_that_the_vehicle_cannot_have_is_refused(model: dict[str, object], reason: str) -> None:
+    flight = HoveringFlight("cascade")
+    flight.fly(50)
+    outcome = flight.change(model=model)
+    assert isinstance(outcome, ValueError)
+    assert reason in str(outcome)
+    assert not flight.tuning.configuration.model
+    flight.fly(1)
+    assert flight.bump() < BUMP
+
+
 def test_weights_add_up_over_changes_and_another_controller_takes_only_the_horizon_over() -> None:
     configuration = Configuration("cascade", "kalman", {"horizon": 20}, {"position_gate_m": 0.1})
     changed = configuration.changed(None, {"input_weights": [1, 1, 1, 1]}, None, {})
