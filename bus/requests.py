@@ -23,7 +23,6 @@ from rcopterx.bus.message import (
 from rcopterx.bus.messages import KNOT_COLUMNS, MAX_KNOTS, LeaderLink, SetPoint
 
 MAX_PATH_S: Final = 600.0
-MAX_COMBS: Final = 3
 REST_TOLERANCE: Final = 1e-6
 """Computed trajectories seldom end with exact zeros."""
 
@@ -145,7 +144,7 @@ class Excite(Request, frozen=True, kw_only=True):
     """Root mean square on pitch, roll, thrust and yaw."""
     reach_m: Annotated[float, Meta(gt=0, le=5)] = 0.3
     """It ends early when the vehicle is further than this from its set point on any axis."""
-    comb: Annotated[int, Meta(ge=0, lt=MAX_COMBS)] = 0
+    comb: Annotated[int, Meta(ge=0, le=63)] = 0
     """Vehicles with different combs are excited at different frequencies."""
 
 

@@ -9,6 +9,7 @@ from typing import Final
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LaboratoryVehicle
 from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S
+from rcopterx.deploy.watchdog.watchdog import AGAIN_S
 from rcopterx.experiments import steps
 from rcopterx.experiments.faults.bench import Bench
 from rcopterx.experiments.faults.fault_flight import FaultFlight
@@ -31,6 +32,8 @@ AFTERWARDS_S: Final = 1.5
 """Recorded time after the last fault."""
 FLOWN_AGAIN_S: Final = 20.0
 LANDED_S: Final = 30.0
+RECOVERED_S: Final = max(STABLE_AFTER_S, AGAIN_S)
+"""Time after the last start of a process until the next fault."""
 CALM_S: Final = 60.0
 """Limit for processes and spares to be ready, on a busy computer as well."""
 
@@ -136,14 +139,14 @@ class FaultRange:
         self.bench.wait_for(lambda: self._truth.latest() is not None, FLOWN_AGAIN_S)
 
     def _wait_until_calm(self) -> None:
-        """Wait until spares are ready and no process has just been started."""
+        """Wait until spares are ready and the watchdog may kill every process: faults do not add up."""
         if self.fleet.launcher is None:
             return
         supervisor = self.bench.supervisor
 
         def calm() -> bool:
             youngest_s = max(child.started_s for child in supervisor.children.values())
-            return supervisor.spares_complete and time.monotonic() - youngest_s > STABLE_AFTER_S
+            return supervisor.spares_complete and time.monotonic() - youngest_s > RECOVERED_S
 
         if not self.bench.wait_for(calm, CALM_S):
             raise NotReachedError("processes are started again and again, or there is no spare one")

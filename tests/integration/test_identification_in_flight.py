@@ -1,4 +1,4 @@
-"""A vehicle of a running fleet is identified, and its model goes into the fleet file."""
+"""Vehicles of a running fleet are identified; the models go into the fleet file, and fly at once."""
 
 import json
 import subprocess
@@ -39,5 +39,27 @@ def test_a_leader_is_identified_while_its_follower_flies_on(launch: Launch) -> N
     written = model_of(load_fleet(flying.path), "h1")
     assert written.uncertainty == IDENTIFIED
     assert written.input_gain != COAXIAL.input_gain
+    truth.assert_none_touched_down()
+    fleet.land()
+
+
+def test_a_formation_is_identified_at_the_same_time_and_returns(launch: Launch) -> None:
+    hosts = {"main": ("127.0.0.1", free_port())}
+    text = fleet_text(
+        free_port(), hosts, simulator='conditions = "helicopters"', control='controller = "cascade"'
+    )
+    flying = launch(text)
+    fleet, truth = flying.fleet, Truth(flying)
+    fleet.take_off(height_m=1.0, timeout_s=40)
+    truth.start_watch()
+    command = (sys.executable, "-m", "rcopterx", "identify", "--all", "-f", str(flying.path))
+    done = subprocess.run(
+        [*command, "--seconds", "40", "--json"], capture_output=True, text=True, timeout=150, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert {one["vehicle"] for one in json.loads(done.stdout)["vehicles"]} == set(fleet.file.vehicles)
+    changed = load_fleet(flying.path)
+    assert all(model_of(changed, name).uncertainty == IDENTIFIED for name in changed.vehicles)
+    fleet.wait_for_formation()
     truth.assert_none_touched_down()
     fleet.land()

@@ -105,3 +105,18 @@ def test_wrong_files_and_vehicles_are_refused(flight: Path, file: Path, tmp_path
     assert (code, "comes with the package" in err) == (2, True)
     code, _, err = identify("h1", "--from", flight)
     assert (code, "name the fleet file that the model goes into (-f FILE)" in err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "name vehicles, or give --all"),
+        (("h1", "--all"), "name vehicles, or give --all"),
+        (("h1", "h2", "--save", "both.npz"), "are for one vehicle"),
+        (("--all", "--from", "h1.npz"), "are for one vehicle"),
+    ],
+)
+def test_one_vehicle_several_or_all_are_identified(arguments: tuple[str, ...], words: str) -> None:
+    code, _, err = identify(*arguments)
+    assert code == 2
+    assert words in err

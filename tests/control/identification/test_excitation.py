@@ -22,6 +22,14 @@ def test_root_mean_square_is_the_amplitude() -> None:
     assert np.std(middle, axis=0) == pytest.approx([0.1, 0.2, 0.03, 0.05], rel=0.1)
 
 
+def test_neighbours_with_different_combs_are_uncorrelated() -> None:
+    amplitude, times_s = (0.1, 0.1, 0.1, 0.1), np.arange(2.0, 62.0, 0.02)
+    first, second = (
+        np.array([Excitation(amplitude, 64.0, comb).at(time_s) for time_s in times_s]) for comb in (0, 2)
+    )
+    assert np.abs(np.corrcoef(first.T, second.T)[:4, 4:]).max() < 0.02
+
+
 def test_axes_are_uncorrelated() -> None:
     excitation = Excitation((0.1, 0.1, 0.1, 0.1), 44.0)
     values = np.array([excitation.at(time_s) for time_s in np.arange(2.0, 42.0, 0.02)])
@@ -62,3 +70,5 @@ def test_senseless_excitations_are_refused() -> None:
         Excitation((0.1, -0.1, 0.1, 0.1), 60.0)
     with pytest.raises(ValueError, match="duration_s: must be from 20"):
         excitation_for(QUADROTOR, 5.0)
+    with pytest.raises(ValueError, match="comb: must be from 0 to 2"):
+        excitation_for(QUADROTOR, 60.0, comb=3)
