@@ -131,8 +131,8 @@ class TransmitterConfig(Table, frozen=True, kw_only=True):
     """A vehicle's transmitter."""
 
     port: Text
-    """Serial device, or `udp://HOST:PORT` of a Crazyflie that is simulated. A relative path is in the run
-    directory; the simulator creates it."""
+    """Serial device; a relative path is in the run directory, where the simulator creates it. For a Crazyflie
+    `radio://DONGLE/CHANNEL/RATE/ADDRESS`, or `udp://HOST:PORT` of a simulated one."""
     gateway: Name = "transmitters"
     """Transmitter gateway that serves it."""
     protocol: ProtocolName | None = None

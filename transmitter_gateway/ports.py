@@ -1,7 +1,8 @@
 """The port of a transmitter by its address."""
 
+from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, crazyradio
 from rcopterx.transmitter_gateway.port import Port
-from rcopterx.transmitter_gateway.protocols.crtp import UDP
+from rcopterx.transmitter_gateway.protocols.crtp import RADIO, UDP, RadioAddress
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.udp_port import UdpPort
@@ -11,4 +12,7 @@ def port_for(settings: TransmitterSettings) -> Port:
     """Return a port for a transmitter, not yet opened."""
     if settings.port.startswith(UDP):
         return UdpPort(settings.port)
+    if settings.port.startswith(RADIO):
+        address = RadioAddress.of(settings.port)
+        return CrazyradioPort(settings.port, address, crazyradio(address.dongle))
     return SerialPort(settings.port, settings.protocol.line)

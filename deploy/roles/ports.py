@@ -7,7 +7,7 @@ from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
-from rcopterx.transmitter_gateway.protocols.crtp import udp_address
+from rcopterx.transmitter_gateway.protocols.crtp import RADIO, RadioAddress, udp_address
 
 
 def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
@@ -19,7 +19,14 @@ def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
     if not isinstance(protocol_of(fleet, name), CrazyflieProtocol):
         return str(serial_path(port, directory))
     try:
-        udp_address(port)
+        if port.startswith(RADIO):
+            RadioAddress.of(port)
+        else:
+            udp_address(port)
     except ProtocolError as error:
         raise FleetError(f"vehicles.{name}.transmitter.port: {error}") from None
+    if fleet.simulator is not None and port.startswith(RADIO):
+        raise FleetError(
+            f"vehicles.{name}.transmitter.port: {port!r} is a radio, simulated vehicles are at udp://"
+        )
     return port

@@ -102,7 +102,7 @@ NOT_TYPED = {
     ),
     "sudo usermod -a -G dialout $USER": (COMPUTER, "docs/tested.md"),
     "rcopterx udev-rules | sudo tee /etc/udev/rules.d/60-rcopterx.rules": (COMPUTER, RADIOS),
-    "sudo udevadm control --reload && sudo udevadm trigger --subsystem-match=tty": (
+    "sudo udevadm control --reload && sudo udevadm trigger --subsystem-match=tty --subsystem-match=usb": (
         COMPUTER,
         "docs/tested.md",
     ),

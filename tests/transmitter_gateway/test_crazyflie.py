@@ -154,3 +154,13 @@ def test_malformed_answers_are_counted(raw: list[bytes]) -> None:
 def test_wrong_settings_are_refused(settings: dict[str, float]) -> None:
     with pytest.raises(ProtocolError, match=next(iter(settings))):
         CrazyflieSettings(**settings)
+
+
+def test_the_status_has_the_share_of_requests_that_were_answered() -> None:
+    protocol = CrazyflieProtocol()
+    protocol.link_opened(0.0)
+    for number in range(9):
+        round_of(protocol, LOW)
+        if number % 2 == 0:
+            reported(protocol, crtp.SupervisorState(armed=True))
+    assert protocol.status(0.0).text == "ready, link 50 %"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -37,6 +37,8 @@ FULL_THRUST = 60_000
 FRAMES_PER_REQUEST = 10
 """So often the state is asked for and the watchdog fed: every 0.25 s at the latest."""
 SILENT_S = 1.0
+REQUESTS_REMEMBERED = 20
+"""For the quality of the link: those of the last 4 to 5 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +112,7 @@ class CrazyflieProtocol(RadioProtocol):
         self._watched = False
         self._opened = False
         self._answered_s = -math.inf
+        self._answers: deque[bool] = deque(maxlen=REQUESTS_REMEMBERED)
         self._state: crtp.SupervisorState | None = None
 
     def encode(
@@ -131,6 +134,7 @@ class CrazyflieProtocol(RadioProtocol):
 
     def _requests(self, *, armed: bool) -> list[crtp.Packet]:
         """Packets that are not needed in every frame."""
+        self._answers.append(False)
         requests = [crtp.state_request()]
         state = self._state
         if state is not None and armed != state.armed and (armed or not state.arms_itself):
@@ -154,6 +158,7 @@ class CrazyflieProtocol(RadioProtocol):
         """Wait for a new state."""
         self._opened = True
         self._armed = self._state = None
+        self._answers.clear()
 
     def link_resumed(self, now_s: float) -> None:
         """Count the vehicle as ready and armed, as if it had just reported it."""
@@ -176,11 +181,17 @@ class CrazyflieProtocol(RadioProtocol):
                 continue
             if state is not None:
                 self._state, self._answered_s = state, now_s
+                if self._answers:
+                    self._answers[-1] = True
 
     def status(self, now_s: float) -> ModuleStatus:
-        """Ready when the firmware would fly."""
+        """Ready when the firmware would fly; the text has the share of requests that were answered."""
         problem = self._problem(now_s)
-        return ModuleStatus(problem is None, False, problem or "ready, Crazyflie")
+        if problem is not None:
+            return ModuleStatus(False, False, problem)
+        # The answer to the newest request may be on its way.
+        judged = [*self._answers][:-1] or [True]
+        return ModuleStatus(True, False, f"ready, link {100 * sum(judged) / len(judged):.0f} %")
 
     def _problem(self, now_s: float) -> str | None:
         state = self._state

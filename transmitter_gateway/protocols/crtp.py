@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections.abc import Iterable
 
@@ -13,7 +14,10 @@ from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError, Protoc
 NULL_PACKET = b"\xff"
 """Carries nothing; a computer asks with it whether a vehicle is there, and a vehicle answers with it."""
 LONGEST_DATA = 30
-UDP = "udp://"
+UDP, RADIO = "udp://", "radio://"
+"""Beginnings of addresses."""
+HIGHEST_CHANNEL = 125
+DATA_RATES = ("250K", "1M", "2M")
 LONGEST_DATAGRAM = 64
 COMMANDER, SUPERVISOR = 3, 9
 """Ports."""
@@ -156,5 +160,34 @@ def udp_address(path: str) -> tuple[str, int]:
     """Host and port of `udp://HOST:PORT`; raises `ProtocolError` for anything else."""
     host, _, port = path.removeprefix(UDP).rpartition(":")
     if not path.startswith(UDP) or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ProtocolError(f"{path!r} is no address such as udp://127.0.0.1:19850")
+        raise ProtocolError(
+            f"{path!r} is no address such as udp://127.0.0.1:19850 or radio://0/80/2M/E7E7E7E7E7"
+        )
     return host, int(port)
+
+
+class RadioAddress(Struct, frozen=True):
+    """Where a Crazyflie is: number of the dongle, channel 0..125, data rate by its number, 5 bytes."""
+
+    dongle: int
+    channel: int
+    rate: int
+    address: bytes
+
+    @staticmethod
+    def of(path: str) -> RadioAddress:
+        """Read `radio://DONGLE/CHANNEL/RATE/ADDRESS`; raises `ProtocolError` for anything else."""
+        match path.removeprefix(RADIO).split("/"):
+            case [dongle, channel, rate, address] if path.startswith(RADIO) and (
+                dongle.isdecimal()
+                and channel.isdecimal()
+                and int(channel) <= HIGHEST_CHANNEL
+                and rate in DATA_RATES
+                and re.fullmatch(r"[0-9A-Fa-f]{10}", address)
+            ):
+                return RadioAddress(int(dongle), int(channel), DATA_RATES.index(rate), bytes.fromhex(address))
+        rates = ", ".join(DATA_RATES)
+        raise ProtocolError(
+            f"{path!r} is no address such as radio://0/80/2M/E7E7E7E7E7: number of the dongle, channel 0 to "
+            f"{HIGHEST_CHANNEL}, {rates}, 10 hexadecimal digits"
+        )

@@ -24,10 +24,13 @@ def test_a_serial_device_may_be_in_the_run_directory(tmp_path: Path) -> None:
 
 
 def test_a_crazyflie_has_an_address(tmp_path: Path) -> None:
-    address = "udp://127.0.0.1:19850"
-    assert port_of(parse_fleet(FLEET.format(type="crazyflie", port=address)), "h1", tmp_path) == address
+    for address in ("udp://127.0.0.1:19850", "radio://0/80/2M/E7E7E7E701"):
+        assert port_of(parse_fleet(FLEET.format(type="crazyflie", port=address)), "h1", tmp_path) == address
     with pytest.raises(FleetError, match=r"vehicles\.h1\.transmitter\.port: .*udp://127.0.0.1:19850"):
         port_of(parse_fleet(FLEET.format(type="crazyflie", port="/dev/ttyUSB0")), "h1", tmp_path)
+    simulated = FLEET.format(type="crazyflie", port="radio://0/80/2M/E7E7E7E701") + "[simulator]\n"
+    with pytest.raises(FleetError, match=r"is a radio, simulated vehicles are at udp://"):
+        port_of(parse_fleet(simulated), "h1", tmp_path)
 
 
 def test_the_fleet_of_crazyflies_can_be_set_up(tmp_path: Path) -> None:

@@ -1,0 +1,267 @@
+"""Crazyradio dongles on USB (protocol: Crazyradio, USB and radio protocol): several vehicles on each.
+
+A transfer takes milliseconds, so that a thread for each dongle does them; ports exchange packets with it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from functools import cache
+from threading import Condition, RLock, Thread
+from typing import Final, Protocol
+
+from rcopterx.transmitter_gateway.port import Port, WriteOutcome
+from rcopterx.transmitter_gateway.protocols.crtp import RadioAddress, joined, separated
+
+VENDOR, PRODUCT = 0x1915, 0x7777
+TO_DEVICE: Final = 0x40
+SET_CHANNEL, SET_ADDRESS, SET_RATE, SET_POWER, SET_RETRIES = 0x01, 0x02, 0x03, 0x04, 0x06
+FULL_POWER: Final = 3
+RETRIES: Final = 3
+OUT, IN = 0x01, 0x81
+LONGEST_ANSWER: Final = 64
+TIMEOUT_MS: Final = 100
+ACKNOWLEDGED: Final = 0x01
+RETRY_S: Final = 0.3
+SERVICE_S: Final = 0.02
+MOST_ANSWERS: Final = 64
+MISSING_LIBRARY: Final = "the library pyusb is not installed: pip install 'rcopterx[crazyflie]'"
+
+
+class UsbDevice(Protocol):
+    """What is used of a device of `pyusb`; all members raise `OSError` when it is gone."""
+
+    def ctrl_transfer(self, kind: int, request: int, value: int, index: int, data: bytes | None) -> int:
+        """Configure the dongle."""
+
+    def write(self, endpoint: int, data: bytes, timeout: int) -> int:
+        """Send a packet."""
+
+    def read(self, endpoint: int, size: int, timeout: int) -> Sequence[int]:
+        """Return the status of a transfer and the packet of the vehicle, if any."""
+
+
+def find_dongle(number: int) -> UsbDevice:
+    """Return a dongle, counted from 0; raises `OSError` if it is not there or cannot be used."""
+    try:
+        import usb.core
+    except ImportError:
+        raise OSError(MISSING_LIBRARY) from None
+    try:
+        dongles = list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT))
+    except usb.core.NoBackendError:
+        raise OSError("the system library libusb-1.0 is not installed") from None
+    if number >= len(dongles):
+        raise OSError(f"there are {len(dongles)} Crazyradios, number {number} is not plugged in")
+    device: UsbDevice = dongles[number]
+    return device
+
+
+class Crazyradio:
+    """A dongle and the ports of its vehicles.
+
+    Attributes
+    ----------
+    problem
+        Why it is not open; None when it is.
+
+    Parameters
+    ----------
+    find
+        Opens the dongle; raises `OSError`.
+    """
+
+    def __init__(self, find: Callable[[], UsbDevice]) -> None:
+        self.problem: str | None = "not opened yet"
+        self._find = find
+        self._ports: list[CrazyradioPort] = []
+        self._changed = Condition()
+        self._thread: Thread | None = None
+        self._tuned: RadioAddress | None = None
+
+    def attach(self, port: CrazyradioPort) -> None:
+        """Serve a port from now on."""
+        with self._changed:
+            if port not in self._ports:
+                self._ports = [*self._ports, port]
+            if self._thread is None:
+                self._thread = Thread(target=self._run, name="crazyradio", daemon=True)
+                self._thread.start()
+
+    def detach(self, port: CrazyradioPort) -> None:
+        """Serve a port no more; without any the dongle is free for others."""
+        with self._changed:
+            self._ports = [other for other in self._ports if other is not port]
+            self._changed.notify()
+
+    def notify(self) -> None:
+        """Begin with what a port has to send."""
+        with self._changed:
+            self._changed.notify()
+
+    def _run(self) -> None:
+        """Open the dongle, serve ports until it fails, and begin again, while there are ports."""
+        while True:
+            try:
+                device = self._find()
+                device.ctrl_transfer(TO_DEVICE, SET_POWER, FULL_POWER, 0, None)
+                device.ctrl_transfer(TO_DEVICE, SET_RETRIES, RETRIES, 0, None)
+                self._tuned, self.problem = None, None
+                self._serve(device)
+            except OSError as error:
+                self.problem = f"Crazyradio: {error.strerror or error}"
+            with self._changed:
+                if not self._ports:
+                    self.problem, self._thread = "closed", None
+                    return
+                self._changed.wait(RETRY_S)
+
+    def _serve(self, device: UsbDevice) -> None:
+        while ports := self._ports:
+            # In turn, one packet each: no vehicle waits for the whole frame of another.
+            exchanged = [self._exchange(device, port) for port in ports]
+            if not any(exchanged):
+                with self._changed:
+                    if not any(port.waiting for port in self._ports):
+                        self._changed.wait(SERVICE_S)
+
+    def _exchange(self, device: UsbDevice, port: CrazyradioPort) -> bool:
+        """Send one packet of a port, and pass on what the vehicle answers."""
+        packet = port.next_packet()
+        if packet is None:
+            return False
+        self._tune(device, port.address)
+        device.write(OUT, packet, TIMEOUT_MS)
+        status, *answer = device.read(IN, LONGEST_ANSWER, TIMEOUT_MS) or [0]
+        port.deliver(status, bytes(answer))
+        return True
+
+    def _tune(self, device: UsbDevice, wanted: RadioAddress) -> None:
+        tuned = self._tuned
+        self._tuned = None
+        if tuned is None or tuned.channel != wanted.channel:
+            device.ctrl_transfer(TO_DEVICE, SET_CHANNEL, wanted.channel, 0, None)
+        if tuned is None or tuned.rate != wanted.rate:
+            device.ctrl_transfer(TO_DEVICE, SET_RATE, wanted.rate, 0, None)
+        if tuned is None or tuned.address != wanted.address:
+            device.ctrl_transfer(TO_DEVICE, SET_ADDRESS, 0, 0, wanted.address)
+        self._tuned = wanted
+
+
+@cache
+def crazyradio(number: int) -> Crazyradio:
+    """Return the dongle that all ports of this process with this number share."""
+    return Crazyradio(lambda: find_dongle(number))
+
+
+class CrazyradioPort(Port):
+    """One vehicle on a dongle; open as long as the dongle is.
+
+    Counters have the packets that were acknowledged, those that were not, and how often they were repeated.
+    """
+
+    def __init__(self, path: str, address: RadioAddress, dongle: Crazyradio) -> None:
+        self.path, self.address = path, address
+        self.problem: str | None = "not opened yet"
+        self.counters: Counter[str] = Counter()
+        self._dongle = dongle
+        self._lock = RLock()
+        self._packets: deque[bytes] = deque()
+        self._answers: deque[bytes] = deque(maxlen=MOST_ANSWERS)
+        self._event: int | None = None
+        self._next_attempt_s = -math.inf
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the dongle is open."""
+        return self.problem is None
+
+    @property
+    def next_attempt_s(self) -> float:
+        """See `Port`."""
+        return math.inf if self.is_open else self._next_attempt_s
+
+    def fileno(self) -> int | None:
+        """See `Port`."""
+        return self._event
+
+    def service(self, now_s: float) -> bool:
+        """See `Port`."""
+        if self._usable() or now_s < self._next_attempt_s:
+            return False
+        self._next_attempt_s = now_s + SERVICE_S
+        self._dongle.attach(self)
+        self.problem = self._dongle.problem
+        if self.problem is not None:
+            return False
+        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self.counters["openings"] += 1
+        return True
+
+    def _usable(self) -> bool:
+        """Whether the port is open; close it if its dongle has gone."""
+        if self.is_open and self._dongle.problem is not None:
+            self.counters["losses"] += 1
+            self._release(self._dongle.problem)
+        return self.is_open
+
+    def write_frame(self, frame: bytes, now_s: float) -> WriteOutcome:  # noqa: ARG002 - the interface gives it
+        """Hand the packets of a frame to the dongle, unless those of the last one still wait."""
+        outcome = WriteOutcome.WRITTEN
+        with self._lock:
+            if not self._usable():
+                outcome = WriteOutcome.CLOSED
+            elif self._packets:
+                outcome = WriteOutcome.BACKLOG
+            else:
+                self._packets.extend(separated(frame))
+            self.counters[outcome] += 1
+        if outcome is WriteOutcome.WRITTEN:
+            self._dongle.notify()
+        return outcome
+
+    @property
+    def waiting(self) -> bool:
+        """Whether packets wait for the dongle."""
+        return bool(self._packets)
+
+    def next_packet(self) -> bytes | None:
+        """Take the next packet to send."""
+        with self._lock:
+            return self._packets.popleft() if self._packets else None
+
+    def deliver(self, status: int, answer: bytes) -> None:
+        """Take the dongle's status of a packet and the vehicle's answer to it."""
+        acknowledged = bool(status & ACKNOWLEDGED)
+        with self._lock:
+            self.counters["packets repeated"] += status >> 4
+            self.counters["packets acknowledged" if acknowledged else "packets not acknowledged"] += 1
+            if acknowledged and answer and self._event is not None:
+                self._answers.append(answer)
+                os.eventfd_write(self._event, 1)
+
+    def read_available(self, now_s: float) -> bytes:  # noqa: ARG002 - the interface gives the time
+        """Return the packets that have arrived, as a frame."""
+        with self._lock:
+            if self._event is not None and self._answers:
+                os.eventfd_read(self._event)
+            answers = list(self._answers)
+            self._answers.clear()
+        return joined(answers)
+
+    def close(self) -> None:
+        """See `Port`."""
+        self._dongle.detach(self)
+        self._release("closed")
+
+    def _release(self, problem: str) -> None:
+        with self._lock:
+            event, self._event = self._event, None
+            self._packets.clear()
+            self._answers.clear()
+        if event is not None:
+            os.close(event)
+        self.problem = problem
