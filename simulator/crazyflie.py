@@ -6,10 +6,12 @@ import math
 from collections import Counter, deque
 from typing import Final
 
+from rcopterx.simulator.crazyflie_log import CrazyflieLog
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.transmitter_gateway.protocols import crtp
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
+from rcopterx.transmitter_gateway.protocols.crazyflie_battery import LOG
 
 LEVEL_AFTER_S: Final = 0.5
 STOP_AFTER_S: Final = 2.0
@@ -53,8 +55,10 @@ class Crazyflie:
         self.power_cycle(start_s)
 
     def power_cycle(self, now_s: float) -> None:
-        """Start anew, which ends every stop."""
+        """Start anew with a full battery, which ends every stop."""
         self.powered = True
+        self._log = CrazyflieLog()
+        self._flown_s = 0.0
         self.state = crtp.SupervisorState(
             can_be_armed=True, armed=self._arms_itself, arms_itself=self._arms_itself
         )
@@ -82,6 +86,7 @@ class Crazyflie:
             self.rejected[str(error)] += 1
             return []
         self._note(now_s)
+        answers += self._log.due(now_s, self._flown_s)
         return [answer.to_bytes() for answer in answers]
 
     def _obey(self, packet: crtp.Packet, now_s: float) -> list[crtp.Packet]:
@@ -96,6 +101,8 @@ class Crazyflie:
         if packet == crtp.emergency_stop():
             self._lock()
             return []
+        if packet.port == LOG and (logged := self._log.obey(packet, now_s)) is not None:
+            return [logged]
         for on in (False, True):
             if packet == crtp.arm_request(on=on):
                 return [self._arm(on=on, answer=packet)]
@@ -132,6 +139,7 @@ class Crazyflie:
         for due_s, act in sorted(timers, key=lambda timer: timer[0]):
             if self.powered and self._advanced_s < due_s <= now_s:
                 act(due_s)
+        self._flown_s += self.motors_run * max(now_s - self._advanced_s, 0.0)
         self._advanced_s = max(self._advanced_s, now_s)
 
     def _stop(self, now_s: float) -> None:

@@ -26,6 +26,7 @@ from rcopterx.transmitter_gateway.protocols.base import (
     RadioProtocol,
     SerialLine,
 )
+from rcopterx.transmitter_gateway.protocols.crazyflie_battery import LOG, BatteryLog
 
 LINE = SerialLine(2_000_000)
 """Data rate on air; a Crazyflie has no serial port."""
@@ -114,6 +115,7 @@ class CrazyflieProtocol(RadioProtocol):
         self._answered_s = -math.inf
         self._answers: deque[bool] = deque(maxlen=REQUESTS_REMEMBERED)
         self._state: crtp.SupervisorState | None = None
+        self._battery = BatteryLog()
 
     def encode(
         self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
@@ -129,6 +131,8 @@ class CrazyflieProtocol(RadioProtocol):
         if armed is not self._armed or self._frames >= FRAMES_PER_REQUEST:
             packets += self._requests(armed=armed)
             self._armed, self._frames = armed, 0
+        elif not armed and self._state is not None and (wanted := self._battery.request()) is not None:
+            packets.append(wanted)
         self._frames += 1
         return crtp.joined(packet.to_bytes() for packet in packets)
 
@@ -159,6 +163,7 @@ class CrazyflieProtocol(RadioProtocol):
         self._opened = True
         self._armed = self._state = None
         self._answers.clear()
+        self._battery = BatteryLog()
 
     def link_resumed(self, now_s: float) -> None:
         """Count the vehicle as ready and armed, as if it had just reported it."""
@@ -175,23 +180,29 @@ class CrazyflieProtocol(RadioProtocol):
             return
         for raw in answers:
             try:
-                state = crtp.SupervisorState.of(crtp.Packet.from_bytes(raw))
+                self._take(crtp.Packet.from_bytes(raw), now_s)
             except FrameDecodeError as error:
                 self.counters[str(error)] += 1
-                continue
-            if state is not None:
-                self._state, self._answered_s = state, now_s
-                if self._answers:
-                    self._answers[-1] = True
+
+    def _take(self, packet: crtp.Packet, now_s: float) -> None:
+        if packet.port == LOG:
+            self._battery.take(packet)
+        elif (state := crtp.SupervisorState.of(packet)) is not None:
+            self._state, self._answered_s = state, now_s
+            if self._answers:
+                self._answers[-1] = True
 
     def status(self, now_s: float) -> ModuleStatus:
-        """Ready when the firmware would fly; the text has the share of requests that were answered."""
+        """Ready when the firmware would fly; the text has battery and share of answered requests."""
         problem = self._problem(now_s)
         if problem is not None:
             return ModuleStatus(False, False, problem)
         # The answer to the newest request may be on its way.
         judged = [*self._answers][:-1] or [True]
-        return ModuleStatus(True, False, f"ready, link {100 * sum(judged) / len(judged):.0f} %")
+        link = f"link {100 * sum(judged) / len(judged):.0f} %"
+        voltage_v = self._battery.voltage_v
+        battery = "" if voltage_v is None else f"{voltage_v:.2f} V, "
+        return ModuleStatus(True, False, f"ready, {battery}{link}")
 
     def _problem(self, now_s: float) -> str | None:
         state = self._state

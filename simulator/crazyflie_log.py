@@ -1,0 +1,68 @@
+"""Emulated log of a Crazyflie: a table of variables, and blocks of one variable."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Final
+
+from rcopterx.transmitter_gateway.protocols import crazyflie_battery as log
+from rcopterx.transmitter_gateway.protocols.crtp import Packet
+
+FULL_V: Final = 4.2
+EMPTY_V: Final = 3.0
+ENDURANCE_S: Final = 420.0
+TABLE: Final = (b"stabilizer\0roll\0", log.VARIABLE, b"stabilizer\0yaw\0")
+NO_SUCH: Final = 2
+
+
+class CrazyflieLog:
+    """Blocks are lost when the vehicle starts anew; the battery is empty after seven minutes of flight."""
+
+    def __init__(self) -> None:
+        self._blocks: dict[int, int] = {}
+        self._period_s: dict[int, float] = {}
+        self._due_s: dict[int, float] = {}
+
+    def obey(self, packet: Packet, now_s: float) -> Packet | None:
+        """Return the answer to a request; None for one that is unknown or too short."""
+        data = packet.data
+        if packet.channel == log.TABLE_CHANNEL and data[:1] == bytes((log.GET_INFO,)):
+            return Packet(
+                log.LOG, packet.channel, struct.pack("<BHIBB", log.GET_INFO, len(TABLE), 0, 16, 128)
+            )
+        if packet.channel == log.TABLE_CHANNEL and data[:1] == bytes((log.GET_ITEM,)) and len(data) == 3:
+            item = int.from_bytes(data[1:], "little")
+            entry = bytes((log.FLOAT,)) + TABLE[item] if item < len(TABLE) else b""
+            return Packet(log.LOG, packet.channel, data + entry)
+        if packet.channel == log.CONTROL_CHANNEL and len(data) >= 3:
+            return Packet(log.LOG, packet.channel, data[:2] + bytes((self._control(data, now_s),)))
+        return None
+
+    def _control(self, data: bytes, now_s: float) -> int:
+        command, block = data[:2]
+        if command == log.CREATE_BLOCK and len(data) == 5:
+            if block in self._blocks:
+                return log.STARTED_BEFORE
+            self._blocks[block] = int.from_bytes(data[3:], "little")
+            return log.NEW
+        if command == log.START_BLOCK and block in self._blocks:
+            self._period_s[block] = 0.01 * data[2]
+            self._due_s[block] = now_s
+            return log.NEW
+        return NO_SUCH
+
+    def due(self, now_s: float, flown_s: float) -> list[Packet]:
+        """Return the data that are due."""
+        packets = []
+        for block, due_s in self._due_s.items():
+            if now_s < due_s:
+                continue
+            self._due_s[block] = now_s + self._period_s[block]
+            voltage_v = FULL_V - (FULL_V - EMPTY_V) * min(flown_s / ENDURANCE_S, 1.0)
+            value = voltage_v if TABLE[self._blocks[block]] == log.VARIABLE else math.nan
+            stamp = (round(1000 * now_s) % 2**24).to_bytes(3, "little")
+            packets.append(
+                Packet(log.LOG, log.DATA_CHANNEL, bytes((block,)) + stamp + struct.pack("<f", value))
+            )
+        return packets
