@@ -192,7 +192,7 @@ class BreakRadio(VehicleFault, frozen=True, tag="break_radio"):
 
 
 class BreakVehicle(VehicleFault, frozen=True, tag="break_vehicle"):
-    """Break a vehicle itself: a weak rotor, an axis without effect, reversed or stuck, or off its trim."""
+    """Break a vehicle itself: a weak rotor, sticks that act wrongly or late, or off their trim."""
 
     thrust_factor: Annotated[float, Meta(ge=0, le=1)] = 1.0
     """Share of the thrust that is left; 0 for no lift."""
@@ -202,6 +202,10 @@ class BreakVehicle(VehicleFault, frozen=True, tag="break_vehicle"):
     """Stick that acts the wrong way round."""
     stuck: StickName | None = None
     """Stick that stays where it is."""
+    cyclic_factor: Annotated[float, Meta(ge=0, le=10)] = 1.0
+    """Effect of the pitch and roll sticks, relative to that of the sound vehicle."""
+    delay_s: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    """By how much later the sticks act."""
     trim: tuple[Stick, Stick, Stick, Stick] = (0.0, 0.0, 0.0, 0.0)
     """Offsets of the sticks: pitch, roll, thrust, yaw."""
 

@@ -49,13 +49,14 @@ class PlantFaults:
 
     A gain of 0 is a stick without effect, -1 a reversed one; sticks with indices in `stuck` keep their
     position. `thrust_factor` is left of the thrust besides what the battery uses; `trim` offsets sticks that
-    are not stuck.
+    are not stuck; sticks act `delay_s` later.
     """
 
     stick_gain: Four = (1.0, 1.0, 1.0, 1.0)
     stuck: frozenset[int] = frozenset()
     thrust_factor: float = 1.0
     trim: Four = CALM
+    delay_s: float = 0.0
 
 
 class Plant(ABC):
@@ -181,7 +182,8 @@ class Plant(ABC):
     def _expect(self, sticks: Four | None, after_s: float) -> None:
         if not 0.0 <= after_s < math.inf:
             raise ValueError(f"{self._name}: cannot be commanded after {after_s} s")
-        self._pending.append((self._time_s + after_s + self._delay_s, sticks))
+        delay_s = self._delay_s + self.faults.delay_s
+        self._pending.append((self._time_s + after_s + delay_s, sticks))
 
     def advance(self, duration_s: float) -> None:
         """Advance the time; raises `ValueError` for a duration that is negative or not finite."""

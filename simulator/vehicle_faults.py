@@ -8,6 +8,7 @@ from rcopterx.simulator.faults import BreakRadio, BreakVehicle, FaultError, Reco
 from rcopterx.simulator.plant import Plant, PlantFaults, four
 from rcopterx.simulator.radio_end import RadioEnd
 from rcopterx.simulator.radio_kinds import condition_refused, set_condition
+from rcopterx.vehicles.state import U_PITCH, U_ROLL
 
 _STICKS: Final = ("pitch", "roll", "thrust", "yaw")
 
@@ -60,9 +61,15 @@ class VehicleFaults:
             set_condition(self._radios[fault.vehicle], fault.condition, now_s)
             return
         gains = [0.0 if name == fault.dead else -1.0 if name == fault.reversed else 1.0 for name in _STICKS]
+        gains[U_PITCH] *= fault.cyclic_factor
+        gains[U_ROLL] *= fault.cyclic_factor
         stuck = frozenset(axis for axis, name in enumerate(_STICKS) if name == fault.stuck)
         self._plants[fault.vehicle].faults = PlantFaults(
-            stick_gain=four(gains), stuck=stuck, thrust_factor=fault.thrust_factor, trim=fault.trim
+            stick_gain=four(gains),
+            stuck=stuck,
+            thrust_factor=fault.thrust_factor,
+            trim=fault.trim,
+            delay_s=fault.delay_s,
         )
 
     def _repair(self, faults: Iterable[BreakRadio | BreakVehicle], now_s: float) -> None:

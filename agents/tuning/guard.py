@@ -63,14 +63,17 @@ class OscillationGuard:
         self._swinging: frozenset[Loop] = frozenset()
         """Loops that have oscillated since the last step."""
         self._seen = ""
+        """Oscillation at which the bandwidth was lowered last."""
+        self._lands = ""
+        """Why the vehicle lands."""
         self._drift_s = 0.0
         self.events: Counter[str] = Counter()
 
     @property
     def remark(self) -> str:
-        """Oscillation at which the bandwidth was lowered last, or why the vehicle lands; empty once tuned."""
+        """Why the vehicle lands, or the oscillation at which the bandwidth was lowered; empty once tuned."""
         lowered = max(effort_factors(self._tuning.configuration)) > 1.0
-        return self._seen if lowered else ""
+        return (self._lands or self._seen) if lowered else ""
 
     def watch(self, output: ControlOutput, flown_by_own: bool = True) -> None:
         """Process the control period that was just flown, and lower the bandwidth if necessary.
@@ -99,13 +102,15 @@ class OscillationGuard:
     def _watch_drift(self, off_m: float, period_s: float) -> None:
         """Land a vehicle that drifts although the bandwidth cannot be lowered further."""
         lowest = max(effort_factors(self._tuning.configuration)) >= LARGEST
+        if not lowest:
+            self._lands = ""
         if not lowest or self._pilot.guidance.phase is not Phase.FLYING:
             self._drift_s = 0.0
             return
         self._drift_s = max(0.0, self._drift_s + (period_s if off_m > DRIFT_M else -period_s))
         if self._drift_s > DRIFT_S:
             self.events[DRIFTED] += 1
-            self._seen = f"it lands: {off_m:.2f} m off its place with the lowest bandwidth"
+            self._lands = f"it lands: {off_m:.2f} m off its place with the lowest bandwidth"
             self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
 
     def _lower(self) -> None:

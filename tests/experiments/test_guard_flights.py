@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
-from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, OSCILLATION, effort_factors
+from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, DRIFTED, LARGEST, OSCILLATION, effort_factors
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments.events import Event, Fly, GoTo
 from rcopterx.experiments.record import VehicleRecord
 from rcopterx.experiments.rig import GUARDED, Rig, RigVehicle
 from rcopterx.simulator.conditions import HELICOPTERS
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import PlantFaults, Pose
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import YAW_RATE
 
@@ -44,6 +44,22 @@ def test_a_limit_cycle_stops(model: Model, seed: int) -> None:
     assert late < 0.4
     assert record.touchdowns == 0
     assert np.linalg.norm(record.motion[-1, :3] - record.reference[-1, :3]) < 0.15
+
+
+def test_a_vehicle_that_still_drifts_with_the_lowest_bandwidth_lands_and_reports_why() -> None:
+    rig, _ = flown(COAXIAL, 0, 2.0)
+    guard, plant = rig.guards["h1"], rig.laboratory.plant("h1")
+    plant.faults = PlantFaults(stick_gain=(5.0, 5.0, 1.0, 1.0), delay_s=0.1)
+    rig.fly(10.0)
+    assert max(effort_factors(rig.tunings["h1"].configuration)) == LARGEST
+    assert guard.events[DRIFTED] == 0
+    rig.fly(15.0)
+    assert guard.events[DRIFTED] == 1
+    assert guard.remark.endswith("m off its place with the lowest bandwidth")
+    assert plant.on_floor
+    assert plant.touchdown_speed_m_s is not None
+    assert plant.touchdown_speed_m_s < 1.3
+    assert np.hypot(*plant.position_m[:2]) < 1.0
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
 from rcopterx.simulator.conditions import IDEAL, LABORATORY, Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.plant import PlantFaults, Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import ZD_BODY, Array
 
@@ -98,6 +98,18 @@ def test_inputs_take_effect_after_the_transport_delay() -> None:
     assert plant.motion[4] == 0.0
     plant.advance(0.002)
     assert plant.motion[4] > 0.0
+
+
+def test_inputs_of_a_vehicle_whose_sticks_act_late_take_effect_later_and_in_order() -> None:
+    plant = flying(conditions=replace(IDEAL, transport_delay_s=0.05))
+    plant.faults = PlantFaults(delay_s=0.1)
+    plant.set_input((1.0, 0.0, HOVER[2], 0.0))
+    plant.faults = PlantFaults()
+    plant.set_input(HOVER)
+    plant.advance(0.149)
+    assert plant.motion[4] == 0.0
+    plant.advance(0.101)
+    assert plant.motion[4] == 0.0
 
 
 def test_without_a_stated_delay_the_delay_of_the_model_acts() -> None:

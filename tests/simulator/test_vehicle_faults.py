@@ -26,6 +26,8 @@ def plants() -> dict[str, Plant]:
         (BreakVehicle("h1", thrust_factor=0.6), PlantFaults(thrust_factor=0.6)),
         (BreakVehicle("h1", dead="roll"), PlantFaults(stick_gain=(1.0, 0.0, 1.0, 1.0))),
         (BreakVehicle("h1", reversed="yaw"), PlantFaults(stick_gain=(1.0, 1.0, 1.0, -1.0))),
+        (BreakVehicle("h1", cyclic_factor=5.0), PlantFaults(stick_gain=(5.0, 5.0, 1.0, 1.0))),
+        (BreakVehicle("h1", delay_s=0.1), PlantFaults(delay_s=0.1)),
         (BreakVehicle("h1", stuck="roll"), PlantFaults(stuck=frozenset({1}))),
         (BreakVehicle("h1", trim=(0.0, 0.1, 0.0, 0.0)), PlantFaults(trim=(0.0, 0.1, 0.0, 0.0))),
     ],

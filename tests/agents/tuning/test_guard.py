@@ -134,6 +134,19 @@ def test_a_vehicle_that_still_drifts_with_the_lowest_bandwidth_lands_after_10_s_
     assert watched.guard.remark == f"it lands: {off_m:.2f} m off its place with the lowest bandwidth"
 
 
+def test_why_it_lands_is_shown_until_somebody_tunes_the_vehicle() -> None:
+    watched = drifted(LARGEST, 10.1, 0.2)
+    reason = watched.guard.remark
+    watched.swing(1.6, 0.4, stick_index=2)
+    assert watched.guard.events[BANDWIDTH_LOWERED] > 0
+    assert watched.guard.remark == reason
+    watched.flight.tuning.begin(without_guard(watched.flight.tuning.configuration))
+    watched.flight.tuning.wait()
+    watched.flight.tuning.finish()
+    watched.swing(1.8)
+    assert watched.guard.remark.startswith("bandwidth lowered: ")
+
+
 def test_a_vehicle_that_holds_its_place_or_has_bandwidth_left_does_not_land() -> None:
     assert drifted(LARGEST, 30.0, 0.09).flight.pilot.guidance.phase is Phase.FLYING
     assert drifted(LARGEST / STEP, 30.0, 0.3).flight.pilot.guidance.phase is Phase.FLYING
