@@ -21,6 +21,7 @@ from rcopterx.commands import (
     logs,
     margins,
     new_lab,
+    next_steps,
     radio,
     replay,
     report,
@@ -35,7 +36,7 @@ app = typer.Typer(
     name="rcopterx",
     help="Formation flight of miniature helicopters with distributed model predictive control. "
     "Lengths are metres, times seconds, angles on the command line degrees.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
 )
 
@@ -75,12 +76,14 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def _common(
-    version: Annotated[
+    context: typer.Context,
+    version: Annotated[  # noqa: ARG001 - its callback shows it
         bool,
         typer.Option("--version", callback=_show_version, is_eager=True, help="Show version and commit."),
     ] = False,
 ) -> None:
-    pass
+    if context.invoked_subcommand is None:
+        next_steps.show_next_steps()
 
 
 WITH_COORDINATES = (steer.goto,)

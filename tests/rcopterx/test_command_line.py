@@ -58,7 +58,7 @@ def test_a_recording_that_cannot_be_created_is_a_wrong_option(down: str, tmp_pat
     assert result.stderr == f"error: --record-raw: {tmp_path} is a directory, a file is needed\n"
 
 
-def test_without_a_command_the_help_names_them_all() -> None:
+def test_the_help_names_all_commands() -> None:
     shown = plain(run("--help"))
     for name in (*NAMES, "bench"):
         assert f" {name} " in shown
