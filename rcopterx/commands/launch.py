@@ -71,12 +71,26 @@ def interruptible(
 
     file = fleet_file(name)
     this_host = chosen_host(file, host)
+    warn_of_others(file.name)
     interrupts = _interrupts()
     with processes_up(file, this_host, without, watchdog=watchdog, record=record) as fleet:
         try:
             yield fleet, interrupts
         finally:
             _bring_down(fleet, interrupts)
+
+
+def warn_of_others(name: str) -> None:
+    """Print the fleets that are up on this computer beside the one with a name."""
+    from rcopterx.deploy.hosts.running import running_fleets
+
+    others = sorted({running.fleet for running in running_fleets()} - {name})
+    if others:
+        typer.echo(
+            f"warning: {', '.join(others)} is up on this computer, too; real-time processes of several "
+            "fleets delay each other, and vehicles may come down",
+            err=True,
+        )
 
 
 def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:

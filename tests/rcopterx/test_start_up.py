@@ -13,6 +13,7 @@ from rcopterx.command_line import app
 from rcopterx.commands import launch
 from rcopterx.control.identification.excitation import BASE_HZ
 from rcopterx.control.references.path_shapes import HEADINGS
+from rcopterx.deploy.hosts.running import RunningFleet
 from rcopterx.fleet.schema import FleetError
 
 NUMERICAL = {"numpy", "scipy", "osqp", "matplotlib", "numba"}
@@ -119,3 +120,15 @@ def test_the_page_of_a_demonstration_starts_when_nothing_is_left_to_compile(
     with pytest.raises(typer.Exit):
         launch.demo()
     assert began == ["compiler", "page"]
+
+
+def test_another_fleet_on_this_computer_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    up = [RunningFleet(name, "", None, "main", [], [], ["h1"], "") for name in ("trio", "ten")]
+    monkeypatch.setattr("rcopterx.deploy.hosts.running.running_fleets", lambda: up)
+    launch.warn_of_others("trio")
+    assert "warning: ten is up on this computer, too" in capsys.readouterr().err
+    monkeypatch.setattr("rcopterx.deploy.hosts.running.running_fleets", lambda: up[:1])
+    launch.warn_of_others("trio")
+    assert not capsys.readouterr().err
