@@ -21,7 +21,7 @@ class SimulatedRadio:
 @dataclass(frozen=True)
 class SimulatedVehicle:
     """One vehicle of the simulated laboratory: its subject in the emulated Tracker, its start pose, the
-    pseudo-terminal of its radio module, and how its electronics read pulse widths.
+    pseudo-terminal or UDP port of its radio, and how its electronics read pulse widths.
     """
 
     name: str

@@ -1,0 +1,105 @@
+"""Emulated Crazyflies with real processes: they fly, survive their gateway, and stop when they are killed."""
+
+import socket
+import time
+from collections.abc import Callable
+
+import pytest
+from integration_support import (
+    NAMES,
+    Flying,
+    RadioLog,
+    Truth,
+    counter,
+    fleet_text,
+    flown_by,
+    fly_to,
+    free_port,
+    landed_gently,
+    transmitter_state,
+)
+
+from rcopterx.ground_station.terminal.scenario import inject_faults
+from rcopterx.simulator.faults import BreakRadio, Recover
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+
+Launch = Callable[..., Flying]
+UNTHRUSTED_US = 1110.0
+STOPPED_S = 1.0
+"""Very loose, for a busy machine; docs/crazyflie.md has measured times."""
+
+
+def udp_paths(count: int) -> list[str]:
+    """Free addresses; the sockets that find them are open together, so that all differ."""
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+    for one in sockets:
+        one.bind(("127.0.0.1", 0))
+    ports = [one.getsockname()[1] for one in sockets]
+    for one in sockets:
+        one.close()
+    return [f"udp://127.0.0.1:{port}" for port in ports]
+
+
+def crazyflies() -> str:
+    vehicles = "\n".join(
+        f"""
+[vehicles.{name}]
+type = "crazyflie"
+subject = "crazyflie-{name}"
+transmitter = {{ port = "{path}" }}
+{"" if name == "h1" else f'follow = [{{ leader = "h1", offset_m = [-0.4, {side}, 0.0] }}]'}
+"""
+        for name, path, side in zip(NAMES, udp_paths(3), (0.0, 0.5, -0.5), strict=True)
+    )
+    return fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, vehicles=vehicles)
+
+
+def module(flying: Flying, name: str) -> str:
+    status = flying.fleet.state_of(name).transmitter
+    return "" if status is None else status.module
+
+
+def test_crazyflies_fly_a_formation_survive_their_gateway_and_stop_when_they_are_killed(
+    launch: Launch,
+) -> None:
+    flying = launch(crazyflies())
+    fleet, truth, log = flying.fleet, Truth(flying), RadioLog(flying)
+    fleet.wait_until(lambda: " V, link 100 %" in module(flying, "h1"), 30, "no battery")
+    fleet.take_off(NAMES, height_m=0.7, timeout_s=40)
+    fleet.wait_for_formation()
+    truth.start_watch()
+    fly_to(flying, truth, (0.3, 0.2, 0.9))
+
+    flying.wait_for_spare("transmitters")
+    restarts = flying.restarts("transmitters")
+    flying.kill("transmitters")
+    fleet.wait_until(
+        lambda: (
+            flying.restarts("transmitters") == restarts + 1
+            and all(counter(flying, name, "openings") == 1 and flown_by(flying, name) for name in NAMES)
+        ),
+        30,
+        "not taken over",
+        NAMES,
+    )
+    fly_to(flying, truth, (-0.2, 0.1, 0.8))
+    truth.assert_none_touched_down()
+
+    log.frames("h3")
+    killed_s = time.monotonic()
+    fleet["h3"].kill()
+    fleet.wait_until(lambda: "locked" in module(flying, "h3"), 30, "not locked", ["h3"])
+    stopped_s = next(at_s for at_s, us in log.frames("h3") if at_s > killed_s and us < UNTHRUSTED_US)
+    print(f"h3: motors stopped {1000 * (stopped_s - killed_s):.0f} ms after the request to kill")
+    assert stopped_s - killed_s < STOPPED_S
+    assert all(flown_by(flying, name) is not None for name in ("h1", "h2"))
+
+    inject_faults(fleet.session, BreakRadio("h3", "off"))
+    fleet.wait_until(lambda: "silent" in module(flying, "h3"), 30, "battery not out")
+    inject_faults(fleet.session, Recover())
+    fleet.wait_until(lambda: module(flying, "h3").startswith("ready"), 30, "does not start")
+    fleet["h3"].reset()
+    fleet.wait_until(lambda: transmitter_state(flying, "h3") == "disarmed", 30, "still killed")
+    fleet.land(["h1", "h2"])
+    fleet.wait_until(lambda: all(landed_gently(truth, name) for name in ("h1", "h2")), 30, "not landed")
