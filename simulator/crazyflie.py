@@ -7,6 +7,7 @@ from collections import Counter, deque
 from typing import Final
 
 from rcopterx.simulator.crazyflie_log import CrazyflieLog
+from rcopterx.simulator.crazyflie_services import served
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.transmitter_gateway.protocols import crtp
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
@@ -103,6 +104,8 @@ class Crazyflie:
             return []
         if packet.port == LOG and (logged := self._log.obey(packet, now_s)) is not None:
             return [logged]
+        if (answer := served(packet)) is not None:
+            return [answer]
         for on in (False, True):
             if packet == crtp.arm_request(on=on):
                 return [self._arm(on=on, answer=packet)]

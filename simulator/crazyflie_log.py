@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from typing import Final
+from zlib import crc32
 
 from rcopterx.transmitter_gateway.protocols import crazyflie_battery as log
 from rcopterx.transmitter_gateway.protocols.crtp import Packet
@@ -13,6 +14,7 @@ FULL_V: Final = 4.2
 EMPTY_V: Final = 3.0
 ENDURANCE_S: Final = 420.0
 TABLE: Final = (b"stabilizer\0roll\0", log.VARIABLE, b"stabilizer\0yaw\0")
+RESET: Final = 5
 NO_SUCH: Final = 2
 
 
@@ -29,12 +31,17 @@ class CrazyflieLog:
         data = packet.data
         if packet.channel == log.TABLE_CHANNEL and data[:1] == bytes((log.GET_INFO,)):
             return Packet(
-                log.LOG, packet.channel, struct.pack("<BHIBB", log.GET_INFO, len(TABLE), 0, 16, 128)
+                log.LOG,
+                packet.channel,
+                struct.pack("<BHIBB", log.GET_INFO, len(TABLE), crc32(b"".join(TABLE)), 16, 128),
             )
         if packet.channel == log.TABLE_CHANNEL and data[:1] == bytes((log.GET_ITEM,)) and len(data) == 3:
             item = int.from_bytes(data[1:], "little")
             entry = bytes((log.FLOAT,)) + TABLE[item] if item < len(TABLE) else b""
             return Packet(log.LOG, packet.channel, data + entry)
+        if packet.channel == log.CONTROL_CHANNEL and data == bytes((RESET,)):
+            self._blocks, self._period_s, self._due_s = {}, {}, {}
+            return Packet(log.LOG, packet.channel, bytes((RESET, 0, log.NEW)))
         if packet.channel == log.CONTROL_CHANNEL and len(data) >= 3:
             return Packet(log.LOG, packet.channel, data[:2] + bytes((self._control(data, now_s),)))
         return None

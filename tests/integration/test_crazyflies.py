@@ -1,6 +1,5 @@
 """Emulated Crazyflies with real processes: they fly, survive their gateway, and stop when they are killed."""
 
-import socket
 import time
 from collections.abc import Callable
 
@@ -18,6 +17,7 @@ from integration_support import (
     landed_gently,
     transmitter_state,
 )
+from support.udp import udp_paths
 
 from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Recover
@@ -28,17 +28,6 @@ Launch = Callable[..., Flying]
 UNTHRUSTED_US = 1110.0
 STOPPED_S = 1.0
 """Very loose, for a busy machine; docs/crazyflie.md has measured times."""
-
-
-def udp_paths(count: int) -> list[str]:
-    """Free addresses; the sockets that find them are open together, so that all differ."""
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
-    for one in sockets:
-        one.bind(("127.0.0.1", 0))
-    ports = [one.getsockname()[1] for one in sockets]
-    for one in sockets:
-        one.close()
-    return [f"udp://127.0.0.1:{port}" for port in ports]
 
 
 def crazyflies() -> str:

@@ -1,9 +1,9 @@
 """Promises of CRTP over UDP, between a gateway's port and an emulated Crazyflie, on real sockets."""
 
-import socket
 from collections.abc import Iterator
 
 import pytest
+from support.udp import udp_paths
 
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.crazyflie_udp import CrazyflieUdp
@@ -19,16 +19,10 @@ HOVER = (1540.0, 1500.0, 1500.0, 1500.0, 1900.0)
 LOW = (1100.0, 1500.0, 1500.0, 1500.0, 1100.0)
 
 
-def free_path() -> str:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"udp://127.0.0.1:{probe.getsockname()[1]}"
-
-
 class Bench:
     def __init__(self) -> None:
         self.protocol = CrazyflieProtocol()
-        self.path = free_path()
+        [self.path] = udp_paths(1)
         self.radio = self.switched_on()
         self.port = UdpPort(self.path)
         self.now_s = 0.0

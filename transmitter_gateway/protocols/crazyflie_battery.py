@@ -52,7 +52,7 @@ class BatteryLog:
         if not self._found:
             return Packet(LOG, TABLE_CHANNEL, bytes((GET_ITEM,)) + item)
         if not self._created:
-            return Packet(LOG, CONTROL_CHANNEL, bytes((CREATE_BLOCK, BLOCK, FLOAT)) + item)
+            return Packet(LOG, CONTROL_CHANNEL, bytes((CREATE_BLOCK, BLOCK, FLOAT << 4 | FLOAT)) + item)
         return Packet(LOG, CONTROL_CHANNEL, bytes((START_BLOCK, BLOCK, PERIOD_10_MS)))
 
     def take(self, packet: Packet) -> None:
