@@ -49,7 +49,7 @@ def channels_of(
         arming = before
     else:
         arming = Arming(True, now_s)
-    spins_up = calibration.arming is not None and not (arming.on and now_s >= arming.since_s + low_s)
+    spins_up = not arming.on or now_s < arming.since_s + low_s
     pulses_us = calibration.pulses_us(
         output.u, throttle_low=output.throttle_low or spins_up, armed=arming.on, stopped=output.kill
     )

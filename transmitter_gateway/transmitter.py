@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from msgspec import structs
+
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.binding import Binding
 from rcopterx.transmitter_gateway.inputs import (
@@ -171,10 +173,9 @@ class Transmitter:
         """Take the vehicle over if it flies, once its pose is known and the port is open."""
         track = self.arbiter.surveillance.own_track
         seen = track is not None and track.position_m is not None
-        if seen and now_s < self._unknown_until_s and not seen_on_floor(track, self.arbiter.limits):
-            arbiter, hover = self.arbiter, self._calibration.throttle.u_hover
-            self._written_u, self._written_s = (0.0, 0.0, hover, 0.0), now_s
-            self._last = LastApplied(State.LAND, self._written_u, now_s, arbiter.lease, arbiter.issued, hover)
+        if seen and now_s < self._unknown_until_s:
+            self._written_u, self._written_s = (0.0, 0.0, self.arbiter.hover_thrust, 0.0), now_s
+            self._last = structs.replace(self._applied(), state=State.LAND)
         if seen or now_s >= self._unknown_until_s:
             self._unknown_until_s = -math.inf
         last = self._last

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
-from rcopterx.bus.message import LONGEST_PERIOD_S, SHORTEST_PERIOD_S
+from rcopterx.bus.message import LONGEST_PERIOD_S, MAX_COUNT, SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.transmitter_gateway.admission import Admission, Rejection
 from rcopterx.transmitter_gateway.inputs import CommandInput, PoseStamp
@@ -51,7 +51,8 @@ class Gate:
 
 def test_a_good_command_is_accepted_and_kept() -> None:
     gate = Gate()
-    assert gate.consider() is None
+    assert gate.consider(period_s=0.025) is None
+    assert gate.admission.stream.command.period_s == 0.025
     stream = gate.admission.stream
     assert stream.command.u == (0.1, -0.2, 0.5, 0.0)
     assert stream.command.next_u == ((0.0, 0.0, 0.5, 0.0),)
@@ -96,6 +97,18 @@ def test_malformed_commands_are_rejected_and_counted(changes: dict[str, Any]) ->
     assert gate.consider(**changes) is Rejection.MALFORMED
     assert gate.counters == {Rejection.MALFORMED: 1}
     assert gate.admission.stream is None
+
+
+def test_every_rejection_is_counted() -> None:
+    gate = Gate()
+    for _ in range(3):
+        gate.consider(u=None)
+    assert gate.counters == {Rejection.MALFORMED: 3}
+
+
+def test_the_largest_count_is_accepted() -> None:
+    assert Gate().consider(sequence=MAX_COUNT) is None
+    assert Gate().consider(sequence=MAX_COUNT + 1) is Rejection.MALFORMED
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -201,6 +214,33 @@ def test_a_later_lease_starts_a_new_count() -> None:
     assert gate.consider(lease=lease, sequence=1) is None
     assert gate.consider(sequence=10**12 + 1) is Rejection.LEASE_LOST
     assert gate.consider(lease=lease, sequence=1) is Rejection.OLD_SEQUENCE
+
+
+def test_agents_that_take_over_are_counted() -> None:
+    gate = Gate()
+    gate.consider()
+    for expected in (1, 2):
+        lease = gate.admission.leases.bid(100 + expected, 1.0, fresh=True, take_over=True)
+        assert gate.consider(lease=lease) is None
+        assert gate.consider(lease=lease, sequence=11) is None
+        assert gate.counters == {"agents that took over": expected}
+
+
+def test_a_command_counts_until_it_is_late() -> None:
+    admission = admission_of(ArbiterLimits(hold_after_s=0.0625), Counter())
+    assert not admission.fresh(1.0)
+    assert not admission.thrust_wanted(1.0)
+    admission.consider(GOOD, 1.0, pose=None, flying=False)
+    for seconds, expected in ((0.0, True), (0.0624, True), (0.0625, False)):
+        assert admission.fresh(1.0 + seconds) is expected
+        assert admission.thrust_wanted(1.0 + seconds) is expected
+
+
+def test_thrust_is_wanted_above_the_low_thrust() -> None:
+    for thrust, wanted in ((0.05, False), (0.051, True)):
+        gate = Gate()
+        gate.consider(u=(0.4, 0.4, thrust, 0.4))
+        assert gate.admission.thrust_wanted(1.0) is wanted
 
 
 def test_a_command_that_is_refused_for_another_reason_does_not_take_over() -> None:

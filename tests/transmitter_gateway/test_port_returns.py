@@ -88,6 +88,29 @@ def test_vehicle_that_is_on_the_floor_when_its_port_returns_is_disarmed(restart:
     assert set(map(round, restart.throttle_us())) == {LOW_US}
 
 
+def test_vehicle_that_lands_and_is_on_the_floor_when_its_port_returns_is_disarmed(restart: Restart) -> None:
+    restart.fly()
+    restart.run(0.4, thrust=None)
+    assert restart.state is State.LAND
+    restart.lose_adapter()
+    restart.sinks_m_s = 2.0
+    restart.run(0.5, thrust=None)
+    restart.radio.replug(restart.now_s)
+    restart.run(0.3, thrust=None)
+    assert restart.state is State.DISARMED
+    assert restart.transmitter.arbiter.reason == "serial link lost: it may stand on the floor"
+    # Its module is asked anew whether it is ready.
+    assert restart.transmitter.snapshot(restart.now_s).link is LinkState.UP
+
+
+def test_every_continued_flight_is_counted(restart: Restart) -> None:
+    restart.fly()
+    for _ in range(2):
+        away(restart, 0.1)
+        restart.run(1.0)
+    assert restart.counters["flights continued after the port was away"] == 2
+
+
 def test_vehicle_that_was_armed_on_the_floor_is_disarmed(restart: Restart) -> None:
     restart.height_m = 0.02
     restart.run(1.5, thrust=0.0)

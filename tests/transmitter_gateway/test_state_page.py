@@ -1,5 +1,6 @@
 """Promises of the page in which a gateway leaves the state of a vehicle to its successor."""
 
+import errno
 import math
 import os
 from pathlib import Path
@@ -18,6 +19,7 @@ from rcopterx.transmitter_gateway.state_page import (
     decode,
     encode,
     open_page,
+    page_of_process,
 )
 
 BOOT = b"since this morning"
@@ -122,16 +124,34 @@ def test_a_page_that_others_could_write_is_refused(tmp_path: Path) -> None:
     states = tmp_path / "states"
     open_page(states / "h1").close()
     (states / "h1").chmod(0o666)
-    with pytest.raises(PermissionError, match="not private"):
+    with pytest.raises(PermissionError, match="is not private to this user") as refused:
         open_page(states / "h1")
+    assert (refused.value.errno, refused.value.filename) == (errno.EPERM, str(states / "h1"))
     states.chmod(0o777)
-    with pytest.raises(PermissionError, match="not private"):
+    with pytest.raises(PermissionError, match="not private") as refused:
         open_page(states / "h2")
+    assert refused.value.filename == str(states)
+
+
+def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "states").mkdir(0o700)
+    os.mkfifo(tmp_path / "states" / "h1", 0o600)
+    with pytest.raises(PermissionError, match="not private"):
+        open_page(tmp_path / "states" / "h1")
+
+
+def test_a_process_without_a_page_keeps_its_own() -> None:
+    own = page_of_process()
+    assert own.last is None
+    own.save(FLYING)
+    assert own.last == FLYING
+    own.close()
 
 
 def test_links_are_not_followed(tmp_path: Path) -> None:
     (tmp_path / "states").mkdir(0o700)
     (tmp_path / "elsewhere").write_bytes(bytes(PAGE_BYTES))
+    (tmp_path / "elsewhere").chmod(0o600)
     os.symlink(tmp_path / "elsewhere", tmp_path / "states" / "h1")
     with pytest.raises(OSError, match="h1"):
         open_page(tmp_path / "states" / "h1")

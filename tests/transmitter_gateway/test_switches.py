@@ -3,12 +3,21 @@
 from dataclasses import replace
 from itertools import pairwise
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.transmitter_gateway.calibration import ArmingChannel, Calibration, SwitchChannel
+from rcopterx.transmitter_gateway.calibration import (
+    ArmingChannel,
+    Calibration,
+    SwitchChannel,
+    ThrottleCalibration,
+)
 from rcopterx.transmitter_gateway.inputs import FLYING, ArbiterOutput, State
-from rcopterx.transmitter_gateway.switches import Arming, channels_of
+from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.transmitter_gateway.protocols.base import PulseRangeError
+from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
+from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_channels
 
 LOW_S = 0.1
 ARMING, EMERGENCY, THROTTLE = ArmingChannel(4, 1900, 1100, low_s=LOW_S), SwitchChannel(5, 2000, 1000), 0
@@ -99,6 +108,56 @@ def test_without_an_arming_channel_the_arbiter_alone_decides(
         shaped = output(state, thrust)
         pulses, arming = channels_of(Calibration(), shaped, arming, 0.02 * number)
         assert pulses == Calibration().pulses_us(shaped.u, throttle_low=shaped.throttle_low)
+
+
+def armed_and_raised(*states: State, pause_s: float = 0.0625) -> list[tuple[bool, bool]]:
+    """Whether the arming channel is on and the throttle raised in frames of a process that began disarmed."""
+    calibration = replace(SWITCHED, arming=replace(ARMING, low_s=0.125))
+    pulses, arming = channels_of(calibration, DISARMED, None, 0.0)
+    found = []
+    for number, state in enumerate(states, start=1):
+        pulses, arming = channels_of(calibration, output(state, 0.5), arming, number * pause_s)
+        found.append((ARMING.is_on(pulses), pulses[THROTTLE] > calibration.throttle.low_us))
+    return found
+
+
+def test_a_flight_begins_with_the_switch_off_then_on_then_with_thrust() -> None:
+    off, on, raised = (False, False), (True, False), (True, True)
+    assert armed_and_raised(*5 * (State.ARMED,)) == [off, on, on, raised, raised]
+
+
+def test_a_vehicle_that_was_disarmed_for_long_is_armed_at_once() -> None:
+    assert armed_and_raised(*6 * (State.DISARMED,), State.ARMED)[-2:] == [(False, False), (True, False)]
+
+
+def test_the_switch_rests_between_two_flights() -> None:
+    flights = (*4 * (State.ARMED,), State.CUT, *5 * (State.ARMED,))
+    off, on, raised = (False, False), (True, False), (True, True)
+    assert armed_and_raised(*flights)[3:] == [raised, off, off, on, on, raised, raised]
+
+
+@pytest.mark.parametrize(
+    "calibration",
+    [
+        replace(SWITCHED, arming=replace(ARMING, on_us=2100.0)),
+        replace(SWITCHED, arming=replace(ARMING, off_us=900.0)),
+        replace(SWITCHED, emergency=replace(EMERGENCY, on_us=2100.0)),
+        replace(SWITCHED, emergency=replace(EMERGENCY, off_us=900.0)),
+        replace(SWITCHED, throttle=ThrottleCalibration(low_us=900.0)),
+        replace(SWITCHED, pitch=replace(SWITCHED.pitch, gain_us=600.0, lo_us=900.0)),
+        replace(SWITCHED, pitch=replace(SWITCHED.pitch, gain_us=600.0, hi_us=2100.0)),
+    ],
+    ids=["armed", "not armed", "stopped", "not stopped", "throttle low", "pitch back", "pitch forward"],
+)
+def test_a_position_that_the_radio_cannot_carry_is_refused(calibration: Calibration) -> None:
+    with pytest.raises(PulseRangeError):
+        prepare_channels(MultiProtocol(), calibration, ArbiterLimits())
+
+
+def test_the_radio_lets_further_channels_rest_where_the_calibration_puts_them() -> None:
+    protocol = MultiProtocol()
+    prepare_channels(protocol, replace(SWITCHED, rest_us=1250.0), ArbiterLimits())
+    assert protocol.rest_us == 1250.0
 
 
 def test_other_channels_rest_where_the_type_puts_them() -> None:

@@ -324,8 +324,28 @@ def test_a_lost_page_leaves_the_radio_silent_until_the_vehicle_is_seen_and_lands
     restart.height_m = 0.8
     restart.run(0.2)
     assert restart.state is State.LAND
-    assert min(restart.throttle_us()) > 1480
+    frames = restart.radio.link.take_frames()
+    assert min(frame.pulses_us[0] for frame in frames) > 1480
+    assert all(abs(pulse - 1500) < 20 for pulse in frames[0].pulses_us[1:4])
     assert restart.counters["last state unknown"] == 1
+
+
+def test_a_successor_distrusts_poses_that_its_predecessor_distrusted(restart: Restart) -> None:
+    restart.fly()
+    restart.height_m = 1.8
+    restart.run(0.4)
+    assert restart.state is State.DESCEND
+    restart.die(0.1)
+    restart.run(0.2)
+    assert restart.state is State.DESCEND
+
+
+def test_a_kill_by_an_earlier_process_is_shown_as_such(restart: Restart) -> None:
+    restart.fly()
+    restart.request(Action.KILL)
+    restart.run(0.1)
+    restart.die(0.1)
+    assert restart.transmitter.arbiter.reason == "killed: by an earlier process"
 
 
 def test_a_lost_page_of_a_vehicle_on_the_floor_leaves_it_disarmed_and_ready(restart: Restart) -> None:

@@ -375,12 +375,93 @@ def test_bind_is_given_up_after_7_s_when_the_module_never_says_it_is_done(bench:
 
 def test_binding_and_range_check_are_refused_in_flight_and_without_a_port(bench: Bench) -> None:
     bench.fly()
-    assert bench.transmitter.bind(bench.now_s).reason == "binding is only possible while DISARMED, not ARMED"
-    refused = bench.transmitter.range_check(True)
-    assert refused.reason == "range check is only possible while DISARMED, not ARMED"
+    transmitter = bench.transmitter
+    for what, refused in (
+        ("binding", transmitter.bind(bench.now_s)),
+        ("range check", transmitter.range_check(True)),
+        ("calibration", transmitter.show(IDLE)),
+    ):
+        assert refused == Answer(False, f"{what} is only possible while DISARMED, not ARMED")
+    assert not transmitter.busy(bench.now_s)
     bench.radio.unplug()
     bench.run(0.75)
-    assert "binding is not possible" in bench.transmitter.bind(bench.now_s).reason
+    assert transmitter.bind(bench.now_s) == Answer(False, f"binding is not possible: {bench.port.problem}")
+
+
+def test_what_is_requested_at_the_workbench_is_written_at_once(bench: Bench) -> None:
+    bench.run(1.5, IDLE)
+    for request, answer in (
+        (lambda: bench.transmitter.range_check(True), Answer(True, "range check on")),
+        (lambda: bench.transmitter.range_check(False), Answer(True, "range check off")),
+        (lambda: bench.transmitter.show(IDLE), Answer(True, "shown")),
+        (lambda: bench.transmitter.bind(bench.now_s), Answer(True, "binding")),
+    ):
+        bench.run(1.0, None)
+        last_s = bench.writes[-1].time_s
+        while bench.writes[-1].time_s == last_s:
+            bench.run(0.001, None)
+        # A frame has just been written; the next one waits for the receiver only, not for the keep-alive.
+        written = len(bench.writes)
+        assert request() == answer
+        bench.run(0.0075, None)
+        assert len(bench.writes) == written + 1
+
+
+def test_inputs_are_shown_with_low_throttle_until_their_time_or_the_end_is_requested(bench: Bench) -> None:
+    bench.run(1.5, IDLE)
+    throttle, pitch = 0, 2
+    centre_us = bench.writes[-1].pulses_us[pitch]
+    assert bench.transmitter.show((0.5, 0.0, 0.9, 0.0), until_s=bench.now_s + 0.5).accepted
+    bench.run(0.4, IDLE)
+    assert abs(bench.writes[-1].pulses_us[pitch] - centre_us) > 100
+    assert bench.writes[-1].pulses_us[throttle] == 1100
+    assert bench.request(Action.ARM).reason == "missing: transmitter ready"
+    bench.run(0.2, None)
+    assert bench.writes[-1].pulses_us[pitch] == centre_us
+    assert bench.transmitter.show((0.5, 0.0, 0.0, 0.0)).accepted
+    bench.run(10.0, None)
+    assert abs(bench.writes[-1].pulses_us[pitch] - centre_us) > 100
+    assert bench.transmitter.show(None).accepted
+    bench.run(0.1, IDLE)
+    assert bench.writes[-1].pulses_us[pitch] == centre_us
+    assert not bench.transmitter.busy(bench.now_s)
+
+
+def test_a_throttle_within_the_calibration_is_shown_with_the_arming_channel_on(tmp_path: Path) -> None:
+    arming = ArmingChannel(4)
+    calibration = Calibration(throttle=ThrottleCalibration(us0=1150, us1=1900), arming=arming)
+    bench = Bench(tmp_path / "h1", calibration)
+    try:
+        bench.run(1.0, None)
+        for throttle_us in (1100.0, 1500.0, 1900.0):
+            assert bench.transmitter.show(IDLE, throttle_us=throttle_us).accepted
+            bench.run(0.1, None)
+            assert bench.writes[-1].pulses_us[0] == throttle_us
+            assert arming.is_on(bench.writes[-1].pulses_us)
+        for throttle_us in (1099.0, 1901.0):
+            refused = bench.transmitter.show(IDLE, throttle_us=throttle_us)
+            assert refused == Answer(False, f"throttle {throttle_us:g} us is outside 1100 .. 1900")
+        assert bench.transmitter.show(IDLE).accepted
+        bench.run(0.1, None)
+        assert not arming.is_on(bench.writes[-1].pulses_us)
+    finally:
+        bench.close()
+
+
+def test_the_snapshot_shows_reason_lease_planned_input_and_all_counters(bench: Bench) -> None:
+    bench.fly()
+    bench.sequence += 1
+    rows = ((0.0, 0.0, 0.55, 0.0),) * 5
+    command = CommandInput(1, 1, bench.sequence, bench.sequence, HOVER, rows)
+    assert bench.transmitter.on_command(command, bench.now_s).accepted
+    bench.run(0.07, None)
+    snapshot = bench.transmitter.snapshot(bench.now_s)
+    assert snapshot.reason == bench.transmitter.arbiter.reason == "armed: by operator"
+    assert snapshot.lease == 1
+    assert snapshot.bridging_step > 0
+    assert snapshot.counters["openings"] == 1
+    assert snapshot.counters["entered ARMED"] == 1
+    assert snapshot.counters["frames written"] == len(bench.writes)
 
 
 def test_range_check_reduces_the_power_and_forbids_arming(bench: Bench) -> None:
@@ -433,8 +514,8 @@ def test_wishes_the_radio_does_not_offer_are_refused() -> None:
     with pytest.raises(ProtocolError, match="low_power"):
         make(PpmGenProtocol(), low_power=True)
     transmitter = make(PpmGenProtocol())
-    assert transmitter.bind(0.0).reason == "ppm: bind with the radio itself"
-    assert transmitter.range_check(True).reason == "ppm: check the range with the radio itself"
+    assert transmitter.range_check(True) == Answer(False, "ppm: check the range with the radio itself")
+    assert transmitter.bind(0.0) == Answer(False, "ppm: bind with the radio itself")
 
 
 def test_poses_of_others_are_not_acted_on_before_the_own_turn(bench: Bench) -> None:
