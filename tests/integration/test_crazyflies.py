@@ -84,11 +84,12 @@ def test_crazyflies_fly_a_formation_survive_their_gateway_and_stop_when_they_are
     assert stopped_s - killed_s < STOPPED_S
     assert all(flown_by(flying, name) is not None for name in ("h1", "h2"))
 
+    # A kill that is not reset locks the vehicle anew.
+    fleet["h3"].reset()
+    fleet.wait_until(lambda: transmitter_state(flying, "h3") == "disarmed", 30, "still killed")
     inject_faults(fleet.session, BreakRadio("h3", "off"))
     fleet.wait_until(lambda: "silent" in module(flying, "h3"), 30, "battery not out")
     inject_faults(fleet.session, Recover())
     fleet.wait_until(lambda: module(flying, "h3").startswith("ready"), 30, "does not start")
-    fleet["h3"].reset()
-    fleet.wait_until(lambda: transmitter_state(flying, "h3") == "disarmed", 30, "still killed")
     fleet.land(["h1", "h2"])
     fleet.wait_until(lambda: all(landed_gently(truth, name) for name in ("h1", "h2")), 30, "not landed")
