@@ -14,7 +14,7 @@ help:
 	@echo "make test      unit tests, and fleets of real processes (less than eight minutes on two cores)"
 	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
 	@echo "make fuzz      coverage-guided fuzzing of what reads bytes from outside, 5 minutes each; ARGS=\"codec 60\""
-	@echo "make mutation  how much of what is changed in arbiter, landing and watchdog the unit tests notice (an hour)"
+	@echo "make mutation  how many changes of arbiter, landing, watchdog and transmitter the unit tests notice (90 minutes)"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make docs      the documentation site, in build/site"
 	@echo "make wheel     source archive and wheel in dist, checked, and flown from empty environments"

@@ -1,11 +1,11 @@
-"""Mutation scores of the safety functions: arbiter, closed-loop landing, watchdog.
+"""Mutation scores of the safety functions: arbiter, closed-loop landing, watchdog, transmitter.
 
     make mutation
 
 changes the code in many small ways, one after the other, and counts which changes the unit tests detect.
 mutmut changes functions (settings in pyproject.toml) in a copy of the tree, because it does not follow the
 links in `rcopterx/`. This module changes the rows of the arbiter's transition table, which are no
-functions. The exit code is 1 if a score is below 90 %.
+functions. The exit code is 1 if a score is below the least one of its group.
 """
 
 import importlib
@@ -21,7 +21,8 @@ from typing import Any, Final, NamedTuple
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 COPY: Final = ROOT / "build" / "mutation"
-LEAST_SCORE: Final = 0.9
+SURVIVED: Final = (0, 33)
+"""Codes of mutmut: the tests pass, or no test runs the function."""
 GATEWAY: Final = "rcopterx/transmitter_gateway"
 GROUPS: Final = {
     "arbiter": [
@@ -32,6 +33,16 @@ GROUPS: Final = {
         f"{GATEWAY}/{name}.py" for name in ("landing", "touchdown", "shaping", "take_over")
     ],
     "watchdog": [f"rcopterx/deploy/watchdog/{name}.py" for name in ("watchdog", "processor_time")],
+    "transmitter": [
+        f"{GATEWAY}/{name}.py" for name in ("admission", "transmitter", "switches", "state_page")
+    ],
+}
+LEAST_SCORES: Final = {
+    "arbiter": 0.9,
+    "closed-loop landing": 0.9,
+    "watchdog": 0.9,
+    "transmitter": 0.85,
+    "transition table": 0.9,
 }
 TABLE_TESTS: Final = (
     *("transitions", "arbiter_edges", "land_state", "arming", "kill_and_lease", "late_commands", "takeover"),
@@ -73,7 +84,7 @@ def _score_of(files: Sequence[str]) -> Score:
     for file in files:
         found = json.loads((COPY / "mutants" / f"{file}.meta").read_text(encoding="utf-8"))
         codes |= found["exit_code_by_key"]
-    return Score(len(codes), [name for name, code in codes.items() if code == 0])
+    return Score(len(codes), [name for name, code in codes.items() if code in SURVIVED])
 
 
 def score_table() -> Score:
@@ -126,7 +137,7 @@ def main() -> int:
         noticed = score.changes - len(score.survivors)
         print(f"{group}: {noticed} of {score.changes} changes noticed, {score.share:.1%}")
     print("`mutmut show NAME` in build/mutation shows a change")
-    return 0 if all(score.share >= LEAST_SCORE for score in scores.values()) else 1
+    return 0 if all(score.share >= LEAST_SCORES[group] for group, score in scores.items()) else 1
 
 
 if __name__ == "__main__":
