@@ -30,7 +30,7 @@ OPERATOR: Final = "operator"
 ANYBODY: Final = "anybody"
 MAX_FAULTS: Final = 200
 """In one request."""
-MAX_FAULT_FIELDS: Final = 8
+MAX_FAULT_FIELDS: Final = 12
 MAX_LINE: Final = 2000
 MAX_LINES: Final = 200
 """In one answer."""

@@ -234,7 +234,7 @@ class Transmitter:
             )
         self._shown_until_s = -math.inf if u is None else until_s
         if u is not None:
-            pulses = list(self._calibration.pulses_us(u, throttle_low=True, armed=throttle_us is not None))
+            pulses = list(self._calibration.pulses_us(u, armed=throttle_us is not None))
             pulses[throttle.index] = throttle_us or throttle.low_us
             self._shown = tuple(pulses)
         self._decide_at_once(urgent=True)

@@ -49,8 +49,6 @@ WEAK: Final = Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=1.0, silen
 """A vehicle that lands with full thrust."""
 FAULTY_AXIS: Final = Limits(deviation_mm=None, drift_mm=8000.0, touchdown_m_s=1.0, silence_ms=None)
 """A vehicle that drifts because a stick does not respond, and comes down gently."""
-OSCILLATING: Final = Limits(deviation_mm=None, drift_mm=1000.0, touchdown_m_s=1.3, silence_ms=None)
-"""A vehicle that lands with the lowest bandwidth, also of its height."""
 
 
 def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
@@ -313,12 +311,6 @@ VEHICLE_ROWS: Final = (
         "The roll stick of h2 is stuck",
         _inject("break_vehicle", "h2", stuck="roll"),
         limits=FAULTY_AXIS,
-    ),
-    _broken(
-        "vehicle-oscillates",
-        "Pitch and roll of h2 act five times as strongly, and all its sticks 0.1 s later",
-        _inject("break_vehicle", "h2", cyclic_factor=5.0, delay_s=0.1),
-        limits=OSCILLATING,
     ),
     FaultFlight(
         "vehicle-trim",

@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 
 from rcopterx.bus.codec import decode, encode
-from rcopterx.bus.requests import Inject, InjectedFault
+from rcopterx.bus.requests import MAX_FAULT_FIELDS, Inject, InjectedFault
 from rcopterx.simulator.faults import (
+    FAULTS,
     AddSubject,
     BreakRadio,
     Dribble,
@@ -18,6 +19,11 @@ from rcopterx.simulator.faults import (
     injected_faults,
     timed_faults,
 )
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_every_fault_with_all_its_fields_fits_into_a_request(kind: str) -> None:
+    assert len(FAULTS[kind].__struct_fields__) + len(("kind",)) <= MAX_FAULT_FIELDS
 
 
 def test_faults_come_out_of_a_request_as_they_went_in() -> None:
