@@ -34,7 +34,8 @@ GROUPS: Final = {
     ],
     "watchdog": [f"rcopterx/deploy/watchdog/{name}.py" for name in ("watchdog", "processor_time")],
     "transmitter": [
-        f"{GATEWAY}/{name}.py" for name in ("admission", "transmitter", "switches", "state_page")
+        f"{GATEWAY}/{name}.py"
+        for name in ("admission", "transmitter", "switches", "state_page", "serial_port")
     ],
 }
 LEAST_SCORES: Final = {

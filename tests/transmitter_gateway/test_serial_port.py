@@ -177,6 +177,36 @@ def test_unplugging_is_noticed_by_reading_too(device: Device, port: SerialPort) 
     assert str(device.path) in port.problem
 
 
+def test_failed_read_loses_the_port_and_says_why(
+    device: Device, port: SerialPort, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(descriptor: int, size: int) -> bytes:
+        raise OSError(errno.EIO, "Input/output error")
+
+    os.write(device.master, b"MP")
+    assert select.select([port.fileno()], [], [], 60.0)[0]
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "read", fail)
+        assert port.read_available(1.0) == b""
+    assert port.problem == f"read from {device.path} failed: [Errno 5] Input/output error"
+    assert port.next_attempt_s == 1.0 + RETRY_S
+
+
+def test_device_that_does_not_open_keeps_no_process_from_ending() -> None:
+    started: list[threading.Thread] = []
+    released = threading.Event()
+
+    def work() -> None:
+        started.append(threading.current_thread())
+        released.wait(60.0)
+
+    serial_port.in_thread(work)
+    wait_for(lambda: started, "no thread")
+    released.set()
+    assert started[0].daemon
+    assert started[0] is not threading.current_thread()
+
+
 def test_port_is_reopened_through_the_symbolic_link_of_the_new_device(
     device: Device, port: SerialPort
 ) -> None:
@@ -289,6 +319,8 @@ def test_opening_that_blocks_keeps_nothing_waiting_and_is_used_when_it_has_ended
     assert not port.service(0.0)
     assert port.is_opening
     assert port.write_frame(FRAME, 0.5) is WriteOutcome.CLOSED
+    assert not port.service(0.9)
+    assert port.problem == "not opened yet"
     assert not port.service(1.1)
     assert port.problem == f"{device.path} does not open; unplug the adapter"
     assert port.next_attempt_s == float("inf")
