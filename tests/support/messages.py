@@ -135,7 +135,7 @@ def _value(kind: Any) -> st.SearchStrategy[Any]:
         case inspect.BoolType():
             return st.booleans()
         case inspect.IntType():
-            return st.integers(kind.ge or 0, 2**40)
+            return st.integers(kind.ge or 0, 2**40 if kind.le is None else min(kind.le, 2**40))
         case inspect.FloatType():
             low = kind.gt if kind.ge is None else kind.ge
             return st.floats(
