@@ -5,9 +5,8 @@ A transfer takes milliseconds, so that a thread for each dongle does them; ports
 
 from __future__ import annotations
 
-import math
 import os
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import cache
 from threading import Condition, RLock, Thread
@@ -164,25 +163,13 @@ class CrazyradioPort(Port):
     """
 
     def __init__(self, path: str, address: RadioAddress, dongle: Crazyradio) -> None:
-        self.path, self.address = path, address
-        self.problem: str | None = "not opened yet"
-        self.counters: Counter[str] = Counter()
+        super().__init__(path)
+        self.address = address
         self._dongle = dongle
         self._lock = RLock()
         self._packets: deque[bytes] = deque()
         self._answers: deque[bytes] = deque(maxlen=MOST_ANSWERS)
         self._event: int | None = None
-        self._next_attempt_s = -math.inf
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the dongle is open."""
-        return self.problem is None
-
-    @property
-    def next_attempt_s(self) -> float:
-        """See `Port`."""
-        return math.inf if self.is_open else self._next_attempt_s
 
     def fileno(self) -> int | None:
         """See `Port`."""

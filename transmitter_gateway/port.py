@@ -1,5 +1,6 @@
 """What a transmitter needs of the way to its radio, whether a serial line, a datagram socket or USB."""
 
+import math
 from abc import ABC, abstractmethod
 from collections import Counter
 from enum import StrEnum
@@ -23,19 +24,21 @@ class Port(ABC):
     name.
     """
 
-    path: str
-    problem: str | None
-    counters: Counter[str]
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.problem: str | None = "not opened yet"
+        self.counters: Counter[str] = Counter()
+        self._next_attempt_s = -math.inf
 
     @property
-    @abstractmethod
     def is_open(self) -> bool:
         """True while frames can be written; False is the state LINK_LOST."""
+        return self.problem is None
 
     @property
-    @abstractmethod
     def next_attempt_s(self) -> float:
         """When `service` has something to do again [s]; infinite while open."""
+        return math.inf if self.is_open else self._next_attempt_s
 
     @abstractmethod
     def fileno(self) -> int | None:

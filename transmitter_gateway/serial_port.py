@@ -9,7 +9,6 @@ import os
 import select
 import struct
 import termios
-from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
@@ -70,23 +69,15 @@ class SerialPort(Port):
     def __init__(
         self, path: str, line: SerialLine, start: Callable[[Callable[[], None]], None] = in_thread
     ) -> None:
-        self.path = path
+        super().__init__(path)
         self.line = line
         self._start = start
-        self.problem: str | None = "not opened yet"
-        self.counters: Counter[str] = Counter()
         self._serial: serial.Serial | None = None
         self._descriptor: int | None = None
         self._opening: Future[serial.Serial] | None = None
         self._opening_since_s = -math.inf
-        self._next_attempt_s = -math.inf
         self._silent_until_s = -math.inf
         self._backlog_since_s: float | None = None
-
-    @property
-    def is_open(self) -> bool:
-        """True while frames can be written; False is the state LINK_LOST."""
-        return self._serial is not None
 
     def fileno(self) -> int | None:
         """File descriptor to wait for answers on, None while closed."""

@@ -1,8 +1,6 @@
 """CRTP over UDP: one packet a datagram, as simulated Crazyflies speak it."""
 
-import math
 import socket
-from collections import Counter
 from contextlib import suppress
 from typing import Final
 
@@ -27,22 +25,9 @@ class UdpPort(Port):
     """
 
     def __init__(self, path: str) -> None:
-        self.path = path
-        self.problem: str | None = "not opened yet"
-        self.counters: Counter[str] = Counter()
+        super().__init__(path)
         self._address = udp_address(path)
         self._socket: socket.socket | None = None
-        self._next_attempt_s = -math.inf
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the vehicle has answered a probe."""
-        return self.problem is None
-
-    @property
-    def next_attempt_s(self) -> float:
-        """See `Port`."""
-        return math.inf if self.is_open else self._next_attempt_s
 
     def fileno(self) -> int | None:
         """See `Port`."""
