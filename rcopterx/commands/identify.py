@@ -18,7 +18,7 @@ from rcopterx.commands.fleet_option import (
     user_errors,
     wanted_fleet,
 )
-from rcopterx.commands.output import JsonOption, PlotOption, check_plot, write_plot
+from rcopterx.commands.output import JsonOption, PlotOption, check_plot, print_changes, write_plot
 
 if TYPE_CHECKING:
     from rcopterx.control.identification.fit import Identification
@@ -102,7 +102,7 @@ def identify(
             for remark in found.remarks:
                 say(f"{name}: {remark}")
             if not found.problems:
-                _use(name, found.model, path, None if dry_run else running, say)
+                _use(name, found.model, path, None if dry_run else running, as_json)
     problems = [f"{name}: {reason}" for name, reason in failures.items()]
     problems += [f"{name}: {problem}" for name, (*_, found) in fits.items() for problem in found.problems]
     if problems:
@@ -158,22 +158,17 @@ def _fit(file: "FleetFile", name: str, recording: "FlightRecording", say: Callab
         raise failure(f"{name}: {error}") from None
 
 
-def _use(
-    name: str, model: "Model", path: Path | None, running: "Fleet | None", say: Callable[[str], None]
-) -> None:
-    """Write a model into the fleet file, and let the vehicle fly with it."""
+def _use(name: str, model: "Model", path: Path | None, running: "Fleet | None", to_stderr: bool) -> None:
+    """Write a model into the fleet file, and let the vehicle fly with it; without file and fleet, neither."""
     from rcopterx.fleet.editing import fitted_parameters, write_model
 
     with user_errors():
         if path is not None:
-            for line in write_model(path, name, model) or ["nothing to change"]:
-                say(f"{name}: {line}")
+            print_changes(name, write_model(path, name, model), err=to_stderr)
+            typer.echo(f"{name}: the model is in {path}", err=to_stderr)
         if running is not None:
             running[name].use_model(fitted_parameters(model))
-    flies = (
-        "it flies with the model" if running is not None else "start the fleet again to fly with the model"
-    )
-    say(f"{name}: {flies}" + (f", which is in {path}" if path is not None else ""))
+            typer.echo(f"{name}: it flies with the model", err=to_stderr)
 
 
 def _print(fits: "dict[str, Fit]", failures: dict[str, str], together: bool, as_json: bool) -> None:
