@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from integration_support import Flying, Truth, fleet_text, free_port
@@ -18,21 +19,32 @@ pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout
 Launch = Callable[..., Flying]
 
 
-def test_a_leader_is_identified_while_its_follower_flies_on(launch: Launch) -> None:
+def formation(launch: Launch, conditions: str) -> tuple[Flying, Truth]:
+    """A formation that hovers in the simulated laboratory, watched from then on."""
     hosts = {"main": ("127.0.0.1", free_port())}
     text = fleet_text(
-        free_port(), hosts, simulator='conditions = "helicopter"', control='controller = "cascade"'
+        free_port(), hosts, simulator=f'conditions = "{conditions}"', control='controller = "cascade"'
     )
     flying = launch(text)
-    fleet, truth = flying.fleet, Truth(flying)
-    fleet.take_off(height_m=1.0, timeout_s=40)
+    truth = Truth(flying)
+    flying.fleet.take_off(height_m=1.0, timeout_s=40)
     truth.start_watch()
-    command = (sys.executable, "-m", "rcopterx", "identify", "h1", "-f", str(flying.path))
+    return flying, truth
+
+
+def identified(flying: Flying, vehicles: str, limit_s: float) -> Any:
+    """Document of `rcopterx identify`."""
+    command = (sys.executable, "-m", "rcopterx", "identify", vehicles, "-f", str(flying.path))
     done = subprocess.run(
-        [*command, "--seconds", "40", "--json"], capture_output=True, text=True, timeout=120, check=False
+        [*command, "--seconds", "40", "--json"], capture_output=True, text=True, timeout=limit_s, check=False
     )
     assert done.returncode == 0, done.stderr
-    document = json.loads(done.stdout)
+    return json.loads(done.stdout)
+
+
+def test_a_leader_is_identified_while_its_follower_flies_on(launch: Launch) -> None:
+    flying, truth = formation(launch, "helicopter")
+    document = identified(flying, "h1", 120)
     assert document["problems"] == []
     frequency = next(row for row in document["parameters"] if row["name"] == "tilt frequency")
     assert frequency["value"] == pytest.approx(13.28, rel=0.1), "the middle of the family"
@@ -40,26 +52,15 @@ def test_a_leader_is_identified_while_its_follower_flies_on(launch: Launch) -> N
     assert written.uncertainty == IDENTIFIED
     assert written.input_gain != COAXIAL.input_gain
     truth.assert_none_touched_down()
-    fleet.land()
+    flying.fleet.land()
 
 
 def test_a_formation_is_identified_at_the_same_time_and_returns(launch: Launch) -> None:
-    hosts = {"main": ("127.0.0.1", free_port())}
-    text = fleet_text(
-        free_port(), hosts, simulator='conditions = "helicopters"', control='controller = "cascade"'
-    )
-    flying = launch(text)
-    fleet, truth = flying.fleet, Truth(flying)
-    fleet.take_off(height_m=1.0, timeout_s=40)
-    truth.start_watch()
-    command = (sys.executable, "-m", "rcopterx", "identify", "--all", "-f", str(flying.path))
-    done = subprocess.run(
-        [*command, "--seconds", "40", "--json"], capture_output=True, text=True, timeout=150, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert {one["vehicle"] for one in json.loads(done.stdout)["vehicles"]} == set(fleet.file.vehicles)
+    flying, truth = formation(launch, "helicopters")
+    document = identified(flying, "--all", 150)
+    assert {one["vehicle"] for one in document["vehicles"]} == set(flying.fleet.file.vehicles)
     changed = load_fleet(flying.path)
     assert all(model_of(changed, name).uncertainty == IDENTIFIED for name in changed.vehicles)
-    fleet.wait_for_formation()
+    flying.fleet.wait_for_formation()
     truth.assert_none_touched_down()
-    fleet.land()
+    flying.fleet.land()
