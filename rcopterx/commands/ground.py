@@ -7,7 +7,7 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from importlib.util import find_spec
 from tempfile import NamedTemporaryFile
 from typing import TYPE_CHECKING, Annotated
@@ -21,6 +21,7 @@ from rcopterx.commands.fleet_option import (
     user_errors,
     wanted_fleet,
 )
+from rcopterx.commands.interruption import Interruption, until_ctrl_c
 
 if TYPE_CHECKING:
     from rcopterx.ground_station.page.page import FleetPage
@@ -64,7 +65,7 @@ def ground(
         key = kept_key(directory / ("watch.key" if watch_only else "page.key"))
         server = PageServer(port, f"rcopterx {file.name}", key)
         try:
-            with suppress(KeyboardInterrupt):
+            with until_ctrl_c() as interruption:
                 # Browsers load the page while a fleet that has just been started comes up.
                 frame = PageFrame(server, file.name)
                 typer.echo(f"{server.address}  (Ctrl-C ends the page, the fleet goes on)")
@@ -72,7 +73,7 @@ def ground(
                     _opened(server.address) if open_browser else nullcontext(),
                     joined_fleet(file, host, fleet, COMES_UP_S) as running,
                 ):
-                    _keep(FleetPage(running, frame, steers=not watch_only))
+                    _keep(FleetPage(running, frame, steers=not watch_only), interruption)
         finally:
             server.stop()
 
@@ -87,10 +88,10 @@ def _opened(address: str) -> Iterator[None]:
         yield
 
 
-def _keep(page: "FleetPage") -> None:
-    """Update the page until the program ends."""
+def _keep(page: "FleetPage", interruption: Interruption) -> None:
+    """Update the page until Ctrl-C."""
     next_s = time.monotonic()
-    while True:
+    while not interruption.pressed:
         page.update(time.monotonic())
         # Late updates are not caught up.
         next_s = max(next_s + UPDATE_S, time.monotonic())

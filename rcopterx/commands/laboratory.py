@@ -1,7 +1,6 @@
 """The simulated laboratory: faults of the simulator, and replaying a recorded Tracker."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +14,7 @@ from rcopterx.commands.fleet_option import (
     user_errors,
     wanted_fleet,
 )
+from rcopterx.commands.interruption import until_ctrl_c
 from rcopterx.commands.output import Progress, print_table
 
 if TYPE_CHECKING:
@@ -47,14 +47,14 @@ def replay_tracker(
 
     Each client that connects gets the next recorded connection. Ends after the last one.
     """
-    with user_errors(), _replay(file, port, speed) as replay, suppress(KeyboardInterrupt):
+    with user_errors(), _replay(file, port, speed) as replay, until_ctrl_c() as interruption:
         request_realtime(REALTIME_PRIORITY)
         host, bound = replay.address
         count = replay.progress.connections
         connections = f"{count} connection{'s' if count > 1 else ''}"
         typer.echo(f"{file}: {connections}; connect to {host}:{bound}", err=True)
         progress = Progress(str(file))
-        while loop or not replay.finished:
+        while (loop or not replay.finished) and not interruption.pressed:
             replay.poll(POLL_S)
             now = replay.progress
             label = (

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcopterx.commands.fleet_option import RunningFleetOption, failure, user_errors, wanted_fleet
+from rcopterx.commands.interruption import until_ctrl_c
 
 if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile
@@ -41,16 +42,14 @@ def logs(
             typer.echo(f"note: host {host} does not answer: its logs are not here", err=True)
         width = max((len(process) for process in read.processes), default=0)
         place = max((len(host) for host in file.hosts), default=0) if len(file.hosts) > 1 else 0
-        try:
-            while True:
+        with until_ctrl_c() as interruption:
+            while not interruption.pressed:
                 for host, line in read.new_lines():
                     where = f"{host:{place}} " if place else ""
                     typer.echo(f"{line.time:24} {where}{line.process:{width}} {line.text}")
                 if not follow:
                     return
                 time.sleep(FOLLOW_S)
-        except KeyboardInterrupt:
-            return
 
 
 def _opened(file: "FleetFile", names: list[str], stack: ExitStack) -> "FleetLogs":

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, ROUTER_S, RunningFleetOption, running_fleet
+from rcopterx.commands.interruption import until_ctrl_c
 from rcopterx.commands.output import JsonOption, print_document
 from rcopterx.commands.steer import Vehicles
 
@@ -68,8 +69,11 @@ def top(
                 console = Console(width=FULL_WIDTH)
             console.print(fleet_view(running, COLUMNS if wide else fitting(console.width)))
             return
-        with suppress(KeyboardInterrupt), Live(console=console, auto_refresh=False, screen=True) as live:
-            while True:
+        with (
+            until_ctrl_c() as interruption,
+            Live(console=console, auto_refresh=False, screen=True) as live,
+        ):
+            while not interruption.pressed:
                 columns = COLUMNS if wide else fitting(console.width)
                 live.update(fleet_view(running, columns), refresh=True)
                 time.sleep(REFRESH_S)

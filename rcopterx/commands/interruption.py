@@ -1,0 +1,33 @@
+"""Ctrl-C as the normal end of a command."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+
+
+@dataclass
+class Interruption:
+    """Whether Ctrl-C was pressed."""
+
+    pressed: bool = False
+
+
+@contextmanager
+def until_ctrl_c() -> Iterator[Interruption]:
+    """Leave the block at Ctrl-C, without an error.
+
+    Endless loops also check the flag: Python prints and drops an exception that a signal raises in a finalizer.
+    """
+    interruption = Interruption()
+
+    def interrupt(*_: object) -> None:
+        interruption.pressed = True
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGINT, interrupt)
+    try:
+        with suppress(KeyboardInterrupt):
+            yield interruption
+    finally:
+        signal.signal(signal.SIGINT, previous)
