@@ -1,8 +1,8 @@
 """The fleet that faults are injected into, and the base of the injectors."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -82,8 +82,21 @@ class Injector(ABC):
     """Whether it needs a fleet that this program has started."""
 
     def active(self, bench: Bench) -> AbstractContextManager[None]:
-        """Inject the fault until the context is left; one that ends by itself is over when it is entered."""
+        """Inject the fault until the context is left."""
         return self._inject(bench)
 
     @abstractmethod
     def _inject(self, bench: Bench) -> AbstractContextManager[None]: ...
+
+
+class PassingFault(Injector):
+    """A fault that ends by itself; it is over when its context is entered."""
+
+    @contextmanager
+    def _inject(self, bench: Bench) -> Iterator[None]:
+        self._happen(bench)
+        yield
+
+    @abstractmethod
+    def _happen(self, bench: Bench) -> None:
+        """Inject the fault, and return when it is over."""

@@ -2,8 +2,7 @@
 
 import random
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -11,7 +10,7 @@ from msgspec.structs import replace
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
-from rcopterx.experiments.faults.bench import Bench, Injector
+from rcopterx.experiments.faults.bench import Bench, PassingFault
 from rcopterx.experiments.faults.orders import give_order
 
 FLYING_ROLES: Final = ("agent", "tracker", "transmitters")
@@ -23,7 +22,7 @@ NONSENSE_BYTES: Final = 400
 
 
 @dataclass(frozen=True)
-class Impaired(Injector):
+class Impaired(PassingFault):
     """Messages of the gateways and agents are delayed, lost, doubled or reordered.
 
     `how` and `figure` are a field of `Impairment` and its value.
@@ -33,8 +32,7 @@ class Impaired(Injector):
     figure: float
     seconds: float = 2.0
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         bench.say(f"bus: {self.how} {self.figure:g} for {self.seconds:g} s")
         children = bench.supervisor.children.values()
         for number, name in enumerate(
@@ -44,18 +42,16 @@ class Impaired(Injector):
                 bench.pid(name), "impair", seconds=self.seconds, seed=number, **{self.how: self.figure}
             )
         bench.wait(self.seconds)
-        yield
 
 
 @dataclass(frozen=True)
-class OldMessages(Injector):
+class OldMessages(PassingFault):
     """Old poses, commands and plans are sent again, with this epoch and the one before."""
 
     launched = False
     seconds: float = 2.0
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         session = bench.fleet.session
         bench.say(f"bus: old messages again for {self.seconds:g} s")
         inboxes = [
@@ -77,19 +73,17 @@ class OldMessages(Injector):
                 session.publish(channel, name, replace(message, epoch=max(0, message.epoch - 1)))
 
         _repeat(bench, send, PERIOD_S, self.seconds)
-        yield
 
 
 @dataclass(frozen=True)
-class Flood(Injector):
+class Flood(PassingFault):
     """Random bytes are sent as poses, commands and plans, at a rate on each key."""
 
     launched = False
     rate_hz: float = 200.0
     seconds: float = 2.0
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         session, chance = bench.fleet.session, random.Random(SEED)
         bench.say(
             f"bus: {self.rate_hz:g} messages of random bytes per second on every key for {self.seconds:g} s"
@@ -101,7 +95,6 @@ class Flood(Injector):
                     session.republish(name, channel.topic, chance.randbytes(NONSENSE_BYTES))
 
         _repeat(bench, send, 1.0 / self.rate_hz, self.seconds)
-        yield
 
 
 def _repeat(bench: Bench, send: Callable[[], None], period_s: float, seconds: float) -> None:

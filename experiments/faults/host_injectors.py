@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from rcopterx.experiments.faults.bench import Bench, Injector
+from rcopterx.experiments.faults.bench import Bench, Injector, PassingFault
 from rcopterx.experiments.faults.orders import give_order
 
 INVALID = "name = [\n"
@@ -20,16 +20,14 @@ def _processes(bench: Bench, without: Collection[str] = ()) -> list[int]:
     return [pid for pid in pids if pid is not None]
 
 
-class DiskFull(Injector):
+class DiskFull(PassingFault):
     """No process of the fleet except the launcher can write to files."""
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         bench.say("no process can write to files")
         for pid in _processes(bench):
             _, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)
             resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, hard))
-        yield
 
 
 @dataclass(frozen=True)
@@ -58,18 +56,16 @@ def _lowest_free(pid: int) -> int:
 
 
 @dataclass(frozen=True)
-class ClockStepped(Injector):
+class ClockStepped(PassingFault):
     """The wall clock of all processes steps by `offset_s`; the monotonic one does not."""
 
     offset_s: float
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         bench.say(f"wall clock: {self.offset_s:+g} s")
         # The router uses no wall clock, and every signal that it handles ends it.
         for pid in _processes(bench, without=("router",)):
             give_order(pid, "step_clock", offset_s=self.offset_s)
-        yield
 
 
 class FleetFileBroken(Injector):

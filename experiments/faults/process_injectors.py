@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from rcopterx.deploy.processes.supervisor import Supervisor
-from rcopterx.experiments.faults.bench import Bench, Injector
+from rcopterx.experiments.faults.bench import Bench, Injector, PassingFault
 from rcopterx.experiments.faults.load import spinning
 from rcopterx.experiments.faults.orders import give_order
 
@@ -21,8 +21,8 @@ SUCCESSOR_S = 1.0
 
 
 @dataclass(frozen=True)
-class ProcessFault(Injector):
-    """A fault of a process of the fleet."""
+class ProcessFault(PassingFault):
+    """A fault of a process of the fleet that ends by itself."""
 
     process: str
 
@@ -30,11 +30,9 @@ class ProcessFault(Injector):
 class Killed(ProcessFault):
     """The process gets SIGKILL."""
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         bench.say(f"{self.process}: SIGKILL")
         os.kill(bench.pid(self.process), signal.SIGKILL)
-        yield
 
 
 @dataclass(frozen=True)
@@ -43,18 +41,21 @@ class Stopped(ProcessFault):
 
     seconds: float
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: SIGSTOP for {self.seconds:g} s")
         os.kill(pid, signal.SIGSTOP)
         try:
             bench.wait_for(lambda: bench.supervisor.pid(self.process) != pid, self.seconds)
         finally:
-            if bench.supervisor.pid(self.process) == pid:
-                with suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGCONT)
-        yield
+            _continue(bench, self.process, pid)
+
+
+def _continue(bench: Bench, process: str, pid: int) -> None:
+    """Continue a stopped process that has not been replaced."""
+    if bench.supervisor.pid(process) == pid:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGCONT)
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,7 @@ class Starved(ProcessFault):
 
     seconds: float = 0.3
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         pid, processors = bench.pid(self.process), os.sched_getaffinity(0)
         taken = min(processors)
         with spinning(processor=taken) as alone:
@@ -75,7 +75,6 @@ class Starved(ProcessFault):
                 bench.wait(self.seconds)
             finally:
                 _confine(pid, processors)
-        yield
 
 
 def _confine(pid: int, processors: Set[int]) -> None:
@@ -86,29 +85,27 @@ def _confine(pid: int, processors: Set[int]) -> None:
 
 
 @dataclass(frozen=True)
-class Pair(Injector):
+class Pair(PassingFault):
     """Two faults, the second one a time after the first one; of one process, then of its successor."""
 
     first: ProcessFault
     second: ProcessFault
     apart_s: float
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         process = self.second.process
         before = bench.pid(process)
         earlier = (None, before) if process == self.first.process else (None,)
         with ThreadPoolExecutor(max_workers=1) as pool:
-            first = pool.submit(_happen, self.first, bench)
+            first = pool.submit(_inject, self.first, bench)
             bench.wait(self.apart_s)
             bench.wait_for(lambda: bench.supervisor.pid(process) not in earlier, SUCCESSOR_S)
-            _happen(self.second, bench)
+            _inject(self.second, bench)
             first.result()
-        yield
 
 
-def _happen(fault: Injector, bench: Bench) -> None:
-    """Inject a fault that ends by itself."""
+def _inject(fault: PassingFault, bench: Bench) -> None:
+    """Inject a fault, and return when it is over."""
     with fault.active(bench):
         pass
 
@@ -116,13 +113,11 @@ def _happen(fault: Injector, bench: Bench) -> None:
 class Spinning(ProcessFault):
     """The working loop uses its processor and makes no progress."""
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: spins")
         give_order(pid, "spin", seconds=REPLACED_S)
         bench.wait_for(lambda: bench.supervisor.pid(self.process) != pid, REPLACED_S)
-        yield
 
 
 @dataclass(frozen=True)
@@ -132,13 +127,11 @@ class Slow(ProcessFault):
     by_s: float = 0.01
     seconds: float = 2.0
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: every turn {1000 * self.by_s:g} ms longer for {self.seconds:g} s")
         give_order(pid, "slow", by_s=self.by_s, seconds=self.seconds)
         bench.wait(self.seconds)
-        yield
 
 
 @dataclass(frozen=True)
@@ -149,8 +142,7 @@ class Halting(ProcessFault):
     every_s: float = 0.03
     seconds: float = 2.0
 
-    @contextmanager
-    def _inject(self, bench: Bench) -> Iterator[None]:
+    def _happen(self, bench: Bench) -> None:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: stopped for {1000 * self.by_s:g} of {1000 * self.every_s:g} ms")
         until_s = time.monotonic() + self.seconds
@@ -161,19 +153,17 @@ class Halting(ProcessFault):
                 os.kill(pid, signal.SIGCONT)
                 bench.wait(self.every_s - self.by_s)
         finally:
-            if bench.supervisor.pid(self.process) == pid:
-                with suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGCONT)
-        yield
+            _continue(bench, self.process, pid)
 
 
 @dataclass(frozen=True)
-class DiesAtStart(ProcessFault):
+class DiesAtStart(Injector):
     """The process is killed, and so are its next successors as soon as they have started.
 
     With `successors` None all of them are killed, for `seconds` or until the flight is over.
     """
 
+    process: str
     successors: int | None = 1
     seconds: float | None = None
 

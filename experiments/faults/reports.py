@@ -25,13 +25,8 @@ def report_of(
         "seen": outcome(row.promise, seen),
         "checks": checks,
         "vehicles": {
-            name: {
-                "deviation_mm": vehicle.deviation_mm,
-                "drift_mm": vehicle.drift_mm,
-                "touchdown_m_s": vehicle.touchdown_m_s,
-                "silence_ms": vehicle.silence_ms,
-                "arbiter": list(vehicle.states_of_arbiter),
-            }
+            name: {figure: getattr(vehicle, figure) for figure in FIGURES}
+            | {"arbiter": list(vehicle.states_of_arbiter)}
             for name, vehicle in seen.items()
         },
         "seconds": round(seconds, 1),

@@ -41,7 +41,6 @@ PROCESSES: Final = {
     "recorder": "recorder",
 }
 """Processes by what they are; the simulator stands for the laboratory and gets no faults."""
-REPLACED: Final = Limits(deviation_mm=150.0, silence_ms=600.0)
 PAIR: Final = Limits(deviation_mm=300.0, silence_ms=1000.0)
 BLIND: Final = Limits(deviation_mm=1000.0, silence_ms=4000.0)
 """Without poses and commands vehicles are held, and sink meanwhile."""
@@ -51,53 +50,43 @@ FAULTY_AXIS: Final = Limits(deviation_mm=None, drift_mm=8000.0, touchdown_m_s=1.
 """A vehicle that drifts because a stick does not respond, and comes down gently."""
 
 
+def _survived(name: str, title: str, *faults: Injector, chaos: bool = True) -> FaultFlight:
+    """A fault that vehicles survive, with `chaos` at any time."""
+    return FaultFlight(name, title, faults, chaos=chaos)
+
+
 def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
     """Faults of a process that vehicles survive."""
     return (
-        FaultFlight(
-            f"{what}-killed", f"SIGKILL of {process}", (Killed(process),), limits=REPLACED, chaos=True
-        ),
+        _survived(f"{what}-killed", f"SIGKILL of {process}", Killed(process)),
         *(
-            FaultFlight(
+            _survived(
                 f"{what}-stopped-{seconds:g}-s",
                 f"SIGSTOP of {process} for {seconds:g} s",
-                (Stopped(process, seconds),),
-                limits=REPLACED,
+                Stopped(process, seconds),
                 chaos=seconds <= 2.0,
             )
             for seconds in (0.1, 0.5, 2.0, 30.0)
         ),
-        FaultFlight(
-            f"{what}-spins",
-            f"The loop of {process} spins",
-            (Spinning(process),),
-            limits=REPLACED,
-            chaos=what != "recorder",
+        _survived(
+            f"{what}-spins", f"The loop of {process} spins", Spinning(process), chaos=what != "recorder"
         ),
-        FaultFlight(
-            f"{what}-starved",
-            f"{process} gets no processor for 0.3 s",
-            (Starved(process),),
-            limits=REPLACED,
-            chaos=True,
-        ),
+        _survived(f"{what}-starved", f"{process} gets no processor for 0.3 s", Starved(process)),
         _slow(what, process),
-        FaultFlight(
+        _survived(
             f"{what}-dies-at-start",
             f"SIGKILL of {process}, and of its successor as soon as it is there",
-            (DiesAtStart(process),),
-            limits=REPLACED,
+            DiesAtStart(process),
+            chaos=False,
         ),
     )
 
 
 def _slow(what: str, process: str) -> FaultFlight:
     """A process that slows down; the router as a whole, because messages do not pass through its loop."""
-    title = f"Every turn of the loop of {process} takes 10 ms longer"
     if process == "router":
-        title = f"{process} is stopped for 10 of 30 ms"
-        return FaultFlight(f"{what}-slow", title, (Halting(process),), limits=REPLACED, chaos=True)
-    return FaultFlight(f"{what}-slow", title, (Slow(process),), limits=REPLACED, chaos=True)
+        return _survived(f"{what}-slow", f"{process} is stopped for 10 of 30 ms", Halting(process))
+    return _survived(f"{what}-slow", f"Every turn of the loop of {process} takes 10 ms longer", Slow(process))
 
 
 def _crash_loop(
@@ -146,11 +135,6 @@ PAIR_ROWS: Final = tuple(
     # Each process comes after each other one at another time.
     for apart_s in (APART_S[(number + number // len(PROCESSES)) % len(APART_S)],)
 )
-
-
-def _survived(name: str, title: str, *faults: Injector) -> FaultFlight:
-    """A fault that vehicles survive at any time."""
-    return FaultFlight(name, title, faults, chaos=True)
 
 
 def _open_loop(name: str, title: str, down: tuple[str, ...], *faults: Injector) -> FaultFlight:

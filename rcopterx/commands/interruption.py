@@ -17,7 +17,7 @@ class Interruption:
 def until_ctrl_c() -> Iterator[Interruption]:
     """Leave the block at Ctrl-C, without an error.
 
-    Endless loops also check the flag: Python prints and drops an exception that a signal raises in a finalizer.
+    Endless loops also check the flag: Python drops an exception that a signal raises in a finalizer.
     """
     interruption = Interruption()
 
