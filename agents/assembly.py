@@ -1,6 +1,5 @@
 """The parts of an agent, and how they are connected."""
 
-from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
@@ -22,36 +21,12 @@ from rcopterx.agents.takeover.lease import ControlLease
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus import channels
-from rcopterx.bus.messages import Lease
 from rcopterx.bus.stepping import StepBus
-from rcopterx.bus.subscription import Inbox
 
 TUNED: Final = "tuned"
 """Event of the thread that prepares another controller."""
 TRAJECTORY_CHECKED: Final = "trajectory_checked"
 """Event of the thread that checks a trajectory."""
-
-
-@dataclass(frozen=True)
-class AgentParts:
-    """Parts of an agent beside its pilot."""
-
-    lease: ControlLease
-    lease_answers: Inbox[Lease]
-    observation: Observation
-    handover: Handover
-    requests: RequestHandler
-    plans: LeaderPlans
-    peers: PeerStatuses
-    traffic: Traffic
-    changes: LeaderChanges
-    lost: LostLeaders
-    tuning: Tuning
-    external: ExternalControl
-    guard: OscillationGuard
-    relief: LoadRelief
-    pacing: Pacing
-    solve: SolveTimer
 
 
 def build_pilot(settings: AgentSettings) -> Pilot:
@@ -78,59 +53,48 @@ def build_pilot(settings: AgentSettings) -> Pilot:
     )
 
 
-def assemble(settings: AgentSettings, pilot: Pilot, bus: StepBus) -> AgentParts:
-    """Build the parts of an agent and subscribe to what they need.
+class AgentParts:
+    """Parts of an agent beside its pilot, with subscriptions to what they need.
 
     Replays find a subscription by its number, so its order counts.
     """
-    vehicle, clock, host = settings.vehicle, bus.clock, settings.bus.host
-    pacing = Pacing(settings.period_s, settings.vehicles.index(vehicle))
-    lease = ControlLease(bus.life, settings.take_over, clock())
-    # Observation
-    poses = bus.subscribe(channels.POSE, vehicle, depth=32)
-    # It counts from the next pose on: waking up for it would double the steps of a leader.
-    applied = bus.subscribe(channels.APPLIED, vehicle, depth=16, waking=False)
-    observation = Observation(pilot, pacing, poses, applied, lease, clock)
-    # Other vehicles
-    # Late plans count in the next period.
-    plans: LeaderPlans = LeaderPlans(
-        vehicle, partial(bus.subscribe, channels.PLAN, waking=lambda: plans.awaited)
-    )
-    plans.subscribe_to(link.leader for link in settings.following)
-    statuses = bus.subscribe_all(channels.AGENT_STATUS, waking=False)
-    peers = PeerStatuses(vehicle, statuses.inboxes, clock)
-    traffic = Traffic(vehicle, settings.separation, partial(bus.subscribe, channels.PLAN, waking=False))
-    room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
-    changes = LeaderChanges(vehicle, settings.vehicles, room, pilot, plans, peers, clock)
-    lost = LostLeaders(vehicle, settings.succession, pilot, plans, peers, clock)
-    # Controllers
-    tuning = Tuning(settings.configuration, pilot, settings.period_s, partial(bus.note, TUNED))
-    guard = OscillationGuard(pilot, tuning)
-    external_inputs = bus.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8, waking=False)
-    publish_task = partial(bus.publish, channels.CONTROL_TASK, vehicle)
-    external = ExternalControl(vehicle, pilot, external_inputs, publish_task)
-    wake = partial(bus.note, TRAJECTORY_CHECKED)
-    requests = RequestHandler(settings, pilot, room, changes, peers, tuning, external, wake)
-    # Processes
-    launcher = bus.subscribe(channels.LAUNCHER, host, waking=False) if host else None
-    relief = LoadRelief(bus, settings.period_s, pacing, traffic, launcher)
-    handover = Handover(bus, settings, lease, pilot, tuning)
-    lease_answers = bus.subscribe(channels.LEASE, vehicle, depth=16)
-    return AgentParts(
-        lease=lease,
-        lease_answers=lease_answers,
-        observation=observation,
-        handover=handover,
-        requests=requests,
-        plans=plans,
-        peers=peers,
-        traffic=traffic,
-        changes=changes,
-        lost=lost,
-        tuning=tuning,
-        external=external,
-        guard=guard,
-        relief=relief,
-        pacing=pacing,
-        solve=SolveTimer(),
-    )
+
+    def __init__(self, settings: AgentSettings, pilot: Pilot, bus: StepBus) -> None:
+        vehicle, clock, host = settings.vehicle, bus.clock, settings.bus.host
+        self.pacing = Pacing(settings.period_s, settings.vehicles.index(vehicle))
+        self.solve = SolveTimer()
+        self.lease = ControlLease(bus.life, settings.take_over, clock())
+        # Observation
+        poses = bus.subscribe(channels.POSE, vehicle, depth=32)
+        # It counts from the next pose on: waking up for it would double the steps of a leader.
+        applied = bus.subscribe(channels.APPLIED, vehicle, depth=16, waking=False)
+        self.observation = Observation(pilot, self.pacing, poses, applied, self.lease, clock)
+        # Other vehicles
+        # Late plans count in the next period.
+        self.plans: LeaderPlans = LeaderPlans(
+            vehicle, partial(bus.subscribe, channels.PLAN, waking=lambda: self.plans.awaited)
+        )
+        self.plans.subscribe_to(link.leader for link in settings.following)
+        statuses = bus.subscribe_all(channels.AGENT_STATUS, waking=False)
+        self.peers = PeerStatuses(vehicle, statuses.inboxes, clock)
+        self.traffic = Traffic(
+            vehicle, settings.separation, partial(bus.subscribe, channels.PLAN, waking=False)
+        )
+        room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
+        self.changes = LeaderChanges(vehicle, settings.vehicles, room, pilot, self.plans, self.peers, clock)
+        self.lost = LostLeaders(vehicle, settings.succession, pilot, self.plans, self.peers, clock)
+        # Controllers
+        self.tuning = Tuning(settings.configuration, pilot, settings.period_s, partial(bus.note, TUNED))
+        self.guard = OscillationGuard(pilot, self.tuning)
+        external_inputs = bus.subscribe(channels.EXTERNAL_INPUT, vehicle, depth=8, waking=False)
+        publish_task = partial(bus.publish, channels.CONTROL_TASK, vehicle)
+        self.external = ExternalControl(vehicle, pilot, external_inputs, publish_task)
+        wake = partial(bus.note, TRAJECTORY_CHECKED)
+        self.requests = RequestHandler(
+            settings, pilot, room, self.changes, self.peers, self.tuning, self.external, wake
+        )
+        # Processes
+        launcher = bus.subscribe(channels.LAUNCHER, host, waking=False) if host else None
+        self.relief = LoadRelief(bus, settings.period_s, self.pacing, self.traffic, launcher)
+        self.handover = Handover(bus, settings, self.lease, pilot, self.tuning)
+        self.lease_answers = bus.subscribe(channels.LEASE, vehicle, depth=16)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, assemble
+from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, AgentParts
 from rcopterx.agents.guards.time_limit import AlarmTimeLimit, NotedTimeLimit, TimeLimit
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter, command_message, plan_message, timing_of
@@ -50,7 +50,7 @@ class Agent:
         self._stopwatch = stopwatch
         self._limit = NotedTimeLimit(limit or TimeLimit())
         pilot.limit_time(self._limit)
-        self.parts = assemble(settings, pilot, bus)
+        self.parts = AgentParts(settings, pilot, bus)
         """The parts of the agent beside its pilot."""
         self._reporter = Reporter(settings, pilot, bus, self.parts, realtime)
         self.serving = False
