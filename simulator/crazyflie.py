@@ -8,7 +8,7 @@ from typing import Final
 
 from rcopterx.simulator.crazyflie_log import CrazyflieLog
 from rcopterx.simulator.crazyflie_services import served
-from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
+from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, Reception, SerialFrame
 from rcopterx.transmitter_gateway.protocols import crtp
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
@@ -21,7 +21,7 @@ LEAST_THRUST: Final = 1000
 """Less is nothing."""
 
 
-class Crazyflie:
+class Crazyflie(Reception):
     """The firmware of one vehicle, without any port or clock.
 
     Attributes
@@ -46,12 +46,10 @@ class Crazyflie:
     def __init__(
         self, settings: CrazyflieSettings, start_s: float = 0.0, *, arms_itself: bool = True
     ) -> None:
+        super().__init__(deque(maxlen=FRAME_LOG_LENGTH))
         self._settings = settings
         self._arms_itself = arms_itself
-        self.frames: deque[SerialFrame] = deque(maxlen=FRAME_LOG_LENGTH)
         self.rejected: Counter[str] = Counter()
-        self._outputs: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=FRAME_LOG_LENGTH)
-        self._last: tuple[float, ...] | None = None
         self.motors_run = False
         self.power_cycle(start_s)
 
@@ -165,18 +163,4 @@ class Crazyflie:
             point = crtp.SetPoint(thrust=point.thrust)
         pulses_us = self._settings.pulses_us(point, armed=self.powered and self.state.armed)
         self.motors_run = runs
-        if pulses_us != self._last:
-            self._last = pulses_us
-            self._outputs.append((now_s, pulses_us))
-
-    def take_outputs(self) -> list[tuple[float, tuple[float, ...]]]:
-        """Return and forget when the vehicle has got other pulse widths, and which [us]."""
-        outputs = list(self._outputs)
-        self._outputs.clear()
-        return outputs
-
-    def take_frames(self) -> list[SerialFrame]:
-        """Return and forget the set points that were received."""
-        frames = list(self.frames)
-        self.frames.clear()
-        return frames
+        self.note_pulses(now_s, pulses_us)

@@ -5,7 +5,6 @@ from contextlib import suppress
 
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.radio_end import RadioEnd
-from rcopterx.simulator.radio_module import SerialFrame
 from rcopterx.transmitter_gateway.protocols.crtp import LONGEST_DATAGRAM, udp_address
 
 
@@ -16,6 +15,7 @@ class CrazyflieUdp(RadioEnd):
     """
 
     def __init__(self, path: str, vehicle: Crazyflie) -> None:
+        super().__init__(vehicle)
         self.vehicle = vehicle
         self._address = udp_address(path)
         self._socket: socket.socket | None = self._bound()
@@ -54,14 +54,6 @@ class CrazyflieUdp(RadioEnd):
         """See `RadioEnd`."""
         self.vehicle.advance(now_s)
 
-    def take_outputs(self) -> list[tuple[float, tuple[float, ...]]]:
-        """See `RadioEnd`."""
-        return self.vehicle.take_outputs()
-
-    def take_frames(self) -> list[SerialFrame]:
-        """See `RadioEnd`."""
-        return self.vehicle.take_frames()
-
     def unplug(self, *, powered: bool = False) -> None:  # noqa: ARG002 - the vehicle has power of its own
         """Pull the radio: nothing reaches the vehicle."""
         if self._socket is not None:
@@ -81,7 +73,3 @@ class CrazyflieUdp(RadioEnd):
         """Put the battery in; the firmware starts."""
         if not self.vehicle.powered:
             self.vehicle.power_cycle(now_s)
-
-    def close(self) -> None:
-        """See `RadioEnd`."""
-        self.unplug()

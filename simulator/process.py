@@ -110,7 +110,7 @@ class Simulator:
         motion = plant.motion
         c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
         xd, yd = motion[XD_BODY], motion[YD_BODY]
-        frames = self._room.radios[vehicle.name].take_frames()
+        frames = self._room.radios[vehicle.name].reception.take_frames()
         x, y, z = all_rounded(plant.position_m, TRUTH_BITS)
         speed_x, speed_y, speed_z = all_rounded(
             (c * xd - s * yd, s * xd + c * yd, motion[ZD_BODY]), TRUTH_BITS

@@ -7,25 +7,24 @@ import os
 import pty
 import termios
 import tty
-from collections import Counter, deque
+from collections import Counter
 from pathlib import Path
 
 from rcopterx.simulator.radio_end import RadioEnd
-from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, RadioModule, SerialFrame
-from rcopterx.simulator.radio_receiver import Receiver, ReceiverOutput
+from rcopterx.simulator.radio_module import RadioModule, Reception
+from rcopterx.simulator.radio_receiver import Receiver
 
 READ_SIZE = 4096
 SILENT_S = 0.07
 
 
-class RadioLink:
+class RadioLink(Reception):
     """A module and the receiver that receives its packets, without any port."""
 
     def __init__(self, module: RadioModule, receiver: Receiver) -> None:
+        super().__init__(module.frames)
         self.module = module
         self.receiver = receiver
-        self._outputs: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=FRAME_LOG_LENGTH)
-        self._last: tuple[float, ...] | None = None
 
     def feed(self, data: bytes, now_s: float) -> None:
         """Put bytes on the serial line at `now_s`."""
@@ -43,27 +42,8 @@ class RadioLink:
         return answers
 
     def note_output(self, time_s: float) -> None:
-        """Note the output of the receiver if it has changed; it has one without a module, too."""
-        pulses_us = self.receiver.pulses_us(time_s)
-        if pulses_us != self._last:
-            self._last = pulses_us
-            self._outputs.append((time_s, pulses_us))
-
-    def take_outputs(self) -> list[tuple[float, tuple[float, ...]]]:
-        """Return and forget when the receiver has given the vehicle other pulse widths, and which [us]."""
-        outputs = list(self._outputs)
-        self._outputs.clear()
-        return outputs
-
-    def output(self, now_s: float) -> ReceiverOutput:
-        """Output of the receiver to the vehicle at `now_s`; call `advance` first."""
-        return self.receiver.output(now_s)
-
-    def take_frames(self) -> list[SerialFrame]:
-        """Return and forget the frames the module accepted."""
-        frames = list(self.module.frames)
-        self.module.frames.clear()
-        return frames
+        """Note the output of the receiver; it has one without a module, too."""
+        self.note_pulses(time_s, self.receiver.pulses_us(time_s))
 
 
 class RadioPty(RadioEnd):
@@ -75,6 +55,7 @@ class RadioPty(RadioEnd):
     """
 
     def __init__(self, path: str | Path, link: RadioLink) -> None:
+        super().__init__(link)
         self.path = Path(path)
         self.link = link
         self.counters: Counter[str] = Counter()
@@ -173,18 +154,6 @@ class RadioPty(RadioEnd):
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
         self._exclusive_cleared = True
 
-    def output(self, now_s: float) -> ReceiverOutput:
-        """Output of the receiver to the vehicle at `now_s`."""
-        return self.link.output(now_s)
-
-    def take_outputs(self) -> list[tuple[float, tuple[float, ...]]]:
-        """See `RadioEnd`."""
-        return self.link.take_outputs()
-
-    def take_frames(self) -> list[SerialFrame]:
-        """See `RadioEnd`."""
-        return self.link.take_frames()
-
     def unplug(self, *, powered: bool = False) -> None:
         """Pull the cable: the device vanishes for its users; `powered` if the module has power of its own."""
         if not self.is_open:
@@ -212,7 +181,3 @@ class RadioPty(RadioEnd):
         if not self._powered:
             self._powered = True
             self.link.module.power_cycle(now_s)
-
-    def close(self) -> None:
-        """Remove the pseudo-terminal and its link."""
-        self.unplug()

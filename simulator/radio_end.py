@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 
-from rcopterx.simulator.radio_module import SerialFrame
+from rcopterx.simulator.radio_module import Reception
 
 
 class RadioEnd(ABC):
@@ -10,6 +10,9 @@ class RadioEnd(ABC):
 
     Call `receive` whenever `fileno` is readable, and `live` often enough for answers and time limits.
     """
+
+    def __init__(self, reception: Reception) -> None:
+        self.reception = reception
 
     @property
     @abstractmethod
@@ -29,14 +32,6 @@ class RadioEnd(ABC):
         """Advance the time."""
 
     @abstractmethod
-    def take_outputs(self) -> list[tuple[float, tuple[float, ...]]]:
-        """Return and forget when the vehicle has got other pulse widths, and which [us]."""
-
-    @abstractmethod
-    def take_frames(self) -> list[SerialFrame]:
-        """Return and forget the frames that were accepted."""
-
-    @abstractmethod
     def unplug(self, *, powered: bool = False) -> None:
         """Pull the cable: the port vanishes for its users; `powered` if the radio has power of its own."""
 
@@ -52,6 +47,6 @@ class RadioEnd(ABC):
     def switch_on(self, now_s: float) -> None:
         """Give the power back; it boots."""
 
-    @abstractmethod
     def close(self) -> None:
         """Remove the port."""
+        self.unplug()

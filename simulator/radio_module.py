@@ -26,6 +26,33 @@ class SerialFrame(Struct, frozen=True):
     bind: bool = False
 
 
+class Reception:
+    """What a radio accepted, its `frames`, newest last, and what its vehicle got of them."""
+
+    def __init__(self, frames: deque[SerialFrame]) -> None:
+        self.frames = frames
+        self._outputs: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=FRAME_LOG_LENGTH)
+        self._last: tuple[float, ...] | None = None
+
+    def note_pulses(self, time_s: float, pulses_us: tuple[float, ...]) -> None:
+        """Note what the vehicle gets if it has changed."""
+        if pulses_us != self._last:
+            self._last = pulses_us
+            self._outputs.append((time_s, pulses_us))
+
+    def take_outputs(self) -> list[tuple[float, tuple[float, ...]]]:
+        """Return and forget when the vehicle has got other pulse widths, and which [us]."""
+        outputs = list(self._outputs)
+        self._outputs.clear()
+        return outputs
+
+    def take_frames(self) -> list[SerialFrame]:
+        """Return and forget the frames that were accepted."""
+        frames = list(self.frames)
+        self.frames.clear()
+        return frames
+
+
 class AirPacket(Struct, frozen=True):
     """Packet that a module sends to receivers, with range-check power if `weak`.
 

@@ -39,7 +39,7 @@ class Room:
         for vehicle in self.vehicles:
             radio = self.radios[vehicle.name]
             radio.live(now_s)
-            for received_s, pulses_us in radio.take_outputs():
+            for received_s, pulses_us in radio.reception.take_outputs():
                 self._drive(vehicle, pulses_us, max(0.0, received_s - self._now_s))
         if now_s > self._now_s:
             self.laboratory.advance(now_s - self._now_s)

@@ -66,8 +66,8 @@ def test_a_port_opens_when_the_vehicle_answers_and_the_vehicle_flies(bench: Benc
     assert bench.text == "ready, 4.20 V, link 100 %"
     bench.run(0.5, HOVER)
     assert bench.vehicle.motors_run
-    assert bench.radio.take_outputs()[-1][1][0] == pytest.approx(1540.0)
-    assert len(bench.radio.take_frames()) > 40
+    assert bench.radio.reception.take_outputs()[-1][1][0] == pytest.approx(1540.0)
+    assert len(bench.radio.reception.take_frames()) > 40
 
 
 def test_nobody_there_is_a_closed_port_that_opens_later(bench: Bench) -> None:

@@ -36,7 +36,7 @@ class Bench:
                 self.link.feed(frame, self.now_s)
             self.now_s += self.protocol.keepalive_s
             self.protocol.receive(self.link.advance(self.now_s), self.now_s)
-        return self.link.output(self.now_s)
+        return self.link.receiver.output(self.now_s)
 
 
 def dsm2() -> Bench:

@@ -242,7 +242,7 @@ def test_a_kill_is_written_at_once_and_reaches_the_vehicle(bench: Bench) -> None
     assert bench.frames[-1].kill
     killed_s = next(frame.arrival_s for frame in bench.frames if frame.kill)
     assert bench.now_s - 0.06 <= killed_s <= bench.now_s - 0.06 + 0.0088
-    assert bench.radio.output(bench.now_s).pulses_us[0] < 910
+    assert bench.radio.link.receiver.output(bench.now_s).pulses_us[0] < 910
     bench.run(1.0, IDLE)
     bench.request(Action.RESET)
     bench.run(0.1, IDLE)
@@ -470,11 +470,11 @@ def test_range_check_reduces_the_power_and_forbids_arming(bench: Bench) -> None:
     bench.run(0.1, IDLE)
     bench.radio.link.receiver.in_range_check_reach = False
     bench.run(2.0, IDLE)
-    assert bench.radio.output(bench.now_s).state == "failsafe"
+    assert bench.radio.link.receiver.output(bench.now_s).state == "failsafe"
     assert bench.request(Action.ARM).reason == "missing: transmitter ready"
     bench.transmitter.range_check(False)
     bench.run(0.1, IDLE)
-    assert bench.radio.output(bench.now_s).state == "linked"
+    assert bench.radio.link.receiver.output(bench.now_s).state == "linked"
     assert bench.request(Action.ARM).accepted
 
 

@@ -21,7 +21,7 @@ from rcopterx.transmitter_gateway.protocols.base import (
     RadioProtocol,
     SerialLine,
 )
-from rcopterx.transmitter_gateway.protocols.multi_answers import AnswerParser, MultiStatus
+from rcopterx.transmitter_gateway.protocols.multi_answers import AnswerParser
 from rcopterx.transmitter_gateway.protocols.multi_radios import DSM, RADIOS
 
 FRAME_LENGTH = 27
@@ -287,9 +287,9 @@ class MultiProtocol(RadioProtocol):
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Parse answers and keep the newest status."""
-        for answer in self._parser.feed(data):
-            if isinstance(answer, MultiStatus) and (answer.has_input or not self._just_opened(now_s)):
-                self._answered = answer.judged(self.settings.radio)
+        for status in self._parser.feed(data):
+            if status.has_input or not self._just_opened(now_s):
+                self._answered = status.judged(self.settings.radio)
                 self._answered_s = now_s
 
     def _just_opened(self, now_s: float) -> bool:

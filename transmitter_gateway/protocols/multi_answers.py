@@ -9,12 +9,12 @@ from rcopterx.transmitter_gateway.protocols.multi_radios import RADIOS
 
 SYNC = b"MP"
 LONGEST_PAYLOAD = 40
+STATUS, STATUS_LENGTH = 0x01, 24
 
 INPUT_PRESENT = 0x01
 SERIAL_MODE = 0x02
 PROTOCOL_VALID = 0x04
 BINDING = 0x08
-WAITING_FOR_BIND = 0x10
 
 REFUSED_NAME = "--"
 LINE_ORDER = "AETR"
@@ -29,6 +29,13 @@ class MultiStatus:
     order: str
     protocol: str
     sub_protocol: str
+
+    @staticmethod
+    def of(payload: bytes) -> MultiStatus:
+        """Read a payload of at least `STATUS_LENGTH` bytes."""
+        version = (payload[1], payload[2], payload[3], payload[4])
+        protocol, sub_protocol = _text(payload[8:15]), _text(payload[16:24])
+        return MultiStatus(payload[0], version, _order(payload[5]), protocol, sub_protocol)
 
     def judged(self, radio: str) -> ModuleStatus:
         """State of a module that is to transmit with a protocol of `RADIOS`."""
@@ -70,35 +77,6 @@ class MultiStatus:
         return "binding" if self.binding else None
 
 
-@dataclass(frozen=True, slots=True)
-class MultiBindAnswer:
-    """Bind answer of the receiver: its identity, version, number of channels, radio type."""
-
-    identity: bytes
-    version: int
-    channels: int
-    radio_type: int
-
-
-@dataclass(frozen=True, slots=True)
-class MultiTelemetry:
-    """Telemetry frame relayed from the receiver with its signal strength."""
-
-    signal_strength: int
-    frame: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class MultiInputSync:
-    """How the module wants the frames timed: period and lateness [us]."""
-
-    period_us: int
-    lateness_us: int
-
-
-MultiAnswer = MultiStatus | MultiBindAnswer | MultiTelemetry | MultiInputSync
-
-
 def _text(raw: bytes) -> str:
     return raw.split(b"\0", 1)[0].decode("ascii", "replace")
 
@@ -110,68 +88,39 @@ def _order(code: int) -> str:
     return "".join(letters)
 
 
-def _interpret(kind: int, payload: bytes) -> MultiAnswer | None:
-    if kind == 0x01 and len(payload) >= 24:
-        version = (payload[1], payload[2], payload[3], payload[4])
-        return MultiStatus(
-            payload[0], version, _order(payload[5]), _text(payload[8:15]), _text(payload[16:24])
-        )
-    if kind == 0x04 and len(payload) >= 17:
-        return MultiTelemetry(payload[0], payload[1:17])
-    if kind == 0x05 and len(payload) >= 10:
-        return MultiBindAnswer(bytes(byte ^ 0xFF for byte in payload[:4]), payload[4], payload[5], payload[6])
-    if kind == 0x08 and len(payload) >= 4:
-        return MultiInputSync(int.from_bytes(payload[0:2], "big"), int.from_bytes(payload[2:4], "big"))
-    return None
-
-
 class AnswerParser:
-    """Finds answers in a byte stream that may be cut anywhere and may contain garbage.
-
-    It counts bytes that belonged to no answer, and answers of an unknown type or too short for their type.
-    """
+    """Finds status answers in a byte stream that may be cut anywhere and may contain anything else."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
-        self.skipped_bytes = 0
-        self.unknown_answers = 0
 
-    def feed(self, data: bytes) -> list[MultiAnswer]:
-        """Take bytes and return the answers completed by them."""
+    def feed(self, data: bytes) -> list[MultiStatus]:
+        """Take bytes and return the status answers completed by them."""
         self._buffer += data
-        answers: list[MultiAnswer] = []
-        while (frame := self._next_frame()) is not None:
-            answer = _interpret(*frame)
-            if answer is None:
-                self.unknown_answers += 1
-            else:
-                answers.append(answer)
-        return answers
+        found: list[MultiStatus] = []
+        while (answer := self._next_answer()) is not None:
+            kind, payload = answer
+            if kind == STATUS and len(payload) >= STATUS_LENGTH:
+                found.append(MultiStatus.of(payload))
+        return found
 
-    def _next_frame(self) -> tuple[int, bytes] | None:
+    def _next_answer(self) -> tuple[int, bytes] | None:
+        """Remove the next answer of any type; return its type and payload, None before it is complete."""
+        buffer = self._buffer
         while True:
-            self._hunt()
-            if len(self._buffer) < 4:
+            start = buffer.find(SYNC)
+            if start < 0:
+                # The last byte may be the first half of a sync mark.
+                start = len(buffer) - buffer.endswith(SYNC[:1])
+            del buffer[:start]
+            if len(buffer) < 4:
                 return None
-            length = self._buffer[3]
-            if length > LONGEST_PAYLOAD:
-                self._skip(1)
-                continue
-            if len(self._buffer) < 4 + length:
+            end = 4 + buffer[3]
+            if end > 4 + LONGEST_PAYLOAD:
+                del buffer[:1]
+            elif len(buffer) < end:
                 return None
-            frame = (self._buffer[2], bytes(self._buffer[4 : 4 + length]))
-            del self._buffer[: 4 + length]
-            return frame
-
-    def _hunt(self) -> None:
-        start = self._buffer.find(SYNC)
-        if start < 0:
-            # The last byte may be the first half of a sync mark.
-            keep = 1 if self._buffer[-1:] == SYNC[:1] else 0
-            start = len(self._buffer) - keep
-        if start:
-            self._skip(start)
-
-    def _skip(self, count: int) -> None:
-        self.skipped_bytes += count
-        del self._buffer[:count]
+            else:
+                answer = buffer[2], bytes(buffer[4:end])
+                del buffer[:end]
+                return answer
