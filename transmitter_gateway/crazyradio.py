@@ -195,20 +195,16 @@ class CrazyradioPort(Port):
             self._release(self._dongle.problem)
         return self.is_open
 
-    def write_frame(self, frame: bytes, now_s: float) -> WriteOutcome:  # noqa: ARG002 - the interface gives it
+    def _write(self, frame: bytes, now_s: float) -> WriteOutcome:  # noqa: ARG002 - the interface gives it
         """Hand the packets of a frame to the dongle, unless those of the last one still wait."""
-        outcome = WriteOutcome.WRITTEN
         with self._lock:
             if not self._usable():
-                outcome = WriteOutcome.CLOSED
-            elif self._packets:
-                outcome = WriteOutcome.BACKLOG
-            else:
-                self._packets.extend(separated(frame))
-            self.counters[outcome] += 1
-        if outcome is WriteOutcome.WRITTEN:
-            self._dongle.notify()
-        return outcome
+                return WriteOutcome.CLOSED
+            if self._packets:
+                return WriteOutcome.BACKLOG
+            self._packets.extend(separated(frame))
+        self._dongle.notify()
+        return WriteOutcome.WRITTEN
 
     @property
     def waiting(self) -> bool:

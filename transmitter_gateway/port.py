@@ -48,9 +48,15 @@ class Port(ABC):
     def service(self, now_s: float) -> bool:
         """Open the port if it is closed and an attempt is due; return True once, when it is open."""
 
-    @abstractmethod
     def write_frame(self, frame: bytes, now_s: float) -> WriteOutcome:
         """Write one whole frame, or nothing; never wait."""
+        outcome = self._write(frame, now_s)
+        self.counters[outcome] += 1
+        return outcome
+
+    @abstractmethod
+    def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
+        """Write a frame; its outcome is counted by the caller."""
 
     @abstractmethod
     def read_available(self, now_s: float) -> bytes:

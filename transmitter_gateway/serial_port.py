@@ -60,6 +60,10 @@ def in_thread(work: Callable[[], None]) -> None:
 class SerialPort(Port):
     """A serial device; see `Port`.
 
+    A frame is dropped rather than queued behind bytes that are still to be sent, and after a short write the
+    line stays silent until the receiver has discarded the fragment. A back-log of more than 100 ms closes the
+    port.
+
     Parameters
     ----------
     start
@@ -118,17 +122,6 @@ class SerialPort(Port):
         self._backlog_since_s = None
         self.counters["openings"] += 1
         return True
-
-    def write_frame(self, frame: bytes, now_s: float) -> WriteOutcome:
-        """Write one whole frame, or nothing; never wait.
-
-        A frame is dropped rather than queued behind bytes that are still to be sent, and after a short write
-        the line stays silent until the receiver has discarded the fragment. A back-log of more than 100 ms
-        closes the port.
-        """
-        outcome = self._write(frame, now_s)
-        self.counters[outcome] += 1
-        return outcome
 
     def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
         descriptor = self._descriptor

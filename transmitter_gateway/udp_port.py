@@ -54,13 +54,8 @@ class UdpPort(Port):
             self._lose(error, now_s)
         return False
 
-    def write_frame(self, frame: bytes, now_s: float) -> WriteOutcome:
-        """Send the packets of a frame; see `crtp.joined`."""
-        outcome = self._write(frame, now_s)
-        self.counters[outcome] += 1
-        return outcome
-
     def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
+        """Send the packets of a frame; see `crtp.joined`."""
         if self._socket is None or not self.is_open:
             return WriteOutcome.CLOSED
         try:

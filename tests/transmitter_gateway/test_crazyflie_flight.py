@@ -39,7 +39,7 @@ class Air(Port):
         opened, self.problem = not self.is_open, None
         return opened
 
-    def write_frame(self, frame: bytes, now_s: float) -> WriteOutcome:
+    def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
         for packet in separated(frame):
             self._answers += self._vehicle.receive(packet, now_s)
         return WriteOutcome.WRITTEN
