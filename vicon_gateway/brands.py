@@ -21,6 +21,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,31 @@ _LENGTH = struct.Struct("<I")
 _PR_SET_PDEATHSIG = 1
 
 
+@dataclass(frozen=True)
+class BrandSettings:
+    """A motion capture that the library reads, with what it does not report: capture rate and latency.
+
+    Raises `ValueError` for an unknown brand or option, or a rate or latency out of range.
+    """
+
+    brand: str
+    options: Mapping[str, str]
+    rate_hz: float
+    latency_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.brand not in BRANDS:
+            raise ValueError(f"brand {self.brand!r}: allowed are {', '.join(BRANDS)}")
+        allowed = BRANDS[self.brand]
+        for key in self.options:
+            if key not in allowed:
+                raise ValueError(f"setting {key!r} of {self.brand}: allowed are {', '.join(allowed)}")
+        if not 0.0 < self.rate_hz <= 10_000.0:
+            raise ValueError(f"rate_hz {self.rate_hz}: allowed is more than 0, at most 10000")
+        if not 0.0 <= self.latency_s <= 1.0:
+            raise ValueError(f"latency_s {self.latency_s}: allowed is 0 to 1")
+
+
 class Body(msgspec.Struct, frozen=True, array_like=True):
     """One body the library sees."""
 
@@ -79,15 +105,15 @@ class _ChildError(Exception):
 class _Child:
     """The child process and the messages it has written."""
 
-    def __init__(self, brand: str, settings: Mapping[str, str]) -> None:
+    def __init__(self, settings: BrandSettings) -> None:
         root = str(Path(__file__).absolute().parents[2])
         path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
         command = [
             sys.executable,
             "-m",
             "rcopterx.vicon_gateway.brands",
-            brand,
-            json.dumps(dict(settings)),
+            settings.brand,
+            json.dumps(dict(settings.options)),
             str(os.getpid()),
         ]
         self._process = subprocess.Popen(
@@ -158,26 +184,19 @@ class _Child:
 class BrandClient(FrameClient):
     """Frames of a motion-capture system of another brand; the interface of `client.DataStreamClient`.
 
-    Create and use it in one thread: the child dies with the thread that started it. The library reports
-    neither rate nor latency. `limits.connect_s` limits the time from the child's start to its first frame.
-    Raises `ValueError` for an unknown brand or setting, or a rate or latency out of range.
+    Create and use it in one thread: the child dies with the thread that started it. `limits.connect_s` limits
+    the time from the child's start to its first frame.
     """
 
     def __init__(
         self,
-        brand: str,
-        settings: Mapping[str, str],
-        rate_hz: float,
-        *,
-        latency_s: float = 0.0,
+        settings: BrandSettings,
         clock: Callable[[], float] = time.monotonic,
         limits: ClientLimits = DEFAULT_LIMITS,
     ) -> None:
-        check_brand(brand, settings, rate_hz, latency_s)
         super().__init__(clock, limits)
-        self._brand, self._settings = brand, dict(settings)
-        self._period_s = 1.0 / rate_hz
-        self._samples = (("Configured", latency_s),) if latency_s else ()
+        self._settings = settings
+        self._period_s = 1.0 / settings.rate_hz
         self._child: _Child | None = None
         self._subjects: dict[str, None] = {}
 
@@ -195,7 +214,7 @@ class BrandClient(FrameClient):
         try:
             return self._wait(give_up_s, now_s)
         except (_ChildError, OSError) as error:
-            self._last_error = f"{self._brand}: {error}"
+            self._last_error = f"{self._settings.brand}: {error}"
             self._kill()
             self._pause()
             return None
@@ -227,7 +246,7 @@ class BrandClient(FrameClient):
         self._subjects = {}
         self._name = "connecting"
         self._deadline_s = self._clock() + self._limits.connect_s
-        self._child = _Child(self._brand, self._settings)
+        self._child = _Child(self._settings)
 
     def _frame(self, seen: list[Seen], now_s: float) -> CapturedFrame:
         self._counters.frames += 1
@@ -236,10 +255,9 @@ class BrandClient(FrameClient):
             self._subjects.update(dict.fromkeys(body.name for body in message.bodies))
         bodies = {body.name: body for body in seen[-1].bodies}
         poses = tuple(self._pose(name, bodies.get(name)) for name in self._subjects)
-        latency_s = sum((seconds for _, seconds in self._samples), 0.0)
-        return CapturedFrame(
-            seen[-1].frame, self._connects, self._period_s, now_s, latency_s, self._samples, poses
-        )
+        latency_s = self._settings.latency_s
+        samples = (("Configured", latency_s),) if latency_s else ()
+        return CapturedFrame(seen[-1].frame, self._connects, self._period_s, now_s, latency_s, samples, poses)
 
     def _pose(self, name: str, body: Body | None) -> SubjectPose:
         if body is None:
@@ -259,26 +277,14 @@ class BrandClient(FrameClient):
             self._child = None
 
     def _sentence(self) -> str:
-        where = f"{self._brand} ({', '.join(f'{key} {value}' for key, value in self._settings.items())})"
+        options = ", ".join(f"{key} {value}" for key, value in self._settings.options.items())
+        where = f"{self._settings.brand} ({options})"
         if self._name == "waiting":
             pause_s = max(0.0, self._deadline_s - self._clock())
             return f"starting {where} again in {pause_s:.1f} s (try {self._connects + 1})"
         if self._name == "connecting":
             return f"waiting for the first frame of {where} (try {self._connects})"
         return f"receiving from {where}" if self._name == "up" else f"closed, was {where}"
-
-
-def check_brand(brand: str, settings: Mapping[str, str], rate_hz: float, latency_s: float) -> None:
-    """Raise ValueError for an unknown brand or setting, a rate or a latency out of range."""
-    if brand not in BRANDS:
-        raise ValueError(f"brand {brand!r}: allowed are {', '.join(BRANDS)}")
-    for key in settings:
-        if key not in BRANDS[brand]:
-            raise ValueError(f"setting {key!r} of {brand}: allowed are {', '.join(BRANDS[brand])}")
-    if not 0.0 < rate_hz <= 10_000.0:
-        raise ValueError(f"rate_hz {rate_hz}: allowed is more than 0, at most 10000")
-    if not 0.0 <= latency_s <= 1.0:
-        raise ValueError(f"latency_s {latency_s}: allowed is 0 to 1")
 
 
 class LibraryMissingError(ValueError):

@@ -4,7 +4,7 @@ import logging
 import math
 import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,22 +20,12 @@ from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import TIME_BITS, monotonic_s, rounded
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import UnitSubscriptions
-from rcopterx.vicon_gateway.brands import BrandClient, check_library
+from rcopterx.vicon_gateway.brands import BrandClient, BrandSettings, check_library
 from rcopterx.vicon_gateway.client import ClientState, DataStreamClient, FrameClient
 from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 from rcopterx.vicon_gateway.mapping import SubjectMap
 from rcopterx.vicon_gateway.recording import RecordingFile
-
-
-@dataclass(frozen=True)
-class BrandSettings:
-    """A motion capture that is read by the library `motioncapture`; see `brands.BrandClient`."""
-
-    brand: str
-    options: Mapping[str, str]
-    rate_hz: float
-    latency_s: float
 
 
 @dataclass(frozen=True)
@@ -239,7 +229,12 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
             signal.signal(number, lambda caught, _: stopping.append(caught))
         realtime = request_realtime(settings.realtime_priority)
         session = stack.enter_context(Session(settings.bus))
-        client = _client(settings, None if file is None else file.write)
+        client: FrameClient
+        if settings.brand is not None:
+            client = BrandClient(settings.brand, monotonic_s)
+        else:
+            record_raw = None if file is None else file.write
+            client = DataStreamClient(settings.host, settings.port, record_raw=record_raw, clock=monotonic_s)
         stack.callback(client.close)
         gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
         heartbeat = own_heartbeat()
@@ -248,12 +243,3 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
             heartbeat.beat()
             gateway.step()
         heartbeat.ending()
-
-
-def _client(settings: TrackerSettings, record_raw: Callable[[bytes], object] | None) -> FrameClient:
-    brand = settings.brand
-    if brand is None:
-        return DataStreamClient(settings.host, settings.port, record_raw=record_raw, clock=monotonic_s)
-    return BrandClient(
-        brand.brand, brand.options, brand.rate_hz, latency_s=brand.latency_s, clock=monotonic_s
-    )

@@ -7,8 +7,8 @@ from typing import Final
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.vicon_gateway.brands import LibraryMissingError, check_brand, check_library
-from rcopterx.vicon_gateway.process import BrandSettings, TrackerSettings, run_tracker_gateway
+from rcopterx.vicon_gateway.brands import BrandSettings, LibraryMissingError, check_library
+from rcopterx.vicon_gateway.process import TrackerSettings, run_tracker_gateway
 from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
 
 OWN_CLIENT: Final = "vicon"
@@ -99,10 +99,9 @@ def brand_of(fleet: FleetFile) -> BrandSettings | None:
     library_name = LIBRARY_NAMES.get(brand, brand)
     settings = _addressed(brand, *tracker_address(fleet)) | tracker.settings
     try:
-        check_brand(library_name, settings, tracker.rate_hz, tracker.latency_s or 0.0)
+        return BrandSettings(library_name, settings, tracker.rate_hz, tracker.latency_s or 0.0)
     except ValueError as error:
         raise FleetError(f"tracker.settings: {error}") from None
-    return BrandSettings(library_name, settings, tracker.rate_hz, tracker.latency_s or 0.0)
 
 
 def _addressed(brand: str, host: str, port: int) -> dict[str, str]:

@@ -16,7 +16,7 @@ from tracker_bench import BODIES
 from rcopterx.simulator.faults import Close, Occlude, Silence
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.tracker_frame import TrackerFrame
-from rcopterx.vicon_gateway.brands import BrandClient
+from rcopterx.vicon_gateway.brands import BrandClient, BrandSettings
 from rcopterx.vicon_gateway.client import ClientLimits
 from rcopterx.vicon_gateway.frame import CapturedFrame
 
@@ -46,7 +46,7 @@ def run_until(
 
 
 def test_frames_of_the_library_arrive_as_frames_like_all_others() -> None:
-    with BrandClient("mock", MOCK, 200.0, latency_s=0.004, limits=LIMITS) as client:
+    with BrandClient(BrandSettings("mock", MOCK, 200.0, 0.004), limits=LIMITS) as client:
         frames = run_until(client, lambda: client.state.counters.frames >= 3)
         state = client.state
     assert (state.name, state.connects, state.counters.rejected, state.last_error) == ("up", 1, 0, None)
@@ -61,7 +61,7 @@ def test_frames_of_the_library_arrive_as_frames_like_all_others() -> None:
 
 
 def test_killed_child_is_replaced_and_its_frames_counted_from_zero() -> None:
-    with BrandClient("mock", MOCK, 200.0, limits=LIMITS) as client:
+    with BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS) as client:
         before = run_until(client, lambda: client.state.counters.frames >= 100)[-1]
         assert client.child_pid is not None
         os.kill(client.child_pid, signal.SIGKILL)
@@ -73,7 +73,7 @@ def test_killed_child_is_replaced_and_its_frames_counted_from_zero() -> None:
 
 
 def test_frozen_child_is_killed_and_replaced() -> None:
-    with BrandClient("mock", MOCK, 200.0, limits=LIMITS) as client:
+    with BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS) as client:
         run_until(client, lambda: client.state.name == "up")
         frozen = client.child_pid
         assert frozen is not None
@@ -98,7 +98,7 @@ def test_vicon_back_end_sees_what_the_tracker_captures_and_survives_its_faults()
                 number += 1
 
         settings = {"hostname": "{}:{}".format(*server.address)}
-        with BrandClient("vicon", settings, 100.0, limits=LIMITS) as client:
+        with BrandClient(BrandSettings("vicon", settings, 100.0), limits=LIMITS) as client:
 
             def wait_for(condition: Callable[[CapturedFrame], bool]) -> CapturedFrame:
                 frames: list[CapturedFrame] = []
@@ -125,7 +125,9 @@ def test_library_that_hangs_in_connect_holds_up_nobody() -> None:
     with TrackerServer(port=0) as server:
         host, port = server.address
     settings = {"hostname": f"{host}:{port}"}
-    with BrandClient("vicon", settings, 100.0, limits=replace(LIMITS, connect_s=1.5)) as client:
+    with BrandClient(
+        BrandSettings("vicon", settings, 100.0), limits=replace(LIMITS, connect_s=1.5)
+    ) as client:
         started: list[int] = []
 
         def note_child() -> None:
@@ -137,7 +139,7 @@ def test_library_that_hangs_in_connect_holds_up_nobody() -> None:
 
 
 def test_closed_client_leaves_no_process() -> None:
-    client = BrandClient("mock", MOCK, 200.0, limits=LIMITS)
+    client = BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS)
     run_until(client, lambda: client.state.name == "up")
     child = client.child_pid
     assert child is not None
@@ -149,8 +151,8 @@ def test_closed_client_leaves_no_process() -> None:
 
 def test_child_dies_with_a_parent_that_is_killed() -> None:
     code = f"""
-        from rcopterx.vicon_gateway.brands import BrandClient
-        client = BrandClient("mock", {MOCK!r}, 200.0)
+        from rcopterx.vicon_gateway.brands import BrandClient, BrandSettings
+        client = BrandClient(BrandSettings("mock", {MOCK!r}, 200.0))
         while client.next_frame(1.0) is None:
             pass
         print(client.child_pid, flush=True)
@@ -171,8 +173,8 @@ def test_child_dies_with_a_parent_that_is_killed() -> None:
 def test_library_is_not_loaded_into_the_process_that_uses_it() -> None:
     code = f"""
         import sys
-        from rcopterx.vicon_gateway.brands import BrandClient
-        client = BrandClient("mock", {MOCK!r}, 200.0)
+        from rcopterx.vicon_gateway.brands import BrandClient, BrandSettings
+        client = BrandClient(BrandSettings("mock", {MOCK!r}, 200.0))
         while client.next_frame(1.0) is None:
             pass
         client.close()
@@ -185,9 +187,9 @@ def test_library_is_not_loaded_into_the_process_that_uses_it() -> None:
 def test_child_does_not_inherit_the_scheduling_class_of_the_gateway() -> None:
     code = f"""
         import os
-        from rcopterx.vicon_gateway.brands import BrandClient
+        from rcopterx.vicon_gateway.brands import BrandClient, BrandSettings
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
-        client = BrandClient("mock", {MOCK!r}, 200.0)
+        client = BrandClient(BrandSettings("mock", {MOCK!r}, 200.0))
         while client.next_frame(1.0) is None:
             pass
         print(os.sched_getscheduler(client.child_pid) == os.SCHED_OTHER)
@@ -212,7 +214,7 @@ def test_missing_library_is_named_with_the_way_to_install_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     fake_library(monkeypatch, tmp_path, "raise ImportError")
-    error = error_of(BrandClient("mock", MOCK, 200.0, limits=LIMITS))
+    error = error_of(BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS))
     assert error == "mock: the library motioncapture is not installed: pip install 'rcopterx[mocap]'"
 
 
@@ -223,7 +225,7 @@ def test_error_of_the_library_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_p
             raise RuntimeError("no such host")
     """
     fake_library(monkeypatch, tmp_path, code)
-    assert error_of(BrandClient("mock", MOCK, 200.0, limits=LIMITS)) == "mock: no such host"
+    assert error_of(BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS)) == "mock: no such host"
 
 
 def test_child_that_writes_nonsense_is_replaced(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -238,7 +240,7 @@ def test_child_that_writes_nonsense_is_replaced(monkeypatch: pytest.MonkeyPatch,
             time.sleep(60.0)  # a library that hangs; the child is killed long before
     """
     fake_library(monkeypatch, tmp_path, code)
-    assert "malformed message" in error_of(BrandClient("mock", MOCK, 200.0, limits=LIMITS))
+    assert "malformed message" in error_of(BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS))
 
 
 def test_pose_that_is_none_is_refused_counted_and_shown_as_occluded(
@@ -261,7 +263,7 @@ def test_pose_that_is_none_is_refused_counted_and_shown_as_occluded(
             return Capture()
     """
     fake_library(monkeypatch, tmp_path, code)
-    with BrandClient("mock", MOCK, 200.0, limits=LIMITS) as client:
+    with BrandClient(BrandSettings("mock", MOCK, 200.0), limits=LIMITS) as client:
         frame = run_until(client, lambda: client.state.counters.frames >= 1)[-1]
         assert [subject.occluded for subject in frame.subjects] == [True, True, False]
         assert frame.subjects[2].quaternion_xyzw == (0.0, 0.0, 0.0, 1.0)
@@ -281,4 +283,4 @@ def test_wrong_settings_are_refused_with_what_is_allowed(
     brand: str, settings: dict[str, str], rate_hz: float, latency_s: float, allowed: str
 ) -> None:
     with pytest.raises(ValueError, match=f"allowed .*{allowed}"):
-        BrandClient(brand, settings, rate_hz, latency_s=latency_s)
+        BrandSettings(brand, settings, rate_hz, latency_s)

@@ -6,7 +6,7 @@ from support.fleets import HARDWARE_PAIR, PAIR
 from rcopterx.deploy.roles.tracker import brand_of, tracker_address, tracker_settings
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
-from rcopterx.vicon_gateway.process import BrandSettings
+from rcopterx.vicon_gateway.brands import BrandSettings
 
 
 @pytest.mark.parametrize(
