@@ -26,8 +26,7 @@ SURVIVED: Final = (0, 33)
 GATEWAY: Final = "rcopterx/transmitter_gateway"
 GROUPS: Final = {
     "arbiter": [
-        f"{GATEWAY}/{name}.py"
-        for name in ("arbiter", "surveillance", "bridging", "permissions", "hover", "leases")
+        f"{GATEWAY}/{name}.py" for name in ("arbiter", "surveillance", "bridging", "hover", "leases")
     ],
     "closed-loop landing": [
         f"{GATEWAY}/{name}.py" for name in ("landing", "touchdown", "shaping", "take_over")

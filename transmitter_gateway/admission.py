@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from rcopterx.bus.message import LONGEST_PERIOD_S, MAX_COUNT, SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
-from rcopterx.transmitter_gateway.inputs import THRUST, Cause, CommandInput, Input, PoseStamp
+from rcopterx.transmitter_gateway.inputs import THRUST, Cause, CommandInput, Input, PoseInput
 from rcopterx.transmitter_gateway.leases import Leases
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
@@ -67,7 +67,7 @@ class Admission:
         self.leases = Leases()
 
     def consider(
-        self, command: CommandInput, now_s: float, *, pose: PoseStamp | None, flying: bool
+        self, command: CommandInput, now_s: float, *, pose: PoseInput | None, flying: bool
     ) -> Rejection | None:
         """Accept `command` or return why not; the first one of a later lease takes over.
 
@@ -172,7 +172,7 @@ class Admission:
             return Rejection.UNKNOWN_EPOCH if flying else None
         return None if cause.epoch == pose_epoch else Rejection.UNKNOWN_EPOCH
 
-    def _check_age(self, cause: Cause, pose: PoseStamp) -> Rejection | None:
+    def _check_age(self, cause: Cause, pose: PoseInput) -> Rejection | None:
         """Reject a command that is behind the raw poses: its agent does not receive them any more."""
         if pose.period_s is None or cause.epoch != pose.epoch:
             return None

@@ -28,13 +28,18 @@ from rcopterx.transmitter_gateway.inputs import (
 )
 from rcopterx.transmitter_gateway.landing import Motion
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.permissions import refusal
 from rcopterx.transmitter_gateway.shaping import Shaping
 from rcopterx.transmitter_gateway.surveillance import Surveillance
 from rcopterx.transmitter_gateway.take_over import take_over_problem
 from rcopterx.transmitter_gateway.touchdown import Touchdown
 from rcopterx.transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
 
+FOR_OPERATORS = {
+    Action.ARM: "only an operator may arm",
+    Action.DISARM: "only an operator may disarm",
+    Action.RESET: "only an operator may reset a kill",
+}
+"""Actions for operators only, and the reason given to others; kill and shutdown are for anyone."""
 ON_THE_WAY_DOWN = frozenset({State.LAND, State.DESCEND})
 
 
@@ -49,6 +54,8 @@ class Arbiter:
         Rejections, state entries, planned inputs played and steps that slew rates limited, by name.
     commanded
         Whether commands count: from arming until the flight is over.
+    leases
+        Control leases of the vehicle's agents.
     """
 
     def __init__(self, vehicle: str, limits: ArbiterLimits, u_hover: float, slew_per_s: Input) -> None:
@@ -60,6 +67,7 @@ class Arbiter:
         self.commanded = False
         self.surveillance = Surveillance(limits.surveillance, self.counters)
         self._admission = Admission(limits, self.counters)
+        self.leases = self._admission.leases
         self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
         self._link = LinkState.LOST
@@ -82,7 +90,7 @@ class Arbiter:
         if now_s >= self.next_event_s():
             self._pass(now_s)
         rejection = self._admission.consider(
-            command, now_s, pose=self.surveillance.stamp, flying=self.commanded
+            command, now_s, pose=self.surveillance.newest, flying=self.commanded
         )
         self._event_s = None
         return Answer(rejection is None, rejection or "accepted")
@@ -90,26 +98,12 @@ class Arbiter:
     def bid(self, agent: int, now_s: float, *, take_over: bool) -> int:
         """Control lease of an agent that asks for one, 0 while it is not given any; see `Leases.bid`."""
         fresh = self._admission.fresh(now_s)
-        return self._admission.leases.bid(agent, now_s, fresh=fresh, take_over=take_over)
-
-    @property
-    def lease(self) -> int:
-        """Control lease whose commands count; 0 before the first command."""
-        return self._admission.leases.commanding
-
-    @property
-    def issued(self) -> int:
-        """Newest control lease."""
-        return self._admission.leases.issued
+        return self.leases.bid(agent, now_s, fresh=fresh, take_over=take_over)
 
     @property
     def hover_thrust(self) -> float:
         """Thrust at which the vehicle hovers, as far as the arbiter has learned it."""
         return self._shaping.hover_thrust
-
-    def resume_leases(self, commanding: int, issued: int, now_s: float) -> None:
-        """Count leases on from an earlier process; see `Leases.resume`."""
-        self._admission.leases.resume(commanding, issued, now_s)
 
     def pose(self, pose: PoseInput, now_s: float) -> None:
         """Take a raw pose of the own or another vehicle."""
@@ -127,9 +121,10 @@ class Arbiter:
             self._details[Condition.LINK_LOST] = problem
 
     def request(self, request: ActionRequest, now_s: float) -> Answer:
-        """Carry out or refuse a request; `permissions` says whose requests count."""
+        """Carry out or refuse a request; see `FOR_OPERATORS`."""
         self.step(now_s)
-        problem = refusal(request, self.limits.operators)
+        operator = request.by in self.limits.operators
+        problem = None if operator else FOR_OPERATORS.get(request.action)
         if problem is None:
             problem = self._carry_out(request, now_s)
         if problem is not None:

@@ -81,15 +81,6 @@ class PoseInput(Struct, frozen=True):
     latency_s: float = 0.0
 
 
-class PoseStamp(Struct, frozen=True):
-    """Frame of the newest raw pose, and its latency."""
-
-    epoch: int
-    frame: int
-    period_s: float | None = None
-    latency_s: float = 0.0
-
-
 class ActionRequest(Struct, frozen=True):
     """A request, and by whom."""
 

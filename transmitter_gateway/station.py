@@ -85,9 +85,9 @@ class Station:
             self._publish_lease(bid.agent, number)
 
     def _publish_lease(self, agent: int, number: int) -> None:
-        arbiter = self.transmitter.arbiter
-        self._published_lease = arbiter.lease
-        lease = Lease(agent=agent, number=number, commanding=arbiter.lease, issued=arbiter.issued)
+        leases = self.transmitter.arbiter.leases
+        self._published_lease = leases.commanding
+        lease = Lease(agent=agent, number=number, commanding=leases.commanding, issued=leases.issued)
         self._session.publish(channels.LEASE, self.vehicle, lease)
 
     def serve(self, now_s: float) -> None:
@@ -95,7 +95,7 @@ class Station:
         if now_s >= self.transmitter.next_deadline_s():
             self._tick(now_s)
         arbiter = self.transmitter.arbiter
-        if arbiter.lease != self._published_lease:
+        if arbiter.leases.commanding != self._published_lease:
             self._publish_lease(0, 0)
         if (arbiter.state is State.KILLED) != (self._reported_state is State.KILLED):
             self.report(now_s)
@@ -141,7 +141,7 @@ class Station:
             epoch=0 if cause is None else cause.epoch,
             frame=0 if cause is None else cause.frame,
             sequence=0 if cause is None else cause.sequence,
-            lease=self.transmitter.arbiter.lease,
+            lease=self.transmitter.arbiter.leases.commanding,
             fresh=fresh,
             command_arrived_s=self._accepted_s if fresh else None,
             written_s=write.time_s,

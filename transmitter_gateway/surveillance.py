@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from msgspec import Struct
 
-from rcopterx.transmitter_gateway.inputs import PoseInput, PoseStamp, Position
+from rcopterx.transmitter_gateway.inputs import PoseInput, Position
 from rcopterx.transmitter_gateway.landing import Motion
 from rcopterx.transmitter_gateway.limits import Fence, SurveillanceLimits
 
@@ -57,7 +57,7 @@ class Track:
 class Surveillance:
     """Follows the raw poses of one vehicle and its neighbours.
 
-    `own_track` is that of the own vehicle, None before its first pose; `stamp` that of its newest pose,
+    `own_track` is that of the own vehicle, None before its first pose; `newest` is its newest pose,
     accepted or not.
     """
 
@@ -70,7 +70,7 @@ class Surveillance:
         self._jumping_since_s: float | None = None
         self._mistaken: str | None = None
         self._stood_at_m: float | None = None
-        self.stamp: PoseStamp | None = None
+        self.newest: PoseInput | None = None
 
     def own_pose(self, pose: PoseInput, now_s: float, *, airborne: bool) -> bool:
         """Take a pose of the own vehicle; return whether its position is accepted.
@@ -85,7 +85,7 @@ class Surveillance:
         if track is None:
             track = self.own_track = Track(pose.epoch, pose.frame, now_s)
         track.epoch, track.frame, track.arrived_s = pose.epoch, pose.frame, now_s
-        self.stamp = PoseStamp(pose.epoch, pose.frame, pose.period_s, pose.latency_s)
+        self.newest = pose
         position = pose.position_m
         if position is None:
             self._counters["occluded pose"] += 1

@@ -130,10 +130,10 @@ class Transmitter:
         last = page.last
         if last is None:
             self.arbiter.counters["last state unknown"] += 1
-            self.arbiter.resume_leases(0, round(LEASES_PER_S * now_s), now_s)
+            self.arbiter.leases.resume(0, round(LEASES_PER_S * now_s), now_s)
             self._unknown_until_s = now_s + self.arbiter.limits.take_over_s
             return
-        self.arbiter.resume_leases(last.lease, last.issued, now_s)
+        self.arbiter.leases.resume(last.lease, last.issued, now_s)
         self._written_u, self._written_s = last.u, last.written_s
         self._decide_at_once()
         if last.state is State.KILLED:
@@ -155,8 +155,8 @@ class Transmitter:
             arbiter.state,
             self._written_u,
             self._written_s,
-            arbiter.lease,
-            arbiter.issued,
+            arbiter.leases.commanding,
+            arbiter.leases.issued,
             arbiter.hover_thrust,
             # A successor continues a shutdown.
             commanded=arbiter.commanded and not self._shutdown,
@@ -374,7 +374,7 @@ class Transmitter:
             reason=self.arbiter.reason,
             link=link if self.port.is_open else LinkState.LOST,
             module="waiting for the own pose" if self.undecided else self.port.problem or module.text,
-            lease=self.arbiter.lease,
+            lease=self.arbiter.leases.commanding,
             binding=self._binding.active,
             bridging_step=self._output.bridging_step,
             counters={

@@ -203,7 +203,7 @@ class Flight:
             self._move()
         self.arbiter = Arbiter("h1", ArbiterLimits(), U_HOVER, SLEW)
         self.arbiter.link(LinkState.READY)
-        self.arbiter.resume_leases(last.lease, last.issued, self.now_s)
+        self.arbiter.leases.resume(last.lease, last.issued, self.now_s)
         while not self.seen:
             self._move()
             self._show_pose()

@@ -13,7 +13,7 @@ from msgspec import structs
 from rcopterx.bus.message import LONGEST_PERIOD_S, MAX_COUNT, SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.transmitter_gateway.admission import Admission, Rejection
-from rcopterx.transmitter_gateway.inputs import CommandInput, PoseStamp
+from rcopterx.transmitter_gateway.inputs import CommandInput, PoseInput
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 GOOD = CommandInput(1, epoch=5, sequence=10, frame=100, u=(0.1, -0.2, 0.5, 0.0), next_u=((0, 0, 0.5, 0),))
@@ -44,7 +44,9 @@ class Gate:
         return self.admission.consider(
             structs.replace(command, **changes),
             now_s,
-            pose=None if pose_epoch is None else PoseStamp(pose_epoch, pose_frame, 0.02, latency_s),
+            pose=None
+            if pose_epoch is None
+            else PoseInput("h1", pose_epoch, pose_frame, None, 0.02, latency_s=latency_s),
             flying=flying,
         )
 
@@ -176,7 +178,10 @@ def test_values_exactly_at_the_tolerance_are_accepted() -> None:
     for u in ((1.25, 0, 0.5, 0), (-1.25, 0, 0.5, 0), (0, 0, 1.25, 0), (0, 0, -0.25, 0)):
         admission = admission_of(limits, Counter())
         assert (
-            admission.consider(structs.replace(GOOD, u=u), 1.0, pose=PoseStamp(5, 100), flying=False) is None
+            admission.consider(
+                structs.replace(GOOD, u=u), 1.0, pose=PoseInput("h1", 5, 100, None), flying=False
+            )
+            is None
         )
 
 

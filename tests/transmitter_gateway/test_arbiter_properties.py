@@ -115,7 +115,7 @@ class ArbiterMachine(RuleBasedStateMachine):
         answer = self.arbiter.command(command, self.now_s)
         if answer.accepted:
             self.fed_s = self.now_s
-            assert command.lease == self.arbiter.lease
+            assert command.lease == self.arbiter.leases.commanding
         else:
             assert self.snapshot() == before
         self.step()
@@ -126,7 +126,8 @@ class ArbiterMachine(RuleBasedStateMachine):
         arbiter = self.arbiter
         stream = copy.copy(arbiter._admission.stream)
         return (
-            arbiter.state, arbiter.reason, arbiter.commanded, arbiter.lease, stream, arbiter._shaping.u,
+            arbiter.state, arbiter.reason, arbiter.commanded, arbiter.leases.commanding, stream,
+            arbiter._shaping.u,
             arbiter.next_event_s(),
         )  # fmt: skip
 
@@ -167,7 +168,7 @@ class ArbiterMachine(RuleBasedStateMachine):
         before, fresh = self.snapshot(), self.now_s < self.fed_s + LIMITS.hold_after_s
         lease = self.arbiter.bid(agent, self.now_s, take_over=take_over)
         assert self.snapshot() == before
-        assert lease >= self.arbiter.lease or not lease
+        assert lease >= self.arbiter.leases.commanding or not lease
         if fresh and not take_over:
             assert lease <= self.newest
         self.newest = max(self.newest, lease)
@@ -176,8 +177,8 @@ class ArbiterMachine(RuleBasedStateMachine):
 
     @rule(behind=st.integers(1, 3), ahead=st.integers(1, 100))
     def command_of_another_lease(self, behind: int, ahead: int) -> None:
-        assert not self.command(lease=self.arbiter.lease - behind).accepted
-        assert not self.command(lease=self.arbiter._admission.leases.issued + ahead).accepted
+        assert not self.command(lease=self.arbiter.leases.commanding - behind).accepted
+        assert not self.command(lease=self.arbiter.leases.issued + ahead).accepted
 
     @rule(u=u_bad, in_plan=st.booleans())
     def bad_command(self, u: Any, in_plan: bool) -> None:
@@ -188,7 +189,7 @@ class ArbiterMachine(RuleBasedStateMachine):
     def command_out_of_order(self, sequence: int, epoch: int) -> None:
         changes = {"sequence": self.sequence + sequence, "epoch": self.epoch + epoch}
         if epoch == 1:
-            assert not self.command(**changes).accepted or self.arbiter.surveillance.stamp is None
+            assert not self.command(**changes).accepted or self.arbiter.surveillance.newest is None
         else:
             self.command(**changes)
 

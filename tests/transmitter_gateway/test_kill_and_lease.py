@@ -160,7 +160,7 @@ def test_the_first_command_of_a_later_lease_takes_over_between_two_commands() ->
     assert bench.run(0.1, HOVER).u == HOVER
     assert bench.command((0, 0, 0.5, 0), lease=successor).accepted
     assert bench.command(HOVER).reason == "control lease lost"
-    assert bench.arbiter.lease == successor
+    assert bench.arbiter.leases.commanding == successor
     assert bench.run(0.2, (0, 0, 0.5, 0), lease=successor).u == (0, 0, 0.5, 0)
     assert bench.state is State.ARMED
     assert bench.arbiter.counters["agents that took over"] == 1

@@ -30,7 +30,7 @@ def test_vehicle_is_flown_on_when_its_port_returns_in_time(restart: Restart, sec
     away(restart, seconds)
     states = restart.run(1.0)
     assert restart.state is State.ARMED
-    assert restart.transmitter.arbiter.lease == 1
+    assert restart.transmitter.arbiter.leases.commanding == 1
     assert (restart.counters["entered ARMED"], restart.counters["entered DISARMED"]) == (armed, 0)
     assert restart.counters["flights continued after the port was away"] == 1
     assert min(restart.throttle_us()) > 1480

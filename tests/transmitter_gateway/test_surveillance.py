@@ -11,8 +11,8 @@ from rcopterx.transmitter_gateway.surveillance import Judgement
 
 
 def epoch_of(watch: Watch) -> int | None:
-    stamp = watch.surveillance.stamp
-    return None if stamp is None else stamp.epoch
+    newest = watch.surveillance.newest
+    return None if newest is None else newest.epoch
 
 
 # Stuck poses ----------------------------------------------------------------------------------------
@@ -123,7 +123,7 @@ def test_malformed_poses_are_counted_and_not_used(position: Position) -> None:
     watch = Watch()
     assert not watch.step(position)
     assert watch.counters["malformed pose"] == 1
-    assert watch.surveillance.stamp is None
+    assert watch.surveillance.newest is None
 
 
 def test_repeated_and_older_poses_do_not_refresh_the_tracking() -> None:

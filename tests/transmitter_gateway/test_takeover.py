@@ -38,7 +38,7 @@ def restarted(height_m: float | None = 0.8, link: LinkState = LinkState.READY) -
 
 def take_over(arbiter: Arbiter, **changes: object) -> Answer:
     last = structs.replace(LAST_FLYING, **changes)
-    arbiter.resume_leases(last.lease, last.issued, NOW_S)
+    arbiter.leases.resume(last.lease, last.issued, NOW_S)
     return arbiter.take_over(last, NOW_S)
 
 
@@ -276,10 +276,13 @@ def test_agents_keep_their_lease_and_the_next_one_gets_the_next_number(restart: 
     restart.fly()
     restart.die(0.1)
     restart.run(0.1)
-    assert (restart.transmitter.arbiter.lease, restart.transmitter.arbiter.issued) == (1, 1)
+    assert (restart.transmitter.arbiter.leases.commanding, restart.transmitter.arbiter.leases.issued) == (
+        1,
+        1,
+    )
     assert restart.transmitter.bid(2, restart.now_s, take_over=True) == 2
     restart.die(0.1)
-    assert restart.transmitter.arbiter.issued == 2
+    assert restart.transmitter.arbiter.leases.issued == 2
 
 
 class KilledError(Exception):
