@@ -323,6 +323,7 @@ class Transmitter:
         if outcome is WriteOutcome.WRITTEN:
             self._written_u, self._written_s = output.u, now_s
             self._arming = arming
+            self.protocol.frame_written(now_s)
         if self._shutdown and not flying and outcome is WriteOutcome.WRITTEN:
             self._low_frames += 1
         return Write(now_s, outcome, output, pulses)

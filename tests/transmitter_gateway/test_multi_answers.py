@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -68,6 +69,12 @@ def opened() -> MultiProtocol:
     return protocol
 
 
+def write_frames(protocol: MultiProtocol, first_s: float, last_s: float) -> None:
+    """Note frames every 20 ms."""
+    for time_s in np.arange(first_s, last_s + 1e-9, 0.02):
+        protocol.frame_written(time_s)
+
+
 def test_module_is_ready_after_its_status_and_gone_after_2_s_of_silence() -> None:
     protocol = opened()
     assert not protocol.status(0.1).ready
@@ -109,8 +116,22 @@ def test_status_that_was_made_before_the_first_frame_arrived_changes_nothing() -
     protocol.link_resumed(0.0)
     protocol.receive(with_flags(0x46), 0.02)
     assert protocol.status(0.03).ready
+    write_frames(protocol, 0.0, 0.52)
     protocol.receive(with_flags(0x46), 0.52)
     assert "receives no valid frames" in protocol.status(0.53).text
+
+
+@pytest.mark.parametrize("read_s", [0.8, 0.85])
+def test_module_that_received_no_frames_because_none_were_written_remains_ready(read_s: float) -> None:
+    protocol = opened()
+    write_frames(protocol, 0.0, 0.5)
+    protocol.receive(READY, 0.5)
+    write_frames(protocol, 0.81, read_s)
+    protocol.receive(with_flags(0x46), read_s)
+    assert protocol.status(read_s).ready
+    write_frames(protocol, 0.81, 1.35)
+    protocol.receive(with_flags(0x46), 1.35)
+    assert not protocol.status(1.35).ready
 
 
 def test_port_never_opened_is_said() -> None:
@@ -131,6 +152,7 @@ def test_port_never_opened_is_said() -> None:
 )
 def test_module_that_is_not_ready_says_why(answer: bytes, words: str) -> None:
     protocol = opened()
+    write_frames(protocol, 0.0, 0.1)
     protocol.receive(answer, 0.1)
     status = protocol.status(0.2)
     assert not status.ready

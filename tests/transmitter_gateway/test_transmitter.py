@@ -220,6 +220,22 @@ def test_own_poses_are_judged_by_the_next_tick(bench: Bench) -> None:
     assert bench.transmitter.next_deadline_s() < bench.now_s
 
 
+def test_commands_are_obeyed_at_once_after_a_pause_in_which_the_module_received_no_frames(
+    bench: Bench,
+) -> None:
+    bench.fly()
+    module_s = bench.now_s
+    bench.now_s += 0.6
+    while module_s < bench.now_s:
+        module_s += 0.01
+        bench.radio.service(module_s)
+    bench.exchange()
+    assert bench.state is not State.ARMED
+    bench.next_command_s = bench.now_s
+    bench.run(0.1)
+    assert bench.state is State.ARMED
+
+
 def test_silent_commands_hold_descend_and_cut_on_the_wire(bench: Bench) -> None:
     bench.fly()
     start_s = bench.now_s

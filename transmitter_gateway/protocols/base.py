@@ -145,6 +145,9 @@ class RadioProtocol(ABC):
         It counts as ready until it reports otherwise, or has been silent for too long.
         """
 
+    def frame_written(self, now_s: float) -> None:  # noqa: B027 - most radios need not know
+        """Note that a frame was written as a whole."""
+
     @abstractmethod
     def receive(self, data: bytes, now_s: float) -> None:
         """Take bytes the module sent; incomplete answers are kept until the rest arrives."""

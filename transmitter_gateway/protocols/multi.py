@@ -35,8 +35,10 @@ COUNTS_PER_US = 820 / 400
 LINE = SerialLine(100_000, parity="E", stop_bits=2)
 SHORTEST_GAP_S = 1e-3
 MODULE_SILENT_S = 2.0
+LONGEST_GAP_S = 0.05
+"""The module reports that it receives no frames when none has arrived for 70 ms."""
 FIRST_FRAME_S = 0.1
-"""From opening the port until the module has certainly received a frame, on a busy computer."""
+"""From the first frame until the module has certainly received one, on a busy computer."""
 
 
 def count_of(pulse_us: float) -> int:
@@ -230,6 +232,7 @@ class MultiProtocol(RadioProtocol):
         self.keepalive_s = 0.025
         self._parser = AnswerParser()
         self._opened_s: float | None = None
+        self._frames_since_s = self._last_frame_s = -math.inf
         self._answered_s = -math.inf
         self._answered: ModuleStatus | None = None
 
@@ -285,15 +288,25 @@ class MultiProtocol(RadioProtocol):
         else:
             self._opened_s = now_s - MODULE_SILENT_S
 
+    def frame_written(self, now_s: float) -> None:
+        """Note that a frame was written, and since when frames follow each other."""
+        if now_s > self._last_frame_s + LONGEST_GAP_S:
+            self._frames_since_s = now_s
+        self._last_frame_s = now_s
+
     def receive(self, data: bytes, now_s: float) -> None:
-        """Parse answers and keep the newest status."""
+        """Parse answers and keep the newest status.
+
+        The module reports twice a second. That it receives no frames means nothing in a pause of this
+        gateway, and shortly after one.
+        """
         for status in self._parser.feed(data):
-            if status.has_input or not self._just_opened(now_s):
+            if status.has_input or self._has_frames(now_s):
                 self._answered = status.judged(self.settings.radio)
                 self._answered_s = now_s
 
-    def _just_opened(self, now_s: float) -> bool:
-        return self._opened_s is not None and now_s < self._opened_s + FIRST_FRAME_S
+    def _has_frames(self, now_s: float) -> bool:
+        return self._frames_since_s + FIRST_FRAME_S <= now_s <= self._last_frame_s + LONGEST_GAP_S
 
     def status(self, now_s: float) -> ModuleStatus:
         """Ready when the module reports it and its last answer is at most 2 s old."""
