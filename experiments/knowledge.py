@@ -161,7 +161,7 @@ def excited_flight(conditions: Conditions, name: str, seed: int, measured_tilt: 
     if pilot.exciter.outcome not in (UNDER_WAY, DONE):
         raise NotIdentifiedError(f"{name}, seed {seed}: {pilot.exciter.outcome}")
     recording = log.recording()
-    return recording if measured_tilt else recording.without_tilt()
+    return recording if measured_tilt else replace(recording, tilt=None)
 
 
 def identification(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> Identification:

@@ -264,7 +264,7 @@ class _Fit:
 
 
 def _settled_innovations(motion: Motion) -> Complex:
-    return motion.innovations()[round(_SETTLE_S / motion.predictor.period_s) :]
+    return motion.innovations()[round(_SETTLE_S / motion.period_s) :]
 
 
 def _plane_innovations(motion: Motion) -> list[Array]:
@@ -279,7 +279,7 @@ def _axis_innovations(motion: Motion) -> list[Array]:
 
 def _far_errors(motion: Motion) -> list[Array]:
     """Errors further ahead, thinned out; equally many of each distance."""
-    period_s = motion.predictor.period_s
+    period_s = motion.period_s
     settled, stride = round(_SETTLE_S / period_s), round(_HEADING_EVERY_S / period_s)
     return [
         motion.errors_ahead(round(ahead_s / period_s))[settled::stride].real for ahead_s in _HEADING_AHEAD_S

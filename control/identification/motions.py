@@ -35,14 +35,21 @@ class LinearSystem:
     measurement_variance: Array
 
 
-class StationaryPredictor:
-    """Kalman predictor with the stationary gain.
+class Motion:
+    """A motion of a flight, predicted by a Kalman filter with the stationary gain.
 
-    The input of a sample acts `delay_s` later, which need not be a whole number of periods.
+    Parameters
+    ----------
+    delay_s
+        After it an input acts; it need not be a whole number of periods.
+    inputs, measured
+        Of the whole flight, shapes (K,) and (K, m).
     """
 
-    def __init__(self, system: LinearSystem, period_s: float, delay_s: float) -> None:
-        self.period_s = period_s
+    def __init__(
+        self, system: LinearSystem, period_s: float, delay_s: float, inputs: Complex, measured: Complex
+    ) -> None:
+        self.period_s, self._inputs, self._measured = period_s, inputs, measured
         self._whole_periods = int(delay_s / period_s)
         late_s = delay_s - self._whole_periods * period_s
         self._a, _ = zero_order_hold(system.a, system.b, period_s)
@@ -55,11 +62,11 @@ class StationaryPredictor:
         seen = covariance @ system.c.conj().T
         self._gain = seen @ np.linalg.inv(system.c @ seen + noise)
 
-    def states(self, inputs: Complex, measured: Complex) -> Complex:
-        """Return states predicted one period ahead, (K, n), for inputs (K,) and measurements (K, m)."""
-        start = np.linalg.lstsq(self._c, measured[0], rcond=None)[0]
+    def _states(self) -> Complex:
+        """States predicted one period ahead, shape (K, n)."""
+        start = np.linalg.lstsq(self._c, self._measured[0], rcond=None)[0]
         correction = self._a @ self._gain
-        driven = self._push(inputs) + measured @ correction.T
+        driven = self._push() + self._measured @ correction.T
         # In its own modes the predictor is a handful of scalar recursions.
         values, vectors = np.linalg.eig(self._a - correction @ self._c)
         back = np.linalg.inv(vectors)
@@ -68,25 +75,29 @@ class StationaryPredictor:
             modes[mode], _ = lfilter([0.0, 1.0], [1.0, -value], modes[mode], zi=[begun[mode]])
         return np.asarray(modes.T @ vectors.T)
 
-    def innovations(self, inputs: Complex, measured: Complex) -> Complex:
-        """Return measured minus predicted outputs, shape (K, m)."""
-        return measured - self.states(inputs, measured) @ self._c.T
+    def innovations(self) -> Complex:
+        """Return the one-period prediction errors, shape (K, m)."""
+        return self._measured - self._states() @ self._c.T
 
-    def ahead(self, inputs: Complex, measured: Complex, periods: int) -> Complex:
+    def ahead(self, periods: int) -> Complex:
         """Return outputs predicted `periods` ahead with the recorded inputs, shape (K - periods, m)."""
-        states = self.states(inputs, measured)
-        states = states + (measured - states @ self._c.T) @ self._gain.T
-        push, count = self._push(inputs), len(inputs) - periods
+        states = self._states()
+        states = states + (self._measured - states @ self._c.T) @ self._gain.T
+        push, count = self._push(), len(self._inputs) - periods
         states = states[:count]
         for step in range(periods):
             states = states @ self._a.T + push[step : step + count]
         return np.asarray(states @ self._c.T)
 
-    def _push(self, inputs: Complex) -> Complex:
+    def errors_ahead(self, periods: int) -> Complex:
+        """Return the errors of the first measurement predicted some periods ahead, shape (K - periods,)."""
+        return self._measured[periods:, 0] - self.ahead(periods)[:, 0]
+
+    def _push(self) -> Complex:
         """Contribution of the inputs to the state in every period, shape (K, n)."""
-        before = np.full(self._whole_periods + 1, inputs[0])
-        delayed = np.concatenate((before, inputs))
-        count = len(inputs)
+        before = np.full(self._whole_periods + 1, self._inputs[0])
+        delayed = np.concatenate((before, self._inputs))
+        count = len(self._inputs)
         return np.outer(delayed[1 : count + 1], self._newest) + np.outer(delayed[:count], self._older)
 
 
@@ -118,24 +129,6 @@ class Offsets:
     body_rad: tuple[float, float] = (0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class Motion:
-    """A motion of a flight: its predictor, inputs of shape (K,) and measurements of shape (K, m)."""
-
-    predictor: StationaryPredictor
-    inputs: Complex
-    measured: Complex
-
-    def innovations(self) -> Complex:
-        """Return the one-period prediction errors, shape (K, m)."""
-        return self.predictor.innovations(self.inputs, self.measured)
-
-    def errors_ahead(self, periods: int) -> Complex:
-        """Return the errors of the first measurement predicted some periods ahead, shape (K - periods,)."""
-        predicted = self.predictor.ahead(self.inputs, self.measured, periods)
-        return self.measured[periods:, 0] - predicted[:, 0]
-
-
 def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Motion:
     """Return the horizontal motion; measured are the position and, where available, the tilt."""
     # A stick acts on the heading that the vehicle has by then, half a period later on average.
@@ -146,14 +139,12 @@ def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Mo
     roll = recording.inputs[:, U_ROLL] + offsets.trim[1]
     demand = acting * (model.b[U_PITCH] * pitch + 1j * model.b[U_ROLL] * roll)
     measured = [_complex(recording.position_m[:, :2])]
-    with_tilt = recording.tilt is not None and model.tilt is not None
     if recording.tilt is not None and model.tilt is not None:
         measured.append(
             _complex(recording.tilt) - np.exp(1j * recording.yaw_rad) * complex(*offsets.body_rad)
         )
-    system = _horizontal_system(model, recording.period_s, with_tilt)
-    predictor = StationaryPredictor(system, recording.period_s, model.delay_s)
-    return Motion(predictor, demand, np.column_stack(measured))
+    system = _horizontal_system(model, recording.period_s, with_tilt=len(measured) > 1)
+    return Motion(system, recording.period_s, model.delay_s, demand, np.column_stack(measured))
 
 
 def vertical(model: Model, recording: FlightRecording) -> Motion:
@@ -184,11 +175,11 @@ def _not_followed(model: Model, recording: FlightRecording) -> Array:
 def _of_single_axis(
     model: Model, recording: FlightRecording, system: LinearSystem, stick: Array, measured: Array
 ) -> Motion:
-    predictor = StationaryPredictor(system, recording.period_s, model.delay_s)
     # The mean stick keeps the vehicle at rest. Gravity and trim would be offsets that the slow drift of the
     # disturbance takes long to find.
     stick = stick - stick.mean()
-    return Motion(predictor, stick.astype(complex), measured[:, None].astype(complex))
+    inputs, outputs = stick.astype(complex), measured[:, None].astype(complex)
+    return Motion(system, recording.period_s, model.delay_s, inputs, outputs)
 
 
 def _horizontal_system(model: Model, period_s: float, with_tilt: bool) -> LinearSystem:

@@ -1,7 +1,7 @@
 """Poses and sticks of a flight for identification, one row per control period."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -67,14 +67,13 @@ class FlightRecording:
     def part(self, begin: float, end: float) -> "FlightRecording":
         """Return the rows between two fractions of the flight."""
         rows = slice(round(begin * len(self.yaw_rad)), round(end * len(self.yaw_rad)))
-        tilt = None if self.tilt is None else self.tilt[rows]
-        return FlightRecording(
-            self.kind, self.period_s, self.position_m[rows], self.yaw_rad[rows], tilt, self.inputs[rows]
+        return replace(
+            self,
+            position_m=self.position_m[rows],
+            yaw_rad=self.yaw_rad[rows],
+            tilt=None if self.tilt is None else self.tilt[rows],
+            inputs=self.inputs[rows],
         )
-
-    def without_tilt(self) -> "FlightRecording":
-        """Return the same flight without measured tilt."""
-        return FlightRecording(self.kind, self.period_s, self.position_m, self.yaw_rad, None, self.inputs)
 
     def save(self, path: Path) -> None:
         """Write a compressed numpy archive (`.npz`)."""

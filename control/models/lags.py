@@ -39,16 +39,11 @@ class LagDynamics(NamedTuple):
         """Number of axes m."""
         return len(self.gain)
 
-    @property
-    def states(self) -> int:
-        """Number of states: p, v and a of every axis, in this order."""
-        return 3 * self.axes
-
     def matrices(self) -> tuple[Array, Array]:
-        """Return A, shape (n, n), and B, shape (n, m), without turning."""
+        """Return A, shape (3 m, 3 m), and B, shape (3 m, m), without turning; states are p, v and a."""
         m, T = self.axes, self.period_s
         p, v, a = slice(0, m), slice(m, 2 * m), slice(2 * m, 3 * m)
-        A, B = np.eye(self.states), np.zeros((self.states, m))
+        A, B = np.eye(3 * m), np.zeros((3 * m, m))
         A[p, v] = T * np.eye(m)
         A[v, v] = np.diag(self.decay)
         A[v, a] = T * np.diag(self.gain)

@@ -86,8 +86,6 @@ class LateralSystem:
     ----------
     continuous, continuous_demand
         x' = continuous x + continuous_demand e, shapes (n, n) and (n, 2).
-    acceleration
-        Acceleration = acceleration x, wind included, shape (2, n); a demand acts through the servo only.
     core, tilt, tilt_rate, servo, wind, trim
         Places of these states; tilt and tilt rate are part of the core, and only lateral states have a trim.
 
@@ -110,14 +108,12 @@ class LateralSystem:
         self.trim = slice(self.size, self.size + 2)
         self._gain = model.input_gain[:2]
         self.period_s = period_s
-        self.acceleration: Array = np.zeros((2, self.size))
-        self.acceleration[:, VELOCITY] = 0.5 * sum(model.damping[:2]) * np.eye(2)
-        self.acceleration[:, self.core] = dynamics.c
-        self.acceleration[:, self.servo] = dynamics.d
-        self.acceleration[:, self.wind] = np.eye(2)
         self.continuous: Array = np.zeros((self.size, self.size))
         self.continuous[POSITION, VELOCITY] = np.eye(2)
-        self.continuous[VELOCITY] = self.acceleration
+        self.continuous[VELOCITY, VELOCITY] = 0.5 * sum(model.damping[:2]) * np.eye(2)
+        self.continuous[VELOCITY, self.core] = dynamics.c
+        self.continuous[VELOCITY, self.servo] = dynamics.d
+        self.continuous[VELOCITY, self.wind] = np.eye(2)
         self.continuous[self.core, self.core] = dynamics.a
         self.continuous[self.core, self.servo] = dynamics.b
         self.continuous[self.servo, self.servo] = -np.eye(2) / model.tilt.servo_lag_s

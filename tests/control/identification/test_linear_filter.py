@@ -2,40 +2,41 @@
 
 import numpy as np
 
-from rcopterx.control.identification.motions import LinearSystem, StationaryPredictor
+from rcopterx.control.identification.motions import LinearSystem, Motion
 
 
-def oscillator(delay_s: float = 0.0) -> StationaryPredictor:
+def oscillator(inputs: np.ndarray, measured: np.ndarray, delay_s: float = 0.0) -> Motion:
     a = np.array([[0.0, 1.0], [-9.0, -0.6 + 0.2j]])
     system = LinearSystem(
         a, np.array([0.0, 2.0 + 1.0j]), np.eye(1, 2, dtype=complex), np.array([0.0, 0.1]), np.array([1e-6])
     )
-    return StationaryPredictor(system, 0.02, delay_s)
+    return Motion(system, 0.02, delay_s, inputs, measured)
 
 
 def sine(rows: int = 400) -> np.ndarray:
     return np.exp(0.1j * np.arange(rows)) * np.linspace(0.0, 1.0, rows)
 
 
-def answer(predictor: StationaryPredictor, inputs: np.ndarray) -> np.ndarray:
+def answer(inputs: np.ndarray, delay_s: float = 0.0) -> np.ndarray:
     """Output of the undisturbed system from rest on: a prediction over the whole flight."""
     rest = np.zeros((len(inputs), 1), complex)
     ends = range(1, len(inputs) + 1)
-    return np.array([predictor.ahead(inputs[:end], rest[:end], end - 1)[0] for end in ends])
+    return np.array([oscillator(inputs[:end], rest[:end], delay_s).ahead(end - 1)[0] for end in ends])
 
 
 def test_undisturbed_measurements_leave_no_innovations_once_settled() -> None:
-    predictor, inputs = oscillator(), sine()
-    assert predictor.ahead(inputs, np.zeros((400, 1), complex), 0).shape == (400, 1)
-    measured = answer(predictor, inputs)
-    assert np.abs(predictor.innovations(inputs, measured)[200:]).max() < 1e-9
-    assert np.abs(predictor.ahead(inputs, measured, 25)[200:] - measured[225:]).max() < 1e-9
+    inputs = sine()
+    assert oscillator(inputs, np.zeros((400, 1), complex)).ahead(0).shape == (400, 1)
+    measured = answer(inputs)
+    motion = oscillator(inputs, measured)
+    assert np.abs(motion.innovations()[200:]).max() < 1e-9
+    assert np.abs(motion.ahead(25)[200:] - measured[225:]).max() < 1e-9
 
 
 def step_answer(delay_s: float) -> np.ndarray:
     inputs = np.zeros(60, complex)
     inputs[10:] = 1.0
-    return np.abs(answer(oscillator(delay_s), inputs)[:, 0])
+    return np.abs(answer(inputs, delay_s)[:, 0])
 
 
 def test_a_delay_of_whole_periods_shifts_the_answer() -> None:
