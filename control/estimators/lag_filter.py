@@ -12,7 +12,6 @@ helicopters).
 """
 
 import math
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -47,46 +46,26 @@ SIZE: Final = MOTION_SIZE + 2 * INPUT_SIZE
 MOTION: Final = slice(0, MOTION_SIZE)
 ACTUATOR: Final = slice(MOTION_SIZE, MOTION_SIZE + INPUT_SIZE)
 DISTURBANCE: Final = slice(MOTION_SIZE + INPUT_SIZE, SIZE)
-_POSITIONS: Final = (X, Y, Z, YAW)
-_VELOCITIES: Final = (XD_BODY, YD_BODY, ZD_BODY, YAW_RATE)
-_COUPLED: Final = (U_THRUST, U_YAW)
 _LIFT: Final = DISTURBANCE.start + U_THRUST
 
 
 @cached_by_period
 def jacobian_at_rest(model: Model, period_s: float) -> Array:
     """Return the Jacobian of a vehicle at rest that heads along x, shape (16, 16)."""
-    jacobian = np.eye(SIZE)
-    groups = ((0,), (1,), _COUPLED) if model.thrust_coupling else ((0,), (1,), (2,), (3,))
-    for axes in groups:
-        states = [_POSITIONS[axis] for axis in axes] + [_VELOCITIES[axis] for axis in axes]
-        states += [ACTUATOR.start + axis for axis in axes] + [DISTURBANCE.start + axis for axis in axes]
-        jacobian[np.ix_(states, states)] = _transition(model, axes, period_s)
+    position, velocity = np.array((X, Y, Z, YAW)), np.array((XD_BODY, YD_BODY, ZD_BODY, YAW_RATE))
+    actuator, disturbance = np.arange(SIZE)[ACTUATOR], np.arange(SIZE)[DISTURBANCE]
+    lag_s, instant = np.array(model.lag_s), np.array(model.lag_s) == 0.0
+    gain, rate = np.where(instant, 0.0, (model.input_gain, 1.0 / np.where(instant, 1.0, lag_s)))
+    continuous = np.zeros((SIZE, SIZE))
+    continuous[position, velocity] = continuous[velocity, disturbance] = 1.0
+    continuous[velocity, velocity] = model.direct_damping
+    continuous[velocity, actuator] = gain
+    continuous[actuator, velocity] = -rate * model.rate_feedback
+    continuous[actuator, actuator] = -rate
+    continuous[actuator[U_YAW], actuator[U_THRUST]] = -rate[U_YAW] * model.thrust_coupling
+    jacobian: Array = expm(period_s * continuous)
+    jacobian[actuator[instant], actuator[instant]] = 0.0
     return jacobian
-
-
-def _transition(model: Model, axes: Sequence[int], period_s: float) -> Array:
-    """Exact transition of positions, velocities, actuators and disturbances of axes, in this order."""
-    count = len(axes)
-    continuous = np.zeros((4 * count, 4 * count))
-    without_lag = []
-    for place, axis in enumerate(axes):
-        position, velocity, actuator, disturbance = range(place, 4 * count, count)
-        continuous[position, velocity] = 1.0
-        continuous[velocity, velocity] = model.direct_damping[axis]
-        continuous[velocity, disturbance] = 1.0
-        lag_s = model.lag_s[axis]
-        if lag_s == 0.0:
-            without_lag.append(actuator)
-            continue
-        continuous[velocity, actuator] = model.input_gain[axis]
-        continuous[actuator, velocity] = -model.rate_feedback[axis] / lag_s
-        continuous[actuator, actuator] = -1.0 / lag_s
-    if tuple(axes) == _COUPLED:
-        continuous[5, 4] = -model.thrust_coupling / model.lag_s[U_YAW]
-    transition: Array = expm(period_s * continuous)
-    transition[without_lag, without_lag] = 0.0
-    return transition
 
 
 @compiled(MATRIX, ANY_VECTOR, ANY_VECTOR)
