@@ -40,6 +40,9 @@ SETTLE_S: Final = 5.0
 STAGES: Final = ("pose to agent", "until the controller begins", "control", "command to transmitters")
 """Stages from pose to command; the second one is estimation and the wait for the leader's plan."""
 
+Commands = list[tuple[int, tuple[float, ...]]]
+"""Frames of the applied commands of a vehicle, with beginnings and ends of their `STAGES`."""
+
 
 def run(rounds: int, seconds: float, show: Show) -> dict[str, Any]:
     """Fly the trio on one host and over four in turn, `rounds` times.
@@ -56,58 +59,41 @@ def run(rounds: int, seconds: float, show: Show) -> dict[str, Any]:
         Network namespaces cannot be created.
     """
     load = os.getloadavg()[0]
-    flown: dict[str, list[Flown]] = {"one_host": [], "four_hosts": []}
+    flown: dict[str, list[Commands]] = {"one_host": [], "four_hosts": []}
     for number in range(rounds):
         for name, agents, certificates in (("one_host", ONE, False), ("four_hosts", FOUR, True)):
             show(f"round {number + 1}: {name.replace('_', ' ')}")
-            flown[name].append(_flown(agents, certificates, seconds))
-    document = {name: _figures(flights) for name, flights in flown.items()}
+            flown[name] += _flown(agents, certificates, seconds)
+    document = {name: _figures(vehicles) for name, vehicles in flown.items()}
     p99_ms = [document[name]["pose_to_command_ms"]["p99"] for name in ("four_hosts", "one_host")]
     return {**document, "ratio_p99": p99_ms[0] / p99_ms[1], "load": load}
 
 
-class Flown:
-    """Beginnings and ends of the `STAGES` of each command, and frames without an applied command."""
-
-    def __init__(self) -> None:
-        self.times_s: list[tuple[float, ...]] = []
-        self.missed = self.periods = 0
-
-    def add(self, commands: Sequence[Applied]) -> None:
-        """Add the applied commands of a vehicle."""
-        timed = [
-            applied
-            for applied in commands
-            if applied.timing is not None and applied.command_arrived_s is not None
-        ]
-        frames = {applied.frame for applied in timed}
-        span = max(frames) - min(frames) + 1
-        self.times_s += [_times_s(applied) for applied in timed]
-        self.periods += span
-        self.missed += span - len(frames)
-
-
-def _times_s(applied: Applied) -> tuple[float, ...]:
+def _times_s(applied: Applied) -> tuple[float, ...] | None:
+    """Beginnings and ends of the `STAGES` of an applied command; None if they are not known."""
     timing = applied.timing
-    assert timing is not None
-    assert applied.command_arrived_s is not None
+    if timing is None or applied.command_arrived_s is None:
+        return None
     return (timing.received_s, timing.arrived_s, timing.began_s, timing.ready_s, applied.command_arrived_s)
 
 
-def _figures(flights: list[Flown]) -> dict[str, Any]:
-    times_ms = 1e3 * np.array([row for flight in flights for row in flight.times_s])
+def _figures(vehicles: Sequence[Commands]) -> dict[str, Any]:
+    """Figures of all vehicles that were flown."""
+    times_ms = 1e3 * np.array([times_s for commands in vehicles for _, times_s in commands])
     stages_ms = np.diff(times_ms, axis=1)
+    frames = [{frame for frame, _ in commands} for commands in vehicles]
+    periods = sum(max(flown) - min(flown) + 1 for flown in frames)
     return {
         "pose_to_command_ms": percentiles((times_ms[:, -1] - times_ms[:, 0]).tolist()),
         "stages_ms": {
             name: percentiles(stage_ms.tolist()) for name, stage_ms in zip(STAGES, stages_ms.T, strict=True)
         },
-        "missed": sum(flight.missed for flight in flights),
-        "periods": sum(flight.periods for flight in flights),
+        "missed": periods - sum(map(len, frames)),
+        "periods": periods,
     }
 
 
-def _flown(agents: Mapping[str, str], certificates: bool, seconds: float) -> Flown:
+def _flown(agents: Mapping[str, str], certificates: bool, seconds: float) -> list[Commands]:
     hosts = list(dict.fromkeys((LABORATORY, *agents.values())))
     with ExitStack() as stack:
         # A short path, because the routers' sockets live in it.
@@ -129,7 +115,7 @@ def _flown(agents: Mapping[str, str], certificates: bool, seconds: float) -> Flo
         return _measured(fleet, seconds)
 
 
-def _measured(fleet: Fleet, seconds: float) -> Flown:
+def _measured(fleet: Fleet, seconds: float) -> list[Commands]:
     names = list(fleet.file.vehicles)
     fleet.take_off()
     fleet.wait_for_formation()
@@ -137,12 +123,12 @@ def _measured(fleet: Fleet, seconds: float) -> Flown:
     depth = int(200 * (seconds + SETTLE_S))
     inboxes = [fleet.session.subscribe(channels.APPLIED, name, depth=depth) for name in names]
     fly_legs(fleet, seconds)
-    flown = Flown()
-    for inbox in inboxes:
-        obeyed = [received.message for received in inbox.drain()]
-        flown.add(obeyed)
+    drained = [[received.message for received in inbox.drain()] for inbox in inboxes]
     fleet.land()
-    return flown
+    return [
+        [(applied.frame, times_s) for applied in messages if (times_s := _times_s(applied)) is not None]
+        for messages in drained
+    ]
 
 
 def fleet_text(addresses: Mapping[str, str], agents: Mapping[str, str], certificates: Path | None) -> str:

@@ -21,7 +21,7 @@ from rcopterx.experiments.knowledge import Knowledge, flies_helicopters
 from rcopterx.experiments.record import rms, rms_and_max_mm
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
-from rcopterx.experiments.schemes import CASCADE, HORIZON, Scheme
+from rcopterx.experiments.schemes import CASCADE, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array
@@ -83,7 +83,6 @@ def vehicles(
     links: FormationGraph,
     conditions: Conditions,
     seed: int,
-    horizon: int = HORIZON,
     scheme: Scheme = CASCADE,
     start: tuple[float, float, float, float] = START,
 ) -> list[RigVehicle]:
@@ -92,7 +91,7 @@ def vehicles(
     found = []
     for name, following in links.items():
         x, y, z, yaw = where[name].tolist()
-        found.append(scheme.vehicle(name, Pose((x, y, z), yaw), conditions, seed, horizon, following))
+        found.append(scheme.vehicle(name, Pose((x, y, z), yaw), conditions, seed, following))
     return found
 
 
@@ -110,7 +109,8 @@ def fly_shape(
         GoTo((number + 1) * SLOT_S, HEAD, (x + dx, y + dy, z + dz), yaw)
         for number, (dx, dy, dz) in enumerate(steps)
     ]
-    rig = Rig(vehicles(links, conditions, seed, QUICK_HORIZON if quick else HORIZON), conditions, seed)
+    scheme = replace(CASCADE, horizon=QUICK_HORIZON) if quick else CASCADE
+    rig = Rig(vehicles(links, conditions, seed, scheme), conditions, seed)
     record = rig.fly((len(steps) + 1) * SLOT_S, events, progress)
     return {name: record[name].formation_error_m(SETTLED_S) for name, own in links.items() if own}
 
@@ -137,11 +137,11 @@ def fly_helicopters(
     names = [f"h{number}" for number in range(1, length + 1)]
     links: FormationGraph = {HEAD: ()}
     links |= {name: (_behind(leader, -0.1, 0.0, "inertial"),) for leader, name in pairwise(names)}
-    scheme, horizon = CASCADE.knowing(knowledge), QUICK_HORIZON if quick else DEEP_HORIZON
+    scheme = replace(CASCADE.knowing(knowledge), horizon=QUICK_HORIZON if quick else DEEP_HORIZON)
     rig = Rig(
         [
             replace(vehicle, deviation_share=share)
-            for vehicle in vehicles(links, conditions, seed, horizon, scheme, DEEP_START)
+            for vehicle in vehicles(links, conditions, seed, scheme, DEEP_START)
         ],
         conditions,
         seed,

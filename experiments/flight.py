@@ -37,8 +37,6 @@ class Manoeuvre:
         Flies it on a fleet that is in the air.
     checks
         Conditions on the recorded flight.
-    height_m
-        Take-off height.
     fleet
         Shipped fleet with which it can be flown.
     from_floor
@@ -50,7 +48,6 @@ class Manoeuvre:
     seconds: float
     fly: Step
     checks: tuple[Check, ...]
-    height_m: float = 1.0
     fleet: str = DEFAULT_FLEET
     from_floor: bool = False
 
@@ -109,8 +106,8 @@ def fly(
     try:
         with stopped_by(stop):
             if not manoeuvre.from_floor:
-                journal(f"take-off to {manoeuvre.height_m:g} m")
-                fleet.take_off(height_m=manoeuvre.height_m)
+                journal("take-off to 1 m")
+                fleet.take_off(height_m=1.0)
                 wait(SETTLE_S)
             journal.begin()
             recorder.start()

@@ -21,7 +21,7 @@ from rcopterx.experiments.knowledge import COAXIAL_LAG
 from rcopterx.experiments.record import FlightRecord, rms_and_max_mm
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigOptions, RigVehicle
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
-from rcopterx.experiments.schemes import CASCADE, HORIZON, PAPER, Scheme, compared
+from rcopterx.experiments.schemes import CASCADE, PAPER, Scheme, compared
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array
@@ -123,16 +123,15 @@ def following(offset_m: Three, yaw_offset_rad: float = 0.0) -> LeaderLink:
     return LeaderLink(leader=LEADER, offset_m=offset_m, yaw_offset_rad=yaw_offset_rad)
 
 
-def formation(scheme: Scheme, conditions: Conditions, seed: int, horizon: int = HORIZON) -> list[RigVehicle]:
+def formation(scheme: Scheme, conditions: Conditions, seed: int) -> list[RigVehicle]:
     """One leader and two followers in the air, a metre above the floor."""
-    leader = scheme.vehicle(LEADER, Pose((0.0, 0.0, 1.0)), conditions, seed, horizon)
+    leader = scheme.vehicle(LEADER, Pose((0.0, 0.0, 1.0)), conditions, seed)
     followers = [
         scheme.vehicle(
             name,
             Pose((NEAR[name][0], NEAR[name][1], 1.0 + NEAR[name][2])),
             conditions,
             seed,
-            horizon,
             (following(NEAR[name]),),
         )
         for name in FOLLOWERS

@@ -1,7 +1,7 @@
 """The paper's Fig. 1: hovering flights of two minutes, mean square error per axis and yaw."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
@@ -11,7 +11,7 @@ from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.knowledge import flies_helicopters
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result, median_and_worst
-from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, HORIZON, KUNZ, PAPER, Scheme
+from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, KUNZ, PAPER, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import YAW, Array
@@ -25,49 +25,34 @@ SET_POINT_M: Final = (0.0, 0.0, 1.0)
 AXES: Final = ("x", "y", "z")
 
 
-@dataclass(frozen=True)
-class Setting:
-    """A scheme with a horizon."""
-
-    scheme: Scheme
-    horizon: int
-
-
-SETTINGS: Final[tuple[Setting, ...]] = (
-    Setting(KUNZ, PAPER_HORIZON),
-    Setting(PAPER, PAPER_HORIZON),
-    Setting(CASCADE, PAPER_HORIZON),
-    Setting(replace(CASCADE, name="cascade_50", title="Cascade, N = 50"), HORIZON),
+LAG_SCHEMES: Final = (
+    *(replace(scheme, horizon=PAPER_HORIZON) for scheme in (KUNZ, PAPER, CASCADE)),
+    replace(CASCADE, name="cascade_50", title="Cascade, N = 50"),
 )
 """[11] (no z integrator, no terminal cost), the paper's scheme and ours with N = 18; ours with N = 50."""
-HELICOPTER_SETTINGS: Final = tuple(
-    Setting(scheme, HORIZON) for scheme in (*HELICOPTER_SCHEMES.values(), *ABLATIONS.values())
-)
-"""On helicopters: every scheme, and the cascade without each of its parts."""
 
 
-def settings_in(conditions: Conditions) -> tuple[Setting, ...]:
-    """Settings that are flown in these conditions."""
-    return HELICOPTER_SETTINGS if flies_helicopters(conditions) else SETTINGS
+def schemes_in(conditions: Conditions) -> tuple[Scheme, ...]:
+    """Schemes of these conditions; on helicopters also the cascade without each of its parts."""
+    if flies_helicopters(conditions):
+        return (*HELICOPTER_SCHEMES.values(), *ABLATIONS.values())
+    return LAG_SCHEMES
 
 
 def fly_hover(
-    setting: Setting, flight_s: float, conditions: Conditions, seed: int, progress: Progress | None = None
+    scheme: Scheme, flight_s: float, conditions: Conditions, seed: int, progress: Progress | None = None
 ) -> Array:
     """Hover; returns true errors x, y, z [m], yaw [rad] in every settled control period, shape (K, 4)."""
-    vehicle = setting.scheme.vehicle("h1", Pose(SET_POINT_M), conditions, seed, setting.horizon)
+    vehicle = scheme.vehicle("h1", Pose(SET_POINT_M), conditions, seed)
     rig = Rig([vehicle], conditions, seed)
     return rig.fly(flight_s, progress=progress)["h1"].reference_error(SETTLED_S)
 
 
 def cases(options: Options) -> Cases[Array]:
-    """Every setting of these conditions."""
+    """Every scheme of these conditions."""
     drawn = flies_helicopters(options.conditions)
     flight_s = QUICK_FLIGHT_S if options.quick else HELICOPTER_FLIGHT_S if drawn else FLIGHT_S
-    return {
-        setting.scheme.name: partial(fly_hover, setting, flight_s)
-        for setting in settings_in(options.conditions)
-    }
+    return {scheme.name: partial(fly_hover, scheme, flight_s) for scheme in schemes_in(options.conditions)}
 
 
 def figures(_: str, flights: Mapping[int, Array]) -> dict[str, Any]:
@@ -101,14 +86,14 @@ def draw_hover(result: Result[Array], figure: Any) -> None:
     """Draw bars of the mean squares as in the paper's Fig. 1, on a logarithmic scale."""
     figure.set_size_inches(9, 4.5)
     left, right = figure.subplots(1, 2, width_ratios=(3, 1))
-    settings = settings_in(result.options.conditions)
-    width = 0.8 / len(settings)
-    for index, setting in enumerate(settings):
-        table = result.document[setting.scheme.name]
-        shift = (index - (len(settings) - 1) / 2) * width
+    schemes = schemes_in(result.options.conditions)
+    width = 0.8 / len(schemes)
+    for index, scheme in enumerate(schemes):
+        table = result.document[scheme.name]
+        shift = (index - (len(schemes) - 1) / 2) * width
         places = np.arange(len(AXES)) + shift
         squares = [table[axis]["mean_square_mm2"] for axis in AXES]
-        left.bar(places, squares, width, label=setting.scheme.title)
+        left.bar(places, squares, width, label=scheme.title)
         right.bar([shift], [table["yaw"]["mean_square_rad2"]], width)
     left.set_xticks(np.arange(len(AXES)), AXES)
     right.set_xticks([0.0], ["psi"])

@@ -113,7 +113,7 @@ class Rig:
     ) -> None:
         self._vehicles = {vehicle.name: vehicle for vehicle in vehicles}
         self._options = options
-        self._laboratory = Laboratory(
+        self.laboratory = Laboratory(
             {name: vehicle.plant_type or vehicle.model for name, vehicle in self._vehicles.items()},
             {name: vehicle.start for name, vehicle in self._vehicles.items()},
             conditions,
@@ -139,11 +139,6 @@ class Rig:
             # As for an agent that starts while its vehicle is in the air.
             pilot.note_applied("armed", 0, self._vehicles[name].model.hover_input)
 
-    @property
-    def laboratory(self) -> Laboratory:
-        """The plants."""
-        return self._laboratory
-
     def log(self, name: str) -> FlightLog:
         """Log poses and sticks of a vehicle from now on, for an identification."""
         self._logs[name] = FlightLog(self._vehicles[name].model.kind, PERIOD_S)
@@ -167,7 +162,7 @@ class Rig:
             while waiting and waiting[0].time_s <= now_s + 1e-9:
                 self._apply(waiting.popleft())
             self._control(now_s, recorders)
-            self._laboratory.advance(PERIOD_S)
+            self.laboratory.advance(PERIOD_S)
             self._frame += 1
             for name, pilot in self.pilots.items():
                 pilot.observe(self._measured(name))
@@ -176,7 +171,7 @@ class Rig:
         return FlightRecord(
             {
                 name: recorder.record(
-                    self.pilots[name].fallbacks + self.guards[name].events, self._laboratory.plant(name)
+                    self.pilots[name].fallbacks + self.guards[name].events, self.laboratory.plant(name)
                 )
                 for name, recorder in recorders.items()
             }
@@ -202,7 +197,7 @@ class Rig:
         )
 
     def _measured(self, name: str) -> StampedMeasurement:
-        pose = self._laboratory.measured_pose(name)
+        pose = self.laboratory.measured_pose(name)
         measurement = Measurement.of_pose(pose.position_m, pose.quaternion_xyzw)
         self._seen[name] = StampedMeasurement(1, self._frame, PERIOD_S, measurement)
         return self._seen[name]
@@ -228,12 +223,12 @@ class Rig:
                 self.guards[name].watch(flight)
                 self.tunings[name].wait()
                 self.tunings[name].finish()
-            self._laboratory.set_input(name, flight.input)
+            self.laboratory.set_input(name, flight.input)
             self._add_to_log(name, flight)
             # The transmitter gateway reports the applied input before the next pose.
             pilot.note_applied("armed", pilot.sequence, flight.input)
             self._plans[name] = (self._frame, flight)
-            motion = self._laboratory.plant(name).motion
+            motion = self.laboratory.plant(name).motion
             recorders[name].add(now_s, motion, flight, self._station(pilot))
 
     def _add_to_log(self, name: str, flight: ControlOutput) -> None:
@@ -275,7 +270,7 @@ class Rig:
         place = np.zeros(4)
         total = sum(link.weight for link in links)
         for link in links:
-            leader = np.array(self._laboratory.plant(link.leader).motion[:4])
+            leader = np.array(self.laboratory.plant(link.leader).motion[:4])
             offset = link.offset_at(pilot.clock.time_s)
             arm = np.append(offset.position_m, offset.yaw_rad)
             if offset.frame == "heading":

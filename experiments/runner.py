@@ -127,22 +127,17 @@ class Experiment(Generic[T]):
             A kept flight has a result of another type.
         """
         cases, presets = self.cases(options), self.presets(options)
-        flown: dict[str, dict[str, dict[int, T]]] = {
-            preset: {name: {} for name in cases} for preset in presets
-        }
-        labels = {
-            f"{name}, {preset}, seed {seed}": (preset, name, seed)
+        flights = {
+            _label(name, preset, seed): partial(case, conditions=PRESETS[preset], seed=seed)
             for preset, seeds in presets.items()
-            for name in cases
+            for name, case in cases.items()
             for seed in seeds
         }
-        works = {
-            label: partial(cases[name], conditions=PRESETS[preset], seed=seed)
-            for label, (preset, name, seed) in labels.items()
+        results = fly_all(flights, options, show)
+        flown = {
+            preset: {name: {seed: results[_label(name, preset, seed)] for seed in seeds} for name in cases}
+            for preset, seeds in presets.items()
         }
-        for label, result in fly_all(works, options, show).items():
-            preset, name, seed = labels[label]
-            flown[preset][name][seed] = result
         tables = {preset: self._document(by_case) for preset, by_case in flown.items()}
         return Result(options, flown, tables if self.beside_ideal else tables[options.preset])
 
@@ -155,6 +150,10 @@ class Experiment(Generic[T]):
                 place = place.setdefault(group, {})
             place[last] = self.figures(name, by_seed)
         return document
+
+
+def _label(case: str, preset: str, seed: int) -> str:
+    return f"{case}, {preset}, seed {seed}"
 
 
 def fly_all(flights: Mapping[str, "partial[T]"], options: Options, show: ShowProgress) -> dict[str, T]:

@@ -31,6 +31,7 @@ class Scheme:
     previous_frame: bool = False
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     knowledge: Knowledge = "default"
+    horizon: int = HORIZON
 
     @property
     def measured_tilt(self) -> bool:
@@ -43,7 +44,6 @@ class Scheme:
         start: Pose,
         conditions: Conditions,
         seed: int,
-        horizon: int = HORIZON,
         following: tuple[LeaderLink, ...] = (),
     ) -> RigVehicle:
         """A vehicle of the conditions' coaxial type that is flown by this scheme."""
@@ -54,7 +54,7 @@ class Scheme:
             self.controller,
             self.settings,
             estimator_settings=self.estimator_settings,
-            horizon=horizon,
+            horizon=self.horizon,
             following=following,
             plant_type=plant_type(conditions),
             as_published=self.controller == "paper",

@@ -55,7 +55,8 @@ def jacobian_at_rest(model: Model, period_s: float) -> Array:
     position, velocity = np.array((X, Y, Z, YAW)), np.array((XD_BODY, YD_BODY, ZD_BODY, YAW_RATE))
     actuator, disturbance = np.arange(SIZE)[ACTUATOR], np.arange(SIZE)[DISTURBANCE]
     lag_s, instant = np.array(model.lag_s), np.array(model.lag_s) == 0.0
-    gain, rate = np.where(instant, 0.0, (model.input_gain, 1.0 / np.where(instant, 1.0, lag_s)))
+    gain = np.where(instant, 0.0, np.array(model.input_gain))
+    rate = np.where(instant, 0.0, 1.0 / np.where(instant, 1.0, lag_s))
     continuous = np.zeros((SIZE, SIZE))
     continuous[position, velocity] = continuous[velocity, disturbance] = 1.0
     continuous[velocity, velocity] = model.direct_damping

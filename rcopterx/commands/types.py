@@ -1,7 +1,5 @@
 """Vehicle types: `types`."""
 
-import typer
-
 from rcopterx.commands.output import JsonOption, print_document
 
 
@@ -12,21 +10,18 @@ def types(as_json: JsonOption = False) -> None:
 
     with user_errors():
         found = [vehicle_type(name) for name in type_names()]
-    if as_json:
-        document = {
-            one.name: {
-                "text": one.file.text,
-                "protocol": one.file.transmitter.protocol,
-                "settings": one.file.transmitter.settings,
-                "airframe": one.model.airframe,
-                "thrust_to_weight": one.model.input_gain[2] / one.model.gravity_m_s2,
-                "hover_thrust": one.model.hover_thrust,
-                "lowest_ceiling_m": one.file.lowest_ceiling_m,
-            }
-            for one in found
+    document = {
+        one.name: {
+            "text": one.file.text,
+            "protocol": one.file.transmitter.protocol,
+            "settings": one.file.transmitter.settings,
+            "airframe": one.model.airframe,
+            "thrust_to_weight": one.model.input_gain[2] / one.model.gravity_m_s2,
+            "hover_thrust": one.model.hover_thrust,
+            "lowest_ceiling_m": one.file.lowest_ceiling_m,
         }
-        print_document(document, as_json)
-        return
-    width = max(len(one.name) for one in found)
-    for one in found:
-        typer.echo(f"{one.name:{width}}  {one.file.text}")
+        for one in found
+    }
+    width = max(map(len, document))
+    lines = (f"{one.name:{width}}  {one.file.text}" for one in found)
+    print_document(document, as_json, lambda _: "\n".join(lines))

@@ -122,7 +122,7 @@ def test_latencies_above_those_of_an_idle_computer_are_remarked_on(
 
 
 def manoeuvre(flown: Callable[[Fleet, Say, Wait], None], *checks: Check) -> Manoeuvre:
-    return Manoeuvre("test", "A test", 1.0, flown, checks, height_m=0.6)
+    return Manoeuvre("test", "A test", 1.0, flown, checks)
 
 
 @pytest.fixture
@@ -155,7 +155,7 @@ def test_a_manoeuvre_takes_off_flies_records_and_lands(lab: Lab) -> None:
         running.wait_until(more, 10, "never")
 
     result = fly(manoeuvre(flown), fleet, lines.append, lambda _: None)
-    assert lines == ["take-off to 0.6 m", "there", "landing"]
+    assert lines == ["take-off to 1 m", "there", "landing"]
     assert vehicles["h1"].verbs == ["Arm", "TakeOff", "GoTo", "Land", "Disarm"]
     phases = {message.phase for message, _ in result.recording.messages(channels.AGENT_STATUS, "h1")}
     assert phases == {"flying"}

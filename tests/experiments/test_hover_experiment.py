@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from rcopterx.experiments.hover import SETTINGS, figures, fly_hover, over_vehicles, settings_in
+from rcopterx.experiments.hover import LAG_SCHEMES, figures, fly_hover, over_vehicles, schemes_in
 from rcopterx.experiments.schemes import ABLATIONS, HELICOPTER_SCHEMES
 from rcopterx.simulator.conditions import HELICOPTERS, LABORATORY
 
 
 def test_cascade_hovers_better_than_the_papers_scheme_and_that_better_than_its_predecessor() -> None:
     squares = {
-        setting.scheme.name: np.mean(np.square(fly_hover(setting, 15.0, LABORATORY, 0)), axis=0)
-        for setting in SETTINGS
+        scheme.name: np.mean(np.square(fly_hover(scheme, 15.0, LABORATORY, 0)), axis=0)
+        for scheme in LAG_SCHEMES
     }
     assert (squares["cascade"] < squares["paper"] / 2).all()
     assert (squares["paper"][:2] < squares["kunz_2013"][:2]).all()
@@ -19,8 +19,8 @@ def test_cascade_hovers_better_than_the_papers_scheme_and_that_better_than_its_p
 
 
 def test_helicopters_hover_by_every_scheme_and_by_the_cascade_without_each_of_its_parts() -> None:
-    assert settings_in(LABORATORY) == SETTINGS
-    flown = {setting.scheme.name: setting for setting in settings_in(HELICOPTERS)}
+    assert schemes_in(LABORATORY) == LAG_SCHEMES
+    flown = {scheme.name: scheme for scheme in schemes_in(HELICOPTERS)}
     assert list(flown) == [*HELICOPTER_SCHEMES, *ABLATIONS]
     known, unknown = (
         np.sqrt(np.mean(np.square(fly_hover(flown[name], 12.0, HELICOPTERS, 1)), axis=0))

@@ -91,7 +91,8 @@ def test_knowledge_of_the_pilot_does_not_change_the_plant() -> None:
     schemes = (CASCADE, CASCADE.knowing("exact"), CASCADE.knowing("lag"), CASCADE.knowing("late"))
     states = []
     for scheme in schemes:
-        rig = Rig([scheme.vehicle("h1", Pose((0.0, 0.0, 1.0)), HELICOPTERS, 3, 10)], HELICOPTERS, 3)
+        vehicle = replace(scheme, horizon=10).vehicle("h1", Pose((0.0, 0.0, 1.0)), HELICOPTERS, 3)
+        rig = Rig([vehicle], HELICOPTERS, 3)
         plant = rig.laboratory.plant("h1")
         plant.set_input((0.3, 0.0, 0.5, 0.0))
         plant.advance(0.1)
