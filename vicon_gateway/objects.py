@@ -1,14 +1,14 @@
 """Objects of the DataStream protocol that a client reads or sends (Vicon DataStream SDK), in its units.
 
-Every object is a frozen dataclass (`wire_object`) with its type number `KIND`, `payload()` to encode and
-`parse(payload)` to decode; `parse` raises `WireError` and nothing else. Poses are in millimetres,
-right-handed, with row-major rotation matrices that map segment to world coordinates.
+Every object is a frozen dataclass (`wire_object`) with its type number `KIND` and the layouts of its fields;
+`parse` raises `WireError` and nothing else. Poses are in millimetres, right-handed, with row-major rotation
+matrices that map segment to world coordinates.
 """
 
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Self, TypeVar, dataclass_transform
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
 from rcopterx.vicon_gateway.wire import (
     ObjectType,
@@ -27,11 +27,70 @@ Vector3 = tuple[float, float, float]
 Matrix3 = tuple[float, float, float, float, float, float, float, float, float]
 IDENTITY: Matrix3 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
-_U32 = struct.Struct("<I")
-_F64 = struct.Struct("<d")
-_BOUNDS = struct.Struct("<6f")
-_SEGMENT = struct.Struct("<I12d")
 _BY_KIND: dict[int, "type[WireObject]"] = {}
+
+
+class Layout(NamedTuple):
+    """How a value is written and read; a written one has at least `least_bytes`."""
+
+    write: Callable[[Any], bytes]
+    read: Callable[[PayloadReader], Any]
+    least_bytes: int
+
+
+def number(code: str) -> Layout:
+    """A number with a code of `struct`."""
+    layout = struct.Struct(f"<{code}")
+    return Layout(layout.pack, lambda reader: reader.take(layout)[0], layout.size)
+
+
+def numbers(code: str) -> Layout:
+    """A fixed number of numbers."""
+    layout = struct.Struct(f"<{code}")
+    return Layout(lambda values: layout.pack(*values), lambda reader: reader.take(layout), layout.size)
+
+
+def pair(first: Layout, second: Layout) -> Layout:
+    """Two values."""
+    return Layout(
+        lambda values: first.write(values[0]) + second.write(values[1]),
+        lambda reader: (first.read(reader), second.read(reader)),
+        first.least_bytes + second.least_bytes,
+    )
+
+
+def record(kind: Callable[..., Any], fields: Mapping[str, Layout]) -> Layout:
+    """An object with these fields, in the order of the wire."""
+    return Layout(
+        lambda item: b"".join(layout.write(getattr(item, name)) for name, layout in fields.items()),
+        lambda reader: kind(**{name: layout.read(reader) for name, layout in fields.items()}),
+        sum(layout.least_bytes for layout in fields.values()),
+    )
+
+
+def many(item: Layout) -> Layout:
+    """Any number of items, after their count."""
+    return Layout(
+        lambda items: U32.write(len(items)) + b"".join(map(item.write, items)),
+        lambda reader: tuple([item.read(reader) for _ in range(reader.count(item.least_bytes))]),
+        U32.least_bytes,
+    )
+
+
+def mapping(key: Layout, value: Layout) -> Layout:
+    """A mapping in the order of its keys."""
+    entries = many(pair(key, value))
+    return Layout(
+        lambda items: entries.write(sorted(items.items())),
+        lambda reader: dict(entries.read(reader)),
+        entries.least_bytes,
+    )
+
+
+U32, F64 = number("I"), number("d")
+STRING = Layout(encode_string, PayloadReader.string, U32.least_bytes)
+U32_SET = Layout(encode_u32_set, lambda reader: frozenset(reader.u32_list()), U32.least_bytes)
+FLAG = Layout(number("?").write, lambda reader: reader.u8() == 1, 1)
 
 
 class WireObject:
@@ -39,52 +98,33 @@ class WireObject:
 
     __slots__ = ()
     KIND: ClassVar[ObjectType]
+    LAYOUT: ClassVar[Layout]
 
     def payload(self) -> bytes:
-        """Return the encoded payload; objects without fields have none."""
-        return b""
+        """Return the encoded payload."""
+        return self.LAYOUT.write(self)
 
     @classmethod
     def parse(cls, payload: bytes) -> Self:
         """Decode a payload, surplus bytes at its end ignored; raises `WireError`."""
-        del payload
-        return cls()
+        parsed: Self = cls.LAYOUT.read(PayloadReader(payload))
+        return parsed
 
     def encode(self) -> bytes:
         """Return the object with its header."""
         return encode_object(self.KIND, self.payload())
 
 
-class FixedObject(WireObject):
-    """An object whose fields have a fixed layout, in their order."""
-
-    __slots__ = ()
-    __match_args__: ClassVar[tuple[str, ...]]
-    LAYOUT: ClassVar[struct.Struct]
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return self.LAYOUT.pack(*[getattr(self, name) for name in self.__match_args__])
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        new: Callable[..., Self] = cls
-        return new(*PayloadReader(payload).take(cls.LAYOUT))
-
-
 Kind = TypeVar("Kind", bound=WireObject)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def wire_object(kind: ObjectType, layout: str = "") -> Callable[[type[Kind]], type[Kind]]:
-    """Make a frozen dataclass of an object with a type number, and a fixed layout if it has one."""
+def wire_object(kind: ObjectType, **fields: Layout) -> Callable[[type[Kind]], type[Kind]]:
+    """Make a frozen dataclass of an object with a type number and the layouts of its fields."""
 
     def made(described: type[Kind]) -> type[Kind]:
         result = dataclass(frozen=True, slots=True)(described)
-        result.KIND = kind
-        if issubclass(result, FixedObject):
-            result.LAYOUT = struct.Struct(layout)
+        result.KIND, result.LAYOUT = kind, record(result, fields)
         _BY_KIND[kind] = result
         return result
 
@@ -96,88 +136,51 @@ def packet(*objects: WireObject) -> bytes:
     return encode_packet(*(item.encode() for item in objects))
 
 
-@wire_object(ObjectType.OBJECT_ENUMS)
+@wire_object(ObjectType.OBJECT_ENUMS, types=U32_SET)
 class ObjectEnums(WireObject):
     """The server's offer, or the client's selection out of it."""
 
     types: frozenset[int] = frozenset()
 
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return encode_u32_set(self.types)
 
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        return cls(frozenset(PayloadReader(payload).u32_list()))
-
-
-@wire_object(ObjectType.REQUEST_FRAME, "<?")
-class RequestFrame(FixedObject):
+@wire_object(ObjectType.REQUEST_FRAME, streaming=number("?"))
+class RequestFrame(WireObject):
     """Streaming: push every frame from now on. Otherwise: stop pushing and send one frame."""
 
     streaming: bool
 
 
-@wire_object(ObjectType.REQUEST_NEXT_FRAME, "<I")
-class RequestNextFrame(FixedObject):
+@wire_object(ObjectType.REQUEST_NEXT_FRAME, number=U32)
+class RequestNextFrame(WireObject):
     """Ask for the next `number` frames, each as soon as it is captured (SDK 1.9 and later)."""
 
     number: int = 1
 
 
-@wire_object(ObjectType.KEEP_ALIVE)
-class KeepAlive(WireObject):
-    """No content; clients ignore it."""
-
-
-@wire_object(ObjectType.CONTENTS)
+@wire_object(ObjectType.CONTENTS, counts=mapping(U32, U32), unchanged=U32_SET)
 class Contents(WireObject):
     """Contents of a frame packet: objects per selected type, and types left out because unchanged."""
 
     counts: Mapping[int, int] = field(default_factory=dict)
     unchanged: frozenset[int] = frozenset()
 
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        flat = tuple(number for pair in sorted(self.counts.items()) for number in pair)
-        return struct.pack(f"<I{len(flat)}I", len(flat) // 2, *flat) + encode_u32_set(self.unchanged)
 
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        reader = PayloadReader(payload)
-        counts = {reader.u32(): reader.u32() for _ in range(reader.count(8))}
-        return cls(counts, frozenset(reader.u32_list()))
-
-
-@wire_object(ObjectType.PING, "<Q")
-class Ping(FixedObject):
+@wire_object(ObjectType.PING, number=number("Q"))
+class Ping(WireObject):
     """Echoed by the server at once, in a packet of its own."""
 
     number: int
 
 
-@wire_object(ObjectType.FILTER)
+@wire_object(ObjectType.FILTER, allowed=mapping(U32, U32_SET))
 class Filter(WireObject):
     """For the named types send only objects of these subject (or camera) ids."""
 
     allowed: Mapping[int, frozenset[int]] = field(default_factory=dict)
 
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        entries = (_U32.pack(kind) + encode_u32_set(ids) for kind, ids in sorted(self.allowed.items()))
-        return _U32.pack(len(self.allowed)) + b"".join(entries)
 
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        reader = PayloadReader(payload)
-        return cls({reader.u32(): frozenset(reader.u32_list()) for _ in range(reader.count(8))})
-
-
-@wire_object(ObjectType.STREAM_INFO, "<q")
-class StreamInfo(FixedObject):
+@wire_object(ObjectType.STREAM_INFO, period_ticks=number("q"))
+class StreamInfo(WireObject):
     """Frame period in ticks of 135 MHz."""
 
     period_ticks: int
@@ -198,7 +201,17 @@ class SegmentInfo:
     bounds_mm: tuple[float, ...] = (0.0,) * 6
 
 
-@wire_object(ObjectType.SUBJECT_INFO)
+SEGMENT_INFO = record(SegmentInfo, {"parent": U32, "id": U32, "bounds_mm": numbers("6f"), "name": STRING})
+
+
+@wire_object(
+    ObjectType.SUBJECT_INFO,
+    id=U32,
+    name=STRING,
+    segments=many(SEGMENT_INFO),
+    markers=many(pair(U32, STRING)),
+    attachments=many(pair(U32, U32)),
+)
 class SubjectInfo(WireObject):
     """Names and structure of one subject; `id` is the key used by all other objects."""
 
@@ -213,77 +226,30 @@ class SubjectInfo(WireObject):
         """The segment whose parent is 0, whatever its name."""
         return next((segment for segment in self.segments if segment.parent == 0), None)
 
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        parts = [_U32.pack(self.id), encode_string(self.name), _U32.pack(len(self.segments))]
-        for segment in self.segments:
-            parts += [_U32.pack(segment.parent), _U32.pack(segment.id), _BOUNDS.pack(*segment.bounds_mm)]
-            parts.append(encode_string(segment.name))
-        parts.append(_U32.pack(len(self.markers)))
-        for marker, name in self.markers:
-            parts += [_U32.pack(marker), encode_string(name)]
-        parts.append(_U32.pack(len(self.attachments)))
-        parts += [_U32.pack(number) for pair in self.attachments for number in pair]
-        return b"".join(parts)
 
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        reader = PayloadReader(payload)
-        subject, name = reader.u32(), reader.string()
-        segments = []
-        for _ in range(reader.count(36)):
-            parent, segment = reader.u32(), reader.u32()
-            bounds = reader.take(_BOUNDS)
-            segments.append(SegmentInfo(parent, segment, reader.string(), bounds))
-        markers = tuple((reader.u32(), reader.string()) for _ in range(reader.count(8)))
-        attachments = tuple((reader.u32(), reader.u32()) for _ in range(reader.count(8)))
-        return cls(subject, name, tuple(segments), markers, attachments)
-
-
-@wire_object(ObjectType.FRAME_INFO, "<I")
-class FrameInfo(FixedObject):
+@wire_object(ObjectType.FRAME_INFO, frame=U32)
+class FrameInfo(WireObject):
     """Frame id counted from 0; SDK 1.11 and later report id + 1 as the frame number."""
 
     frame: int
 
 
-@wire_object(ObjectType.LATENCY_INFO)
+@wire_object(ObjectType.LATENCY_INFO, samples=many(pair(STRING, F64)))
 class LatencyInfo(WireObject):
     """Latency of each pipeline stage in seconds; the total is their sum."""
 
     samples: tuple[tuple[str, float], ...] = ()
 
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        samples = (encode_string(name) + _F64.pack(value) for name, value in self.samples)
-        return _U32.pack(len(self.samples)) + b"".join(samples)
 
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        reader = PayloadReader(payload)
-        return cls(tuple((reader.string(), reader.take(_F64)[0]) for _ in range(reader.count(12))))
-
-
-@wire_object(ObjectType.APPLICATION_INFO)
+@wire_object(ObjectType.APPLICATION_INFO, y_up=FLAG)
 class ApplicationInfo(WireObject):
     """Axis that points up; absent (old Tracker) means Z."""
 
     y_up: bool = False
 
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        return bytes((self.y_up,))
 
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        return cls(PayloadReader(payload).u8() == 1)
-
-
-@wire_object(ObjectType.OBJECT_QUALITY, "<Id")
-class ObjectQuality(FixedObject):
+@wire_object(ObjectType.OBJECT_QUALITY, subject=U32, quality=F64)
+class ObjectQuality(WireObject):
     """Quality of one subject from 0 (bad) to 1 (good)."""
 
     subject: int
@@ -299,28 +265,15 @@ class Segment:
     rotation: Matrix3 = IDENTITY
 
 
-@wire_object(ObjectType.GLOBAL_SEGMENTS)
+SEGMENT = record(Segment, {"id": U32, "translation_mm": numbers("3d"), "rotation": numbers("9d")})
+
+
+@wire_object(ObjectType.GLOBAL_SEGMENTS, subject=U32, segments=many(SEGMENT))
 class GlobalSegments(WireObject):
     """One subject's segments in world coordinates; a subject without this object in a frame is occluded."""
 
     subject: int
     segments: tuple[Segment, ...]
-
-    def payload(self) -> bytes:
-        """Return the encoded payload."""
-        poses = (_SEGMENT.pack(item.id, *item.translation_mm, *item.rotation) for item in self.segments)
-        return _U32.pack(self.subject) + _U32.pack(len(self.segments)) + b"".join(poses)
-
-    @classmethod
-    def parse(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `WireError`."""
-        reader = PayloadReader(payload)
-        subject = reader.u32()
-        segments = []
-        for _ in range(reader.count(_SEGMENT.size)):
-            number, x, y, z, a, b, c, d, e, f, g, h, i = reader.take(_SEGMENT)
-            segments.append(Segment(int(number), (x, y, z), (a, b, c, d, e, f, g, h, i)))
-        return cls(subject, tuple(segments))
 
 
 def decode_object(kind: int, payload: bytes) -> WireObject | None:

@@ -16,7 +16,6 @@ from rcopterx.vicon_gateway.objects import (
     Filter,
     FrameInfo,
     GlobalSegments,
-    KeepAlive,
     LatencyInfo,
     ObjectEnums,
     Ping,
@@ -234,7 +233,10 @@ def test_ping_is_answered_at_once_in_a_packet_of_its_own_whatever_the_profile() 
 def test_requests_that_mean_nothing_here_are_ignored() -> None:
     session = TrackerConnection(ALL)
     unknown = encode_packet(encode_object(123, b"abc"))
-    assert session.receive(packet(KeepAlive()) + unknown + EMPTY_PACKET) == []
+    assert (
+        session.receive(encode_packet(encode_object(ObjectType.KEEP_ALIVE, b"")) + unknown + EMPTY_PACKET)
+        == []
+    )
 
 
 def test_malformed_request_is_refused() -> None:

@@ -12,7 +12,6 @@ from rcopterx.vicon_gateway.objects import (
     Contents,
     FrameInfo,
     GlobalSegments,
-    KeepAlive,
     LatencyInfo,
     ObjectEnums,
     ObjectQuality,
@@ -26,7 +25,9 @@ from rcopterx.vicon_gateway.objects import (
     packet,
 )
 from rcopterx.vicon_gateway.rotations import matrix_from_quaternion, y_up_from_z_up
-from rcopterx.vicon_gateway.wire import WireError, encode_object, encode_packet
+from rcopterx.vicon_gateway.wire import ObjectType, WireError, encode_object, encode_packet
+
+KEEP_ALIVE = encode_packet(encode_object(ObjectType.KEEP_ALIVE, b""))
 
 FULL_OFFER = frozenset({1, 2, 5, 6, 7, 8, 9, 23, 26, 28, 29, 36, 37, 39, 40, 42, 901, 28001, 100004})
 SELECTED = Contents({1: 0, 2: 0, 5: 1, 9: 0, 26: 0}, frozenset({1, 2}))
@@ -102,7 +103,7 @@ def test_other_servers_are_recognised_by_their_first_bytes(data: bytes) -> None:
 
 def test_first_packet_without_offer_is_no_datastream_server() -> None:
     with pytest.raises(WireError, match="not a DataStream server"):
-        DataStreamSession().feed(packet(KeepAlive()), 0.0)
+        DataStreamSession().feed(KEEP_ALIVE, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -340,7 +341,7 @@ def test_frames_without_a_usable_period_are_refused_until_there_is_one() -> None
 
 
 @pytest.mark.parametrize(
-    "harmless", [encode_packet(), packet(KeepAlive()), encode_packet(encode_object(64123, bytes(40)))]
+    "harmless", [encode_packet(), KEEP_ALIVE, encode_packet(encode_object(64123, bytes(40)))]
 )
 def test_packets_without_data_are_passed_over(harmless: bytes) -> None:
     session = started()
