@@ -42,13 +42,12 @@ class TrajectoryArray(Struct, frozen=True):
         """Pack finite samples of shape (stages, 12); a column of large range is rounded more coarsely."""
         import numpy as np
 
-        # Programs that only read plans need no kernels.
-        from rcopterx.bus.trajectory_packing import pack
-
-        offset, scale = np.empty((2, PLAN_COLUMNS))
-        counts = np.empty((PLAN_COLUMNS, len(samples)))
-        pack(samples, np.array(cls.RESOLUTION), MAX_COUNT, offset, scale, counts)
-        return cls(tuple(offset.tolist()), tuple(scale.tolist()), counts.astype("<i2").tobytes())
+        resolution = np.array(cls.RESOLUTION)
+        offset = np.rint(samples[0] / resolution) * resolution
+        away = samples - offset
+        scale = np.maximum(resolution, np.abs(away).max(axis=0) / MAX_COUNT)
+        counts = np.rint(away / scale).T.astype("<i2")
+        return cls(tuple(offset.tolist()), tuple(scale.tolist()), counts.tobytes())
 
     def to_numpy(self) -> "NDArray[np.float64]":
         """Unpack into an array of shape (stages, 12)."""

@@ -31,7 +31,6 @@ MODULES: Final = (
     "simulator.helicopter_dynamics",
     "simulator.disturbance",
     "control.references.sampling",
-    "bus.trajectory_packing",
     "control.models.roll_out",
     "control.models.finite",
     "control.models.lateral",
