@@ -92,12 +92,12 @@ class Crazyflie(Reception):
         if packet.port == crtp.COMMANDER:
             self._take(crtp.SetPoint.of(packet), now_s)
             return []
-        if packet == crtp.state_request():
+        if packet == crtp.STATE_REQUEST:
             return [self.state.packet()]
-        if packet == crtp.watchdog():
+        if packet == crtp.WATCHDOG:
             self._fed_s = now_s
             return []
-        if packet == crtp.emergency_stop():
+        if packet == crtp.EMERGENCY_STOP:
             self._lock()
             return []
         if packet.port == LOG and (logged := self._log.obey(packet, now_s)) is not None:

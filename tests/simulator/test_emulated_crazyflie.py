@@ -19,7 +19,7 @@ def flown(vehicle: Crazyflie, now_s: float = 0.0) -> None:
 
 
 def asked(vehicle: Crazyflie, now_s: float) -> crtp.SupervisorState:
-    [answer] = vehicle.receive(crtp.state_request().to_bytes(), now_s)
+    [answer] = vehicle.receive(crtp.STATE_REQUEST.to_bytes(), now_s)
     state = crtp.SupervisorState.of(crtp.Packet.from_bytes(answer))
     assert state is not None
     return state
@@ -62,7 +62,7 @@ def test_a_watchdog_that_was_fed_once_stops_it_a_second_after_the_last_time() ->
     for step in range(200):
         vehicle.receive(FLY.packet().to_bytes(), step / 50)
         if step < 100:
-            vehicle.receive(crtp.watchdog().to_bytes(), step / 50)
+            vehicle.receive(crtp.WATCHDOG.to_bytes(), step / 50)
         assert vehicle.motors_run is (step / 50 < 99 / 50 + WATCHDOG_S)
     assert asked(vehicle, 4.0).locked
 
@@ -70,7 +70,7 @@ def test_a_watchdog_that_was_fed_once_stops_it_a_second_after_the_last_time() ->
 def test_a_stop_lasts_until_a_restart() -> None:
     vehicle = Crazyflie(SETTINGS)
     flown(vehicle)
-    vehicle.receive(crtp.emergency_stop().to_bytes(), 0.1)
+    vehicle.receive(crtp.EMERGENCY_STOP.to_bytes(), 0.1)
     assert not vehicle.motors_run
     for packet in (crtp.arm_request(on=True), crtp.SetPoint().packet(), FLY.packet()):
         vehicle.receive(packet.to_bytes(), 0.2)

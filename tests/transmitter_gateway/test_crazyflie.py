@@ -75,7 +75,7 @@ def test_without_the_arming_channel_or_with_a_kill_there_is_no_thrust(
     channels = (throttle, aileron, 1500.0, 1500.0, ARMED if kill else DISARMED)
     frame = CrazyflieProtocol().encode(channels, FrameFlags(kill=kill))
     assert set_point(frame) == crtp.SetPoint()
-    assert (packets(frame)[0] == crtp.emergency_stop()) is kill
+    assert (packets(frame)[0] == crtp.EMERGENCY_STOP) is kill
 
 
 def test_a_vehicle_is_armed_until_it_reports_it_and_disarmed_afterwards() -> None:
@@ -95,10 +95,10 @@ def test_a_vehicle_is_armed_until_it_reports_it_and_disarmed_afterwards() -> Non
 
 def test_the_watchdog_is_fed_from_the_first_flight_on() -> None:
     protocol, without = CrazyflieProtocol(), CrazyflieProtocol(CrazyflieSettings(watchdog=False))
-    assert crtp.watchdog() not in round_of(protocol, LOW)
+    assert crtp.WATCHDOG not in round_of(protocol, LOW)
     for channels in (HOVER, LOW, LOW):
-        assert round_of(protocol, channels).count(crtp.watchdog()) == 1
-        assert crtp.watchdog() not in round_of(without, channels)
+        assert round_of(protocol, channels).count(crtp.WATCHDOG) == 1
+        assert crtp.WATCHDOG not in round_of(without, channels)
 
 
 def test_the_watchdog_is_fed_often_enough_by_repeated_frames() -> None:
@@ -135,7 +135,7 @@ def test_a_successor_counts_the_vehicle_as_ready_until_it_is_silent() -> None:
     protocol.link_resumed(5.0)
     assert protocol.status(5.5).ready
     assert not protocol.status(5.1 + SILENT_S).ready
-    assert crtp.watchdog() in round_of(protocol, HOVER)
+    assert crtp.WATCHDOG in round_of(protocol, HOVER)
 
 
 @given(st.lists(st.binary(max_size=40)))

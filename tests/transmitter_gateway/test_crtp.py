@@ -49,10 +49,10 @@ def test_any_bytes_are_decoded_or_rejected(raw: bytes) -> None:
 def test_the_bytes_are_those_of_the_documentation() -> None:
     point = crtp.SetPoint(1.0, -2.0, 3.0, 40_000)
     assert point.packet().to_bytes() == b"\x3c" + struct.pack("<fffH", 1.0, -2.0, 3.0, 40_000)
-    assert crtp.state_request().to_bytes() == b"\x9c\x0c"
+    assert crtp.STATE_REQUEST.to_bytes() == b"\x9c\x0c"
     assert crtp.arm_request(on=True).to_bytes() == b"\x9d\x01\x01"
-    assert crtp.emergency_stop().to_bytes() == b"\x9d\x03"
-    assert crtp.watchdog().to_bytes() == b"\x9d\x04"
+    assert crtp.EMERGENCY_STOP.to_bytes() == b"\x9d\x03"
+    assert crtp.WATCHDOG.to_bytes() == b"\x9d\x04"
     answer = crtp.Packet.from_bytes(b"\x9c\x8c\x42\x00")
     assert crtp.SupervisorState.of(answer) == crtp.SupervisorState(armed=True, locked=True)
 

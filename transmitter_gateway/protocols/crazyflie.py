@@ -127,7 +127,7 @@ class CrazyflieProtocol(RadioProtocol):
         set_point = self.settings.set_point(pulses) if armed else crtp.SetPoint()
         packets = [set_point.packet()]
         if flags.kill:
-            packets.insert(0, crtp.emergency_stop())
+            packets.insert(0, crtp.EMERGENCY_STOP)
         if armed is not self._armed or self._frames >= FRAMES_PER_REQUEST:
             packets += self._requests(armed=armed)
             self._armed, self._frames = armed, 0
@@ -139,13 +139,13 @@ class CrazyflieProtocol(RadioProtocol):
     def _requests(self, *, armed: bool) -> list[crtp.Packet]:
         """Packets that are not needed in every frame."""
         self._answers.append(False)
-        requests = [crtp.state_request()]
+        requests = [crtp.STATE_REQUEST]
         state = self._state
         if state is not None and armed != state.armed and (armed or not state.arms_itself):
             requests.append(crtp.arm_request(on=armed))
         self._watched = self._watched or (armed and self.settings.watchdog)
         if self._watched:
-            requests.append(crtp.watchdog())
+            requests.append(crtp.WATCHDOG)
         return requests
 
     def decode(self, frame: bytes) -> DecodedFrame:
@@ -154,7 +154,7 @@ class CrazyflieProtocol(RadioProtocol):
         points = [crtp.SetPoint.of(packet) for packet in packets if packet.port == crtp.COMMANDER]
         if len(points) != 1:
             raise FrameDecodeError(f"crazyflie: {len(points)} set points in a frame")
-        kill = crtp.emergency_stop() in packets
+        kill = crtp.EMERGENCY_STOP in packets
         armed = points[0].thrust > 0
         return DecodedFrame(self.settings.pulses_us(points[0], armed=armed), FrameFlags(kill=kill))
 

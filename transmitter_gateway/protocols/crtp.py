@@ -23,7 +23,7 @@ COMMANDER, SUPERVISOR = 3, 9
 """Ports."""
 STATE_CHANNEL, COMMAND_CHANNEL = 0, 1
 """Channels of the supervisor."""
-ARM, EMERGENCY_STOP, WATCHDOG, STATE_BITS = 0x01, 0x03, 0x04, 0x0C
+ARM, STATE_BITS = 0x01, 0x0C
 """Commands of the supervisor."""
 ANSWERED = 0x80
 
@@ -103,7 +103,7 @@ class SupervisorState(Struct, frozen=True):
     crashed: bool = False
 
     def packet(self) -> Packet:
-        """Encode as the answer to `state_request`."""
+        """Encode as the answer to `STATE_REQUEST`."""
         bits = sum(getattr(self, name) << bit for name, bit in _STATE_FLAGS.items())
         return Packet(SUPERVISOR, STATE_CHANNEL, _STATE_ANSWER + bits.to_bytes(2, "little"))
 
@@ -119,24 +119,16 @@ class SupervisorState(Struct, frozen=True):
         return SupervisorState(**{name: bool(bits >> bit & 1) for name, bit in _STATE_FLAGS.items()})
 
 
-def state_request() -> Packet:
-    """Ask for the state of the supervisor."""
-    return Packet(SUPERVISOR, STATE_CHANNEL, bytes((STATE_BITS,)))
+STATE_REQUEST = Packet(SUPERVISOR, STATE_CHANNEL, bytes((STATE_BITS,)))
+EMERGENCY_STOP = Packet(SUPERVISOR, COMMAND_CHANNEL, b"\x03")
+"""Stops the motors until a restart."""
+WATCHDOG = Packet(SUPERVISOR, COMMAND_CHANNEL, b"\x04")
+"""Keeps the motors running for another second; from the first one on the firmware waits for the next."""
 
 
 def arm_request(*, on: bool) -> Packet:
     """Arm or disarm."""
     return Packet(SUPERVISOR, COMMAND_CHANNEL, bytes((ARM, on)))
-
-
-def emergency_stop() -> Packet:
-    """Stop the motors until a restart."""
-    return Packet(SUPERVISOR, COMMAND_CHANNEL, bytes((EMERGENCY_STOP,)))
-
-
-def watchdog() -> Packet:
-    """Keep the motors running for another second; from the first one on the firmware waits for the next."""
-    return Packet(SUPERVISOR, COMMAND_CHANNEL, bytes((WATCHDOG,)))
 
 
 def joined(packets: Iterable[bytes]) -> bytes:
