@@ -48,8 +48,7 @@ class FaultTable(Generic[L, F]):
         over = [slot for slot, entry in self.lasting.items() if entry.ends_s <= by_s]
         return [self.lasting.pop(slot).fault for slot in over]
 
-    def next_change_s(self) -> float | None:
-        """Return when a fault begins or ends next, None for never."""
-        times = [entry.ends_s for entry in self.lasting.values() if entry.ends_s < math.inf]
-        times += [line[0] for line in self._lines[:1]]
-        return min(times, default=None)
+    def next_change_s(self) -> float:
+        """Return when a fault begins or ends next, infinite for never."""
+        times = [entry.ends_s for entry in self.lasting.values()] + [line[0] for line in self._lines[:1]]
+        return min(times, default=math.inf)

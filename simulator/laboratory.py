@@ -6,15 +6,30 @@ No sockets and no clock; the caller advances the time.
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import NOISE, random_stream
-from rcopterx.simulator.downwash import set_downwash
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
+
+CLOSE_M: Final = 0.3
+"""Distance below a rotor up to which its downwash is at full strength; beyond, it falls with 1 / distance."""
+WIDTH_M: Final = 0.15
+"""Horizontal distance at which it has fallen by e."""
+
+
+def downwash_m_s2(below_m: float, aside_m: float, strength_m_s2: float) -> float:
+    """Downward acceleration in the wake of a vehicle in flight; 0 at its height and above.
+
+    `strength_m_s2` is the acceleration close below it.
+    """
+    if below_m <= 0.0:
+        return 0.0
+    return strength_m_s2 * min(CLOSE_M / below_m, 1.0) * math.exp(-((aside_m / WIDTH_M) ** 2))
 
 
 def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> Plant:
@@ -31,7 +46,8 @@ def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: 
 class Laboratory:
     """Plants that advance together.
 
-    Order and number of the models do not change what happens to each vehicle. A vehicle that starts on the
+    The same inputs lead to exactly the same flight. Order and number of the models do not change what happens
+    to each vehicle. A vehicle that starts on the
     floor (z = 0) stands with motors stopped, else it hovers. Raises `ValueError` if models and
     start poses differ in their vehicles, or for a negative seed.
     """
@@ -48,30 +64,16 @@ class Laboratory:
         odd = sorted(models.keys() ^ start.keys())
         if odd:
             raise ValueError(f"laboratory: {', '.join(odd)}: each vehicle needs a model and a start pose")
-        self._models = dict(models)
-        self._start = dict(start)
         self._conditions = conditions
-        self._seed = seed
-        self.reset()
-
-    def reset(self) -> None:
-        """Restart at time 0: the same inputs then lead to exactly the same flight."""
         self._plants = {
-            name: plant_of(name, model, self._conditions, self._seed, self._start[name])
-            for name, model in self._models.items()
+            name: plant_of(name, model, conditions, seed, start[name]) for name, model in models.items()
         }
-        self._noise = {name: random_stream(self._seed, name, NOISE) for name in self._models}
-        self._time_s = 0.0
+        self._noise = {name: random_stream(seed, name, NOISE) for name in models}
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the vehicles."""
         return tuple(self._plants)
-
-    @property
-    def time_s(self) -> float:
-        """Time flown since the start."""
-        return self._time_s
 
     def plant(self, name: str) -> Plant:
         """Vehicle `name`, with its contact state, touchdown speed and true parameters; `ValueError` if there
@@ -85,10 +87,24 @@ class Laboratory:
 
     def advance(self, duration_s: float) -> None:
         """Advance all vehicles by a duration, not negative, under the downwash at its start."""
-        set_downwash(self._plants.values(), self._conditions.downwash_m_s2)
+        if self._conditions.downwash_m_s2:
+            self._set_downwash(self._conditions.downwash_m_s2)
         for plant in self._plants.values():
             plant.advance(duration_s)
-        self._time_s += duration_s
+
+    def _set_downwash(self, strength_m_s2: float) -> None:
+        """Set the downwash of every plant from all others that fly now."""
+        places = [(plant, plant.position_m) for plant in self._plants.values()]
+        flying = [(plant, place) for plant, place in places if plant.motors_running and not plant.on_floor]
+        for plant, (x, y, z) in places:
+            plant.downwash_m_s2 = sum(
+                [
+                    downwash_m_s2(above[2] - z, math.hypot(above[0] - x, above[1] - y), strength_m_s2)
+                    for other, above in flying
+                    if above[2] > z and other is not plant
+                ],
+                start=0.0,
+            )
 
     def set_input(self, name: str, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
         """Set pitch, roll, thrust and yaw stick of vehicle `name` after some time. Motors run."""

@@ -51,7 +51,7 @@ class Simulator:
         requests are handled at the next frame.
         """
         tracker_due_s = self._tracker.next_due_s()
-        due_s = self._step_at_s if tracker_due_s is None else min(self._step_at_s, tracker_due_s)
+        due_s = min(self._step_at_s, tracker_due_s)
         ports = {radio.fileno(): radio for radio in self._room.radios.values() if radio.is_open}
         waited_for = [self._tracker.fileno(), *ports]
         readable, _, _ = select.select(waited_for, [], [], max(0.0, due_s - self._clock()))
@@ -59,7 +59,7 @@ class Simulator:
         for descriptor in readable:
             if descriptor in ports:
                 ports[descriptor].receive(now_s)
-        if self._tracker.fileno() in readable or (tracker_due_s is not None and now_s >= tracker_due_s):
+        if self._tracker.fileno() in readable or now_s >= tracker_due_s:
             self._tracker.poll()
         if now_s >= self._step_at_s:
             self._step(now_s)

@@ -61,9 +61,10 @@ class Receiver:
         self._connect_s = connect_s
         self._answers_bind = answers_bind
         self._failsafe_throttle_us = FAILSAFE_THROTTLE_US
-        self._power_up()
+        self.power_cycle()
 
-    def _power_up(self) -> None:
+    def power_cycle(self) -> None:
+        """Search for the module again."""
         self._pulses = (self._failsafe_throttle_us, *(CHANNELS - 1) * (CENTER_US,))
         self._linked_to: int | None = None
         self._last_packet_s = -math.inf
@@ -72,13 +73,9 @@ class Receiver:
         self._bind_packets = 0
         self._store_until_s = -math.inf
 
-    def power_cycle(self) -> None:
-        """Search for the module again."""
-        self._power_up()
-
     def enter_bind_mode(self) -> None:
         """Power up with the bind plug in or the bind button held."""
-        self._power_up()
+        self.power_cycle()
         self._bind_mode = True
 
     def receive(self, packet: AirPacket) -> bool:

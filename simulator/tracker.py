@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 from rcopterx.simulator import faults
 from rcopterx.simulator.tracker_faults import TrackerFaults
 from rcopterx.simulator.tracker_frame import PROFILES, FrameContent, TrackerFrame
-from rcopterx.simulator.tracker_link import NEVER, RECEIVE_BYTES, TrackerLink
+from rcopterx.simulator.tracker_link import RECEIVE_BYTES, TrackerLink
 from rcopterx.simulator.tracker_session import EMPTY_PACKET, TrackerConnection
 from rcopterx.vicon_gateway.wire import HEADER, WireError, encode_object, encode_packet
 
@@ -105,23 +105,20 @@ class TrackerServer:
         """Return a descriptor that is readable when `poll` has something to do."""
         return self._selector.fileno()
 
-    def next_due_s(self) -> float | None:
-        """Return the clock time at which `poll` is needed even without network traffic, None for never."""
-        times = [NEVER if (change_s := self.faults.next_change_s()) is None else change_s]
+    def next_due_s(self) -> float:
+        """Return the time at which `poll` is needed even without network traffic, infinite for never."""
+        times = [self.faults.next_change_s()]
         if self.faults.active(faults.Silence) is None:
             dribbling = self.faults.active(faults.Dribble) is not None
             for client in self._clients.values():
                 times.append(client.due_s)
                 if dribbling and client.outgoing and not client.blocked:
                     times.append(client.next_chunk_s)
-        due_s = min(times)
-        return None if due_s == NEVER else due_s
+        return min(times)
 
     def poll(self, timeout_s: float = 0.0) -> None:
         """Serve sockets and faults; waits for traffic at most `timeout_s`."""
-        due_s = self.next_due_s()
-        if due_s is not None:
-            timeout_s = min(timeout_s, max(0.0, due_s - self._clock()))
+        timeout_s = min(timeout_s, max(0.0, self.next_due_s() - self._clock()))
         for key, events in self._selector.select(timeout_s):
             if key.fileobj is self._listener:
                 self._accept()

@@ -94,8 +94,8 @@ class TrackerFaults:
                 self.refused.append(str(error))
         self._table.end(now_s)
 
-    def next_change_s(self) -> float | None:
-        """Return when `advance` has something to do, None for never."""
+    def next_change_s(self) -> float:
+        """Return when `advance` has something to do, infinite for never."""
         return self._table.next_change_s()
 
     @property

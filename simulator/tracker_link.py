@@ -1,6 +1,7 @@
 """One connection of the Tracker emulator: bytes on their way to a client, with their times."""
 
 import contextlib
+import math
 import socket
 import struct
 from collections import deque
@@ -9,7 +10,6 @@ from rcopterx.simulator.faults import Dribble
 from rcopterx.simulator.tracker_session import TrackerConnection
 
 RECEIVE_BYTES = 64 * 1024
-NEVER = float("inf")
 
 
 class TrackerLink:
@@ -33,8 +33,8 @@ class TrackerLink:
 
     @property
     def due_s(self) -> float:
-        """When the next bytes that wait become due."""
-        return self._waiting[0][0] if self._waiting else NEVER
+        """When the next bytes that wait become due, infinite without any."""
+        return self._waiting[0][0] if self._waiting else math.inf
 
     def queue(self, data: bytes | None, due_s: float) -> None:
         """Send bytes at `due_s`, or end the connection with None; never before earlier bytes."""

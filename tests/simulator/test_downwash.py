@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from support.vehicle_types import COAXIAL, TYPES
 
 from rcopterx.simulator.conditions import HELICOPTER, IDEAL
-from rcopterx.simulator.downwash import downwash_m_s2
-from rcopterx.simulator.laboratory import Laboratory
+from rcopterx.simulator.laboratory import Laboratory, downwash_m_s2
 from rcopterx.simulator.plant import Pose
 
 

@@ -1,3 +1,4 @@
+import math
 import statistics
 
 import msgspec
@@ -74,7 +75,7 @@ def test_lasting_fault_ends_by_itself() -> None:
     assert active.transform(frame()).bodies[0].occluded
     active.advance(10.5)
     assert not active.transform(frame()).bodies[0].occluded
-    assert active.next_change_s() is None
+    assert active.next_change_s() == math.inf
 
 
 def test_lasting_fault_without_duration_stays_until_recovery() -> None:
@@ -176,7 +177,7 @@ def test_fault_of_a_subject_that_is_added_by_the_same_time_table_is_accepted() -
 def test_time_table_leaves_radios_to_others() -> None:
     active = faults()
     active.schedule([TimedFault(0.0, BreakRadio("h1"))], 0.0)
-    assert active.next_change_s() is None
+    assert active.next_change_s() == math.inf
 
 
 def test_time_table_is_carried_out_in_its_order() -> None:

@@ -1,3 +1,4 @@
+import math
 import select
 import socket
 import struct
@@ -210,7 +211,7 @@ def test_client_that_speaks_nonsense_is_cut_off_and_counted(
 def test_planned_faults_wake_the_loop_at_their_time() -> None:
     now_s = 100.0
     with TrackerServer(port=0, clock=lambda: now_s) as server:
-        assert server.next_due_s() is None
+        assert server.next_due_s() == math.inf
         server.schedule([TimedFault(2.0, Silence(duration_s=1.0))])
         assert server.next_due_s() == 102.0
         now_s = 102.0
@@ -218,7 +219,7 @@ def test_planned_faults_wake_the_loop_at_their_time() -> None:
         assert server.next_due_s() == 103.0
         now_s = 103.0
         server.poll()
-        assert server.next_due_s() is None
+        assert server.next_due_s() == math.inf
 
 
 def test_delayed_packet_is_due_at_its_time() -> None:
