@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from rcopterx.agents.assembly import AgentParts
-from rcopterx.agents.following.leader_plans import LeaderPlans, present_link, target_link
+from rcopterx.agents.following.leader_plans import LeaderPlans, link_message, target_link
 from rcopterx.agents.load.overload import Relief
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
@@ -105,7 +105,7 @@ def plan_message(settings: AgentSettings, pilot: Pilot, flight: ControlOutput, l
 
 
 def _following(pilot: Pilot) -> tuple[LeaderLink, ...]:
-    return tuple(present_link(link, pilot.clock.time_s) for link in pilot.guidance.followed)
+    return tuple(link_message(link, link.offset_at(pilot.clock.time_s)) for link in pilot.guidance.followed)
 
 
 def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) -> AgentStatus:

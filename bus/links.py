@@ -48,8 +48,7 @@ class LinkService:
                 session,
                 channels.BEAT,
                 channels.key(fleet, other, channels.BEAT.topic),
-                clock,
-                lambda: None,
+                lambda inbox, payload: inbox.store(payload, clock()),
                 BEATS_KEPT,
             )
             for other in others

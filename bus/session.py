@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import count
 from queue import SimpleQueue
 from struct import Struct
-from typing import Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import zenoh
 from zenoh.handlers import Callback
@@ -21,7 +21,7 @@ from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.rounding import monotonic_s
-from rcopterx.bus.subscription import Deliver, Inbox, Subscription, UnitSubscriptions, Waking
+from rcopterx.bus.subscription import Deliver, Inbox, OnArrival, Subscription, UnitSubscriptions, Waking
 
 _COUNTER: Final = Struct("<I")
 """Attachment of every message: its number on this key."""
@@ -234,22 +234,27 @@ class Session:
             Called on the receive thread to put a payload into the inbox.
         """
         full_key = channels.key(fleet or self.address.fleet, unit, channel.topic)
-        wake = self._waker(waking)
         origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
-        return Subscription(self._zenoh, channel, full_key, self.clock, wake, depth, origin, deliver)
+        on_arrival = self._on_arrival(waking, deliver)
+        return Subscription(self._zenoh, channel, full_key, on_arrival, depth, origin)
 
     def subscribe_all(
         self, channel: Channel[M], depth: int = 1, *, waking: Waking = True, deliver: Deliver = Inbox.store
     ) -> UnitSubscriptions[M]:
         """Receive a channel of every unit; parameters as in `subscribe`."""
         pattern = channels.key(self.address.fleet, "*", channel.topic)
-        wake, units = self._waker(waking), self.address.units
-        return UnitSubscriptions(self._zenoh, channel, pattern, self.clock, wake, depth, deliver, units)
+        on_arrival = self._on_arrival(waking, deliver)
+        return UnitSubscriptions(self._zenoh, channel, pattern, on_arrival, depth, self.address.units)
 
-    def _waker(self, waking: Waking) -> Callable[[], None]:
-        if callable(waking):
-            return lambda: self.wake() if waking() else None
-        return self.wake if waking else lambda: None
+    def _on_arrival(self, waking: Waking, deliver: Deliver) -> OnArrival:
+        """Return what delivers a payload with the time of its arrival, and wakes the loop."""
+
+        def arrived(inbox: Inbox[Any], payload: bytes) -> None:
+            deliver(inbox, payload, self.clock())
+            if waking() if callable(waking) else waking:
+                self.wake()
+
+        return arrived
 
     def tap(self, store: Callable[[RawMessage], None], topic: str = "*", fleet: str | None = None) -> None:
         """Receive all messages of a fleet, or of one topic, undecoded; receive threads call `store`."""

@@ -130,13 +130,14 @@ Waking = bool | Callable[[], bool]
 """Whether messages wake the loop; a function is called for each of them, on the receive thread."""
 Deliver = Callable[[Inbox[Any], bytes, float], None]
 """Puts a payload and the time of its arrival [monotonic s] into an inbox, now or later."""
+OnArrival = Callable[[Inbox[Any], bytes], None]
+"""Called on the receive thread with each payload and the inbox that it is for."""
 
 
 class Subscription(Inbox[M]):
     """An inbox filled from the bus.
 
-    `wake` is called on the receive thread after each message, `deliver` to put it into the inbox; `origin`
-    selects whether messages of the own session are received, too.
+    `origin` selects whether messages of the own session are received, too.
     """
 
     def __init__(
@@ -144,17 +145,13 @@ class Subscription(Inbox[M]):
         session: zenoh.Session,
         channel: Channel[M],
         full_key: str,
-        clock: Callable[[], float],
-        wake: Callable[[], None],
+        on_arrival: OnArrival,
         depth: int = 1,
         origin: zenoh.Locality = zenoh.Locality.ANY,
-        deliver: Deliver = Inbox.store,
     ) -> None:
         super().__init__(channel, depth, full_key.split("/")[-2])
-        self._deliver = deliver
+        self._on_arrival = on_arrival
         self._key = zenoh.KeyExpr(full_key)
-        self._clock = clock
-        self._wake = wake
         self._subscriber = session.declare_subscriber(
             full_key, Callback(self._on_sample, indirect=False), allowed_origin=origin
         )
@@ -164,8 +161,7 @@ class Subscription(Inbox[M]):
         if sample.key_expr != self._key:
             self.reject("key", f"sent to {sample.key_expr}, not to {self._key}")
             return
-        self._deliver(self, sample.payload.to_bytes(), self._clock())
-        self._wake()
+        self._on_arrival(self, sample.payload.to_bytes())
 
     def close(self) -> None:
         """Stop receiving."""
@@ -183,20 +179,16 @@ class UnitSubscriptions(Generic[M]):
         session: zenoh.Session,
         channel: Channel[M],
         pattern: str,
-        clock: Callable[[], float],
-        wake: Callable[[], None],
+        on_arrival: OnArrival,
         depth: int = 1,
-        deliver: Deliver = Inbox.store,
         units: frozenset[str] = frozenset(),
     ) -> None:
-        self._deliver = deliver
+        self._on_arrival = on_arrival
         self._units = units
         self.inboxes: dict[str, Inbox[M]] = {}
         self._rejections = Rejections()
         self._channel = channel
         self._depth = depth
-        self._clock = clock
-        self._wake = wake
         self._unit_at = pattern.split("/").index("*")
         # Other units use the same topic for another type, as the Tracker does for its status.
         self._others = {row.unit for row in CHANNELS if row.topic == channel.topic} - {channel.unit}
@@ -216,8 +208,7 @@ class UnitSubscriptions(Generic[M]):
                 self._rejections.count("unit")
                 return
             inbox = self.inboxes[unit] = Inbox(self._channel, self._depth, unit)
-        self._deliver(inbox, sample.payload.to_bytes(), self._clock())
-        self._wake()
+        self._on_arrival(inbox, sample.payload.to_bytes())
 
     @property
     def rejected(self) -> Counter[str]:

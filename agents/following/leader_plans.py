@@ -156,17 +156,13 @@ def followed_leader(following: LeaderLink) -> FollowedLeader:
     return FollowedLeader(following.leader, offset, following.weight)
 
 
-def present_link(link: FollowedLeader, time_s: float) -> LeaderLink:
-    """Message of a link with the offset of this moment."""
-    return _following(link, link.offset_at(time_s))
-
-
 def target_link(link: FollowedLeader) -> LeaderLink:
     """Message of a link with the offset to be reached."""
-    return _following(link, link.target)
+    return link_message(link, link.target)
 
 
-def _following(link: FollowedLeader, offset: FormationOffset) -> LeaderLink:
+def link_message(link: FollowedLeader, offset: FormationOffset) -> LeaderLink:
+    """Message of a link with an offset."""
     x, y, z = offset.position_m.tolist()
     return LeaderLink(
         leader=link.leader,

@@ -6,7 +6,7 @@ from support.plans import plan_of
 from support.request_handling import UP, Asked, HandlerBench, follow, follow_at, go_to, say
 from support.statuses import hovering
 
-from rcopterx.agents.following.leader_plans import followed_leader, present_link
+from rcopterx.agents.following.leader_plans import followed_leader, link_message
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.requests.request_handler import DEFERRED, MOST_IN_A_STEP
 from rcopterx.agents.tuning.guard import effort_factors
@@ -122,7 +122,8 @@ def test_set_points_of_followers_are_refused_and_the_leader_named(bench: Handler
 @pytest.mark.parametrize("frame", ["inertial", "heading"])
 def test_links_survive_the_way_through_messages(frame: str) -> None:
     following = LeaderLink(leader="h1", offset_m=(0.1, 0.2, 0.3), yaw_offset_rad=0.4, frame=frame, weight=2.0)
-    assert present_link(followed_leader(following), 0.0) == following
+    followed = followed_leader(following)
+    assert link_message(followed, followed.offset_at(0.0)) == following
 
 
 def test_a_set_point_that_would_take_a_follower_out_of_the_volume_is_refused(bench: HandlerBench) -> None:
