@@ -114,7 +114,6 @@ class RadioProtocol(ABC):
     rest_us: float = CENTER_US
     counters: Mapping[str, int] = MappingProxyType({})
 
-    @abstractmethod
     def encode(
         self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
     ) -> bytes:
@@ -129,6 +128,12 @@ class RadioProtocol(ABC):
         ForbiddenInFlightError
             `flags.bind` without `disarmed`, that is, without the knowledge that the vehicle does not fly.
         """
+        self._refuse(flags, disarmed)
+        return self._frame(self.check(pulses_us), flags)
+
+    @abstractmethod
+    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
+        """Build the next frame from checked pulse widths of all channels, and allowed flags."""
 
     @abstractmethod
     def decode(self, frame: bytes) -> DecodedFrame:

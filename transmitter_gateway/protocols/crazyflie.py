@@ -15,7 +15,6 @@ from rcopterx.transmitter_gateway.protocols.base import (
     CHANNEL_NAMES,
     ELEVATOR,
     GEAR,
-    NO_FLAGS,
     RUDDER,
     THROTTLE,
     DecodedFrame,
@@ -117,14 +116,10 @@ class CrazyflieProtocol(RadioProtocol):
         self._state: crtp.SupervisorState | None = None
         self._battery = BatteryLog()
 
-    def encode(
-        self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
-    ) -> bytes:
-        """Build a frame; see `RadioProtocol.encode`. A kill stops the motors until the vehicle restarts."""
-        self._refuse(flags, disarmed)
-        pulses = self.check(pulses_us)
-        armed = pulses[GEAR] > CENTER_US and not flags.kill
-        set_point = self.settings.set_point(pulses) if armed else crtp.SetPoint()
+    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
+        """Build a frame; a kill stops the motors until the vehicle restarts."""
+        armed = pulses_us[GEAR] > CENTER_US and not flags.kill
+        set_point = self.settings.set_point(pulses_us) if armed else crtp.SetPoint()
         packets = [set_point.packet()]
         if flags.kill:
             packets.insert(0, crtp.EMERGENCY_STOP)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rcopterx.transmitter_gateway.protocols.base import (
-    NO_FLAGS,
     TEN_BIT_RANGE_US,
     DecodedFrame,
     FrameDecodeError,
@@ -78,16 +77,13 @@ class Dsm2SerialProtocol(OneWayRadio):
         self.minimum_interval_s = PERIOD_S
         self.keepalive_s = PERIOD_S
 
-    def encode(
-        self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
-    ) -> bytes:
-        """Build a frame; see `RadioProtocol.encode`. Bind and range check exclude each other."""
-        self._refuse(flags, disarmed)
+    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
+        """Build a frame; bind and range check exclude each other."""
         if flags.bind and flags.range_check:
             raise ProtocolError("dsm2_serial: bind and range check cannot be asked for together")
         header = FAMILIES[self.settings.family]
         header |= (BIND if flags.bind else 0) | (RANGE_CHECK if flags.range_check else 0)
-        counts = [ten_bit_count(pulse) for pulse in self.check(pulses_us)]
+        counts = [ten_bit_count(pulse) for pulse in pulses_us]
         return encode_counts(header, self.settings.model, counts)
 
     def decode(self, frame: bytes) -> DecodedFrame:

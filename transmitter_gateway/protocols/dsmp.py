@@ -8,7 +8,6 @@ from typing import ClassVar
 
 from rcopterx.transmitter_gateway.protocols.base import (
     CENTER_US,
-    NO_FLAGS,
     TEN_BIT_RANGE_US,
     TEN_BIT_US,
     DecodedFrame,
@@ -113,12 +112,8 @@ class DsmpProtocol(OneWayRadio):
         super().link_opened(now_s)
         self._forget()
 
-    def encode(
-        self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
-    ) -> bytes:
-        """Build the next frame of the schedule; see `RadioProtocol.encode`."""
-        self._refuse(flags, disarmed)
-        pulses = self.check(pulses_us)
+    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
+        """Build the next frame of the schedule."""
         if flags.bind and not self._bind_requested:
             self._binding = True
         self._bind_requested = flags.bind
@@ -129,7 +124,7 @@ class DsmpProtocol(OneWayRadio):
             self._frames_since_setup = 0
             return setup
         self._frames_since_setup += 1
-        frame = self._channel_frame(pulses, self._pass)
+        frame = self._channel_frame(pulses_us, self._pass)
         self._pass = 2 if self._pass == 1 and self.channel_count > WORDS else 1
         return frame
 

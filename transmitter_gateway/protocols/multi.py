@@ -11,7 +11,6 @@ from msgspec import Struct
 
 from rcopterx.transmitter_gateway.protocols.base import (
     CENTER_US,
-    NO_FLAGS,
     DecodedFrame,
     FrameDecodeError,
     FrameFlags,
@@ -30,6 +29,7 @@ CHANNELS_AT = 4
 CHANNEL_BYTES = 22
 CENTER_COUNT = 1024
 KILL_COUNT = 204
+KILL_CHANNEL = 13
 COUNTS_PER_US = 820 / 400
 
 LINE = SerialLine(100_000, parity="E", stop_bits=2)
@@ -95,7 +95,7 @@ class MultiFrame(Struct, frozen=True):
     @property
     def kill_count(self) -> int:
         """Value of channel 14, which with DSM stops the motors at `KILL_COUNT` and below."""
-        return self.counts[13]
+        return self.counts[KILL_CHANNEL]
 
     @property
     def kills(self) -> bool:
@@ -236,18 +236,22 @@ class MultiProtocol(RadioProtocol):
         self._answered_s = -math.inf
         self._answered: ModuleStatus | None = None
 
-    def encode(
-        self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
-    ) -> bytes:
-        """Build a frame; see `RadioProtocol.encode`. With DSM channel 14 is -100 % for kill only."""
-        self._refuse(flags, disarmed)
-        counts = tuple(count_of(pulse_us) for pulse_us in self.check(pulses_us))
+    def check(self, pulses_us: Sequence[float]) -> list[float]:
+        """See `RadioProtocol.check`; with DSM channel 14, which kills, rests in its centre."""
+        pulses = super().check(pulses_us)
+        if self._radio.taer and len(pulses_us) <= KILL_CHANNEL:
+            pulses[KILL_CHANNEL] = CENTER_US
+        return pulses
+
+    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
+        """Build a frame; with DSM channel 14 is -100 % for kill only."""
+        counts = [count_of(pulse_us) for pulse_us in pulses_us]
         if not self._radio.taer:
-            counts = (*counts[1:3], counts[0], *counts[3:])
-        elif flags.kill or len(pulses_us) < 14:
-            counts = (*counts[:13], KILL_COUNT if flags.kill else CENTER_COUNT, *counts[14:])
+            counts[:3] = counts[1], counts[2], counts[0]
+        elif flags.kill:
+            counts[KILL_CHANNEL] = KILL_COUNT
         return MultiFrame(
-            counts=counts,
+            counts=tuple(counts),
             protocol=self._radio.number,
             mapping_off=self._radio.taer,
             sub_protocol=self.settings.sub_protocol,

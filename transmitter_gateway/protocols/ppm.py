@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rcopterx.transmitter_gateway.protocols.base import (
-    NO_FLAGS,
     DecodedFrame,
     FrameDecodeError,
     FrameFlags,
@@ -68,10 +67,8 @@ class TrainerProtocol(OneWayRadio):
         self.minimum_interval_s = line.duration_s(frame_length + 2 * self.channel_count) + SHORTEST_GAP_S
         self.keepalive_s = max(KEEPALIVE_S, self.minimum_interval_s)
 
-    def _arranged(self, pulses_us: Sequence[float], flags: FrameFlags, disarmed: bool) -> list[float]:
-        self._refuse(flags, disarmed)
-        pulses = self.check(pulses_us)
-        return [pulses[place] for place in self.settings.places]
+    def _arranged(self, pulses_us: Sequence[float]) -> list[float]:
+        return [pulses_us[place] for place in self.settings.places]
 
     def _restored(self, values: Sequence[float]) -> DecodedFrame:
         pulses = [0.0] * self.channel_count
@@ -88,11 +85,8 @@ class PpmGenProtocol(TrainerProtocol):
     def __init__(self, settings: PpmSettings | None = None, line: SerialLine = PPM_GEN_LINE) -> None:
         super().__init__(settings, line, 5)
 
-    def encode(
-        self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
-    ) -> bytes:
-        """Build a packet; see `RadioProtocol.encode`."""
-        values = self._arranged(pulses_us, flags, disarmed)
+    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:  # noqa: ARG002 - it has none
+        values = self._arranged(pulses_us)
         packet = bytearray((STX, 5 + 2 * len(values), SERVO_POSITIONS))
         for value in values:
             packet += round(value).to_bytes(2, "little")
@@ -121,11 +115,8 @@ class Sc8000pProtocol(TrainerProtocol):
     def __init__(self, settings: PpmSettings | None = None, line: SerialLine = SC8000P_LINE) -> None:
         super().__init__(settings, line, 4)
 
-    def encode(
-        self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
-    ) -> bytes:
-        """Build a message; see `RadioProtocol.encode`."""
-        values = self._arranged(pulses_us, flags, disarmed)
+    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:  # noqa: ARG002 - it has none
+        values = self._arranged(pulses_us)
         message = bytearray(SYNC) + bytes(((1 << len(values)) - 1, DIGITAL_OFF))
         for value in values:
             message += round(10 * value).to_bytes(2, "big")
