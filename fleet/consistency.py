@@ -1,10 +1,18 @@
 """Checks that names, hosts, leaders and devices in a fleet file are consistent."""
 
 import os.path
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
 
 from rcopterx.bus.keys import EVERY_FLEET
-from rcopterx.fleet.schema import RESERVED_PROCESSES, RESERVED_UNITS, FleetError, FleetFile, is_loopback
+from rcopterx.fleet.schema import (
+    RESERVED_PROCESSES,
+    RESERVED_UNITS,
+    FleetError,
+    FleetFile,
+    check_known,
+    is_loopback,
+)
 
 
 def check_consistency(fleet: FleetFile) -> None:
@@ -70,37 +78,27 @@ def _check_hosts(fleet: FleetFile) -> None:
     for name, vehicle in fleet.vehicles.items():
         uses |= {f"vehicles.{name}.spares[{n}]": spare for n, spare in enumerate(vehicle.spares)}
     for where, used in uses.items():
-        if used not in fleet.hosts:
-            raise FleetError(f"{where}: unknown host {used!r}, known are {', '.join(fleet.hosts)}")
+        check_known(where, "host", used, fleet.hosts)
     for name, vehicle in fleet.vehicles.items():
         hosts = fleet.agent_hosts(name)
         for number, spare in enumerate(vehicle.spares):
             if spare in hosts[: number + 1]:
                 raise FleetError(f"vehicles.{name}.spares[{number}]: {spare!r} runs its agent already")
         gateway = vehicle.transmitter.gateway
-        if gateway not in fleet.gateways:
-            known = ", ".join(fleet.gateways)
-            raise FleetError(
-                f"vehicles.{name}.transmitter.gateway: unknown gateway {gateway!r}, known are {known}"
-            )
+        check_known(f"vehicles.{name}.transmitter.gateway", "gateway", gateway, fleet.gateways)
         if fleet.simulator is not None and fleet.gateways[gateway].host != fleet.simulator.host:
             raise FleetError(
                 f"gateways.{gateway}.host: simulated radios are on the simulator's host "
                 f"{fleet.simulator.host!r}, not on {fleet.gateways[gateway].host!r}"
             )
     for name in () if fleet.simulator is None else fleet.simulator.start:
-        if name not in fleet.vehicles:
-            known = ", ".join(fleet.vehicles)
-            raise FleetError(f"simulator.start.{name}: unknown vehicle, known are {known}")
+        check_known(f"simulator.start.{name}", "vehicle", name, fleet.vehicles)
 
 
 def _check_security(fleet: FleetFile) -> None:
     security = fleet.security
     for group in ("operators", "watchers"):
-        names = getattr(security, group)
-        for number, name in enumerate(names):
-            if name in names[:number]:
-                raise FleetError(f"security.{group}[{number}]: {name!r} is named twice")
+        _check_once(f"security.{group}[{{}}]", getattr(security, group))
     if security.certificates is not None:
         if security.insecure:
             raise FleetError("security.insecure: true, but there are certificates; leave out one of them")
@@ -121,41 +119,32 @@ def _check_security(fleet: FleetFile) -> None:
 
 def _check_leaders(fleet: FleetFile) -> None:
     for name, vehicle in fleet.vehicles.items():
-        leaders = [link.leader for link in vehicle.follow]
         for number, link in enumerate(vehicle.follow):
             where = f"vehicles.{name}.follow[{number}].leader"
-            if link.leader not in fleet.vehicles:
-                raise FleetError(
-                    f"{where}: unknown vehicle {link.leader!r}, known are {', '.join(fleet.vehicles)}"
-                )
+            check_known(where, "vehicle", link.leader, fleet.vehicles)
             if link.leader == name:
                 raise FleetError(f"{where}: {name} cannot follow itself, that is a cycle")
-            if link.leader in leaders[:number]:
-                raise FleetError(f"{where}: {link.leader!r} is named twice")
+        _check_once(f"vehicles.{name}.follow[{{}}].leader", [link.leader for link in vehicle.follow])
         for number, successor in enumerate(vehicle.successors):
             where = f"vehicles.{name}.successors[{number}]"
             if successor not in fleet.vehicles or successor == name:
                 others = ", ".join(other for other in fleet.vehicles if other != name)
                 raise FleetError(f"{where}: {successor!r} cannot succeed {name}, allowed are {others}")
-            if successor in vehicle.successors[:number]:
-                raise FleetError(f"{where}: {successor!r} is named twice")
             if fleet.vehicles[successor].leader_lost.then != "promote":
                 raise FleetError(
                     f'{where}: {successor} does not want to lead; give it leader_lost.then = "promote"'
                 )
-    for name in fleet.vehicles:
-        cycle = _cycle_from(fleet, name)
-        if cycle:
-            raise FleetError(f"vehicles.{name}.follow: a cycle of leaders: {' -> '.join(cycle)}")
+        _check_once(f"vehicles.{name}.successors[{{}}]", vehicle.successors)
+    leaders = {name: [link.leader for link in vehicle.follow] for name, vehicle in fleet.vehicles.items()}
+    try:
+        TopologicalSorter(leaders).prepare()
+    except CycleError as error:
+        cycle = error.args[1][::-1]
+        raise FleetError(f"vehicles.{cycle[0]}.follow: a cycle of leaders: {' -> '.join(cycle)}") from None
 
 
-def _cycle_from(fleet: FleetFile, start: str) -> list[str]:
-    stack = [[start]]
-    while stack:
-        path = stack.pop()
-        for link in fleet.vehicles[path[-1]].follow:
-            if link.leader == start:
-                return [*path, start]
-            if link.leader not in path:
-                stack.append([*path, link.leader])
-    return []
+def _check_once(where: str, names: Sequence[str]) -> None:
+    """Refuse a list with a name that it has already; `where` has a place for its number."""
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise FleetError(f"{where.format(number)}: {name!r} is named twice")

@@ -4,6 +4,7 @@ The docstrings of fields are the user documentation in `docs/fleet_file.md`.
 """
 
 import ipaddress
+from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct, field
@@ -25,6 +26,12 @@ RESERVED_PROCESSES = ("router", "simulator", "tracker", "recorder", "spare")
 
 class FleetError(ValueError):
     """The fleet file cannot be used; names the file, the field and what is allowed."""
+
+
+def check_known(where: str, what: str, name: str, known: Collection[str]) -> None:
+    """Refuse a name at the place `where` that is none of the known ones; raises `FleetError`."""
+    if name not in known:
+        raise FleetError(f"{where}: unknown {what} {name!r}, known are {', '.join(known)}")
 
 
 class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

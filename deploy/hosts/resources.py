@@ -12,7 +12,7 @@ from rcopterx.deploy.certificates.names import host_name
 from rcopterx.deploy.hosts.run_directory import serial_path
 from rcopterx.deploy.hosts.running import running_fleets
 from rcopterx.deploy.roles.tracker import check_motion_capture, tracker_address
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 
 
 def check_resources(fleet: FleetFile, host: str, directory: Path, without: Collection[str] = ()) -> list[str]:
@@ -67,8 +67,7 @@ def check_without(fleet: FleetFile, without: Collection[str]) -> None:
     Raises `FleetError`: one is unknown, or none is left.
     """
     for name in without:
-        if name not in fleet.vehicles:
-            raise FleetError(f"--without: unknown vehicle {name!r}, known are {', '.join(fleet.vehicles)}")
+        check_known("--without", "vehicle", name, fleet.vehicles)
     if len(set(without)) == len(fleet.vehicles):
         raise FleetError("--without: at least one vehicle must take part")
 

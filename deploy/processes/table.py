@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetFile, check_known
 
 ROUTER: Final = "router"
 """Name and role of the router."""
@@ -52,8 +52,7 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
 
     Raises `FleetError`: the host is unknown.
     """
-    if host not in fleet.hosts:
-        raise FleetError(f"hosts: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
+    check_known("hosts", "host", host, fleet.hosts)
     # Routers import this module and start without the limits of vehicles.
     from rcopterx.fleet.vehicle_models import longest_shutdown_s
 

@@ -16,7 +16,7 @@ from setproctitle import setproctitle, setthreadtitle
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.deploy.processes.process_log import set_up
 from rcopterx.deploy.roles.last_to_end import PR_SET_PDEATHSIG, outlive_launcher
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 
 ROLES = ("router", "recorder", "simulator", "tracker", "transmitters", "agent")
 EXIT_USAGE = 2
@@ -94,8 +94,7 @@ def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
     }  # fmt: skip
     if role not in known:
         raise FleetError(f"role {role!r} is unknown, allowed are {', '.join(ROLES)}")
-    if unit not in known[role]:
-        raise FleetError(f"{role}: unknown unit {unit!r}, known are {', '.join(known[role])}")
+    check_known(role, "unit", unit, known[role])
 
 
 def runner(role: str) -> Callable[[FleetFile, str], None]:
