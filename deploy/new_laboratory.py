@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import tomlkit
+
 from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.fleet.reading import parse_fleet
@@ -85,15 +87,11 @@ address = {quoted(laboratory.tracker)}
 
 def quoted(text: str) -> str:
     """Return text as a TOML basic string."""
-    escaped = "".join(
-        f"\\{sign}" if sign in '"\\' else f"\\u{ord(sign):04x}" if ord(sign) < 32 or sign == "\x7f" else sign
-        for sign in text
-    )
-    return f'"{escaped}"'
+    return tomlkit.string(text).as_string()
 
 
 def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -> str:
-    key = vehicle.name if vehicle.name.isidentifier() and vehicle.name.isascii() else quoted(vehicle.name)
+    key = tomlkit.key(vehicle.name).as_string()
     lines = [
         f"[vehicles.{key}]",
         f"type = {quoted(laboratory.type)}    # rcopterx types lists all",
