@@ -30,7 +30,6 @@ from rcopterx.deploy.processes.table import RECORDER, ROUTER, ProcessSpec, agent
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.spares.spares import SPARES, Spares, spare_command
-from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
 from rcopterx.fleet.reading import write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.flights.flights import flight_name
@@ -65,14 +64,6 @@ def call_in_realtime(priority: int, function: Callable[[], T]) -> T:
 
     with ThreadPoolExecutor(max_workers=1) as pool:
         return pool.submit(call).result()
-
-
-def watchdog_limits(fleet: FleetFile) -> WatchdogLimits | None:
-    """Return for how long processes of a fleet may make no progress; None for no limit."""
-    watchdog = fleet.watchdog
-    if not watchdog.enabled:
-        return None
-    return WatchdogLimits(watchdog.flight_s, watchdog.floor_s, watchdog.start_s)
 
 
 class Launcher(AbstractContextManager["Launcher"]):
@@ -135,7 +126,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._forks,
             # Agents of another host may all have to be started at once.
             spares=self._make_spares(specs, SPARES + len(guests)),
-            watchdog=watchdog_limits(fleet) if watchdog else None,
+            watchdog=fleet.watchdog if watchdog and fleet.watchdog.enabled else None,
             without=absent,
         )
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)

@@ -3,7 +3,6 @@
 import math
 import os
 import selectors
-import subprocess
 import time
 from collections.abc import Callable, Collection
 from functools import partial
@@ -17,7 +16,8 @@ from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, RECORDER, TRANSMITTERS, ProcessSpec
 from rcopterx.deploy.spares.spares import Spares
 from rcopterx.deploy.watchdog.liveness import Liveness, Watched
-from rcopterx.deploy.watchdog.watchdog import Duty, Watchdog, WatchdogLimits
+from rcopterx.deploy.watchdog.watchdog import Duty, Watchdog
+from rcopterx.fleet.schema import WatchdogConfig
 
 STABLE_AFTER_S = 2.0
 PREPARE_S: Final = 0.1
@@ -32,6 +32,7 @@ DUTIES: Final = {TRANSMITTERS: Duty.RADIO, "simulator": Duty.BACKGROUND, RECORDE
 """Duties of processes by role; those of others are `Duty.FLIGHT`."""
 KNOWING_ROLES: Final = ("agent", TRANSMITTERS)
 """Processes of these roles know whether vehicles fly."""
+STOP_TURN_S: Final = 0.05
 STOP_LIMIT_S = 12.0
 """Without the time in which transmitter gateways land their vehicles."""
 
@@ -67,7 +68,7 @@ class Supervisor:
         forks: ForkServer,
         *,
         spares: Spares | None = None,
-        watchdog: WatchdogLimits | None = None,
+        watchdog: WatchdogConfig | None = None,
         without: Collection[str] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -124,7 +125,7 @@ class Supervisor:
         self._selector.register(process.descriptor, selectors.EVENT_READ, spec.name)
 
     def _is_responsive(self, process: int) -> bool:
-        return self.liveness is None or self.liveness.silent_s(process) <= SPARE_SILENCE_S
+        return self.liveness is None or self.liveness.watchdog.silent_s(process) <= SPARE_SILENCE_S
 
     def watch(self, timeout_s: float) -> list[str]:
         """Start and stop what shall be started and stopped, kill what hangs, and restart what dies.
@@ -254,7 +255,8 @@ class Supervisor:
         child = self.children[name]
         assert child.process is not None
         descriptor = child.process.descriptor
-        code = self._reap(child)
+        code = child.process.wait()
+        child.process = None
         self._selector.unregister(descriptor)
         child.leaving_since_s = None
         verdict, child.verdict = child.verdict, None
@@ -273,12 +275,6 @@ class Supervisor:
                 f"hung: no progress for {verdict.silent_s:.2f} s, {verdict.limit_s:g} s are allowed; {cause}"
             )
         return [f"{name}: {cause}; log: {self._logs / (name + '.log')}"]
-
-    def _reap(self, child: Child) -> int:
-        assert child.process is not None
-        code = child.process.wait()
-        child.process = None
-        return code
 
     def quick_deaths(self, name: str) -> int:
         """Number of deaths of a process in a row that came shortly after its start."""
@@ -312,12 +308,12 @@ class Supervisor:
     @property
     def forgiven(self) -> dict[str, int]:
         """How often processes were silent for longer than their limit without hanging, by reason."""
-        return {} if self.liveness is None else self.liveness.forgiven
+        return {} if self.liveness is None else dict(self.liveness.watchdog.forgiven)
 
     def longest_silence_s(self, name: str) -> float:
         """Longest time without progress of a running process since it began to work."""
         pid = self.pid(name)
-        return 0.0 if self.liveness is None or pid is None else self.liveness.longest_s(pid)
+        return 0.0 if self.liveness is None or pid is None else self.liveness.watchdog.longest_s(pid)
 
     def running(self) -> list[str]:
         """Names of the processes that run now."""
@@ -340,24 +336,6 @@ class Supervisor:
         self._spares.close()
         for child in self.children.values():
             child.wanted = False
-        for order in sorted({child.spec.stop_order for child in self.children.values()}):
-            group = [child for child in self.children.values() if child.spec.stop_order == order]
-            self._stop_group([child for child in group if child.process is not None])
+        while self.running():
+            self.watch(STOP_TURN_S)
         self._forks.close()
-
-    def _stop_group(self, group: list[Child]) -> None:
-        for child in group:
-            if child.process is not None:
-                self._selector.unregister(child.process.descriptor)
-                child.process.terminate()
-        landing_s = max((child.spec.landing_s for child in group), default=0.0)
-        deadline_s = self._clock() + STOP_LIMIT_S + landing_s
-        for child in group:
-            if child.process is None:
-                continue
-            try:
-                child.process.wait(max(0.01, deadline_s - self._clock()))
-            except subprocess.TimeoutExpired:
-                child.process.kill()
-                child.process.leave_realtime()
-            self._reap(child)

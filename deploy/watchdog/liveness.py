@@ -21,7 +21,7 @@ class Liveness:
     """Reads heartbeat pages and processor times for a watchdog."""
 
     def __init__(self, watchdog: Watchdog) -> None:
-        self._watchdog = watchdog
+        self.watchdog = watchdog
         self._checked_s = 0.0
         self._pressure_s = pressure_s()
         self._threads: dict[int, Threads] = {}
@@ -31,7 +31,7 @@ class Liveness:
         elapsed_s, self._checked_s = now_s - self._checked_s, now_s
         pressure_before_s, self._pressure_s = self._pressure_s, pressure_s()
         pressed_s = min(elapsed_s, self._pressure_s - pressure_before_s)
-        before, suspects = self._threads, self._watchdog.suspects
+        before, suspects = self._threads, self.watchdog.suspects
         # Not those of all processes: each read may pass the interpreter on to a thread that is slow.
         self._threads = {pid: threads_of(pid) if pid in suspects else {} for pid in processes}
         observations = {
@@ -45,17 +45,4 @@ class Liveness:
             )
             for pid, process in processes.items()
         }
-        return self._watchdog.check(now_s, observations)
-
-    def silent_s(self, process: int) -> float:
-        """Return how long a process has shown no progress."""
-        return self._watchdog.silent_s(process)
-
-    def longest_s(self, process: int) -> float:
-        """Return the longest silence of a process since it began to work."""
-        return self._watchdog.longest_s(process)
-
-    @property
-    def forgiven(self) -> dict[str, int]:
-        """How often a silence beyond the limit was no hang, by reason."""
-        return dict(self._watchdog.forgiven)
+        return self.watchdog.check(now_s, observations)

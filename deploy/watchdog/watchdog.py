@@ -13,6 +13,7 @@ from enum import Enum, auto
 from typing import Final, NamedTuple
 
 from rcopterx.bus.heartbeat import Phase
+from rcopterx.fleet.schema import WatchdogConfig
 
 TIMELY_S: Final = 0.03
 """Longest time between two checks in time; what is beyond that is the supervisor's delay."""
@@ -43,26 +44,6 @@ class Duty(Enum):
     """A spare process."""
     BACKGROUND = auto()
     """Vehicles in the air do not need it (the recorder), or a new one does not help them (the simulator)."""
-
-
-@dataclass(frozen=True)
-class WatchdogLimits:
-    """For how long a process may make no progress."""
-
-    flight_s: float
-    """While vehicles fly, or where no process of this host knows whether they do."""
-    floor_s: float
-    """Otherwise; always for spares."""
-    start_s: float
-    """While a process starts or ends; always for the simulator and the recorder."""
-
-    def of(self, observation: "Observation", flying: bool) -> float:
-        """Return the limit of a process."""
-        starting = observation.phase is Phase.STARTING and not observation.excuse.stopped
-        if observation.duty is Duty.BACKGROUND or starting or observation.phase is Phase.ENDING:
-            return self.start_s
-        needed = observation.duty in (Duty.RADIO, Duty.FLIGHT)
-        return self.flight_s if flying and needed else self.floor_s
 
 
 class Excuse(NamedTuple):
@@ -153,7 +134,7 @@ class Watchdog:
         No process of this host knows whether vehicles fly, so that they always may.
     """
 
-    def __init__(self, limits: WatchdogLimits, blind: bool = False) -> None:
+    def __init__(self, limits: WatchdogConfig, blind: bool = False) -> None:
         self._limits = limits
         self._blind = blind
         self._watches: dict[int, _Watch] = {}
@@ -179,7 +160,7 @@ class Watchdog:
         flying = self._blind or any(seen.phase is Phase.FLYING for seen in observations.values())
         known, self._watches = self._watches, {}
         for process, seen in observations.items():
-            limit_s = self._limits.of(seen, flying)
+            limit_s = self._limit_s(seen, flying)
             watch = self._watches[process] = known.get(process) or _Watch(seen, limit_s)
             if process in known and watch.update(seen, elapsed_s, limit_s):
                 self.forgiven["load"] += 1
@@ -192,6 +173,13 @@ class Watchdog:
                 self._killed_s[watch.last.name] = now_s
                 hung.append(Hung(process, watch.silent_s, watch.limit_s))
         return hung
+
+    def _limit_s(self, seen: Observation, flying: bool) -> float:
+        starting = seen.phase is Phase.STARTING and not seen.excuse.stopped
+        if seen.duty is Duty.BACKGROUND or starting or seen.phase is Phase.ENDING:
+            return self._limits.start_s
+        needed = seen.duty in (Duty.RADIO, Duty.FLIGHT)
+        return self._limits.flight_s if flying and needed else self._limits.floor_s
 
     def _may_be_killed(self, watch: _Watch, now_s: float) -> bool:
         """Whether a kill is no mistake that load may explain: transmitter gateways come last, and seldom."""

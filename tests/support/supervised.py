@@ -10,14 +10,14 @@ from pathlib import Path
 
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec
-from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
+from rcopterx.fleet.schema import WatchdogConfig
 from support.waiting import DEADLINE_S, wait_for
 
 SLEEPS = "exec sleep 600"
 DIES = "exit 3"
 # Of the clock, shorter than what a watchdog takes for a stall of its own.
 READING_S = 0.02
-LIMITS = WatchdogLimits(flight_s=0.5, floor_s=0.5, start_s=60.0)
+LIMITS = WatchdogConfig(flight_s=0.5, floor_s=0.5, start_s=60.0)
 BEATS = """
 import mmap, os, sys, time
 words = memoryview(mmap.mmap(int(os.environ["RCOPTERX_HEARTBEAT"]), 4096)).cast("Q")

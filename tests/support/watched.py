@@ -1,10 +1,11 @@
 """Processes of a host as a watchdog sees them."""
 
 from rcopterx.bus.heartbeat import Phase
-from rcopterx.deploy.watchdog.watchdog import Duty, Excuse, Hung, Observation, Watchdog, WatchdogLimits
+from rcopterx.deploy.watchdog.watchdog import Duty, Excuse, Hung, Observation, Watchdog
+from rcopterx.fleet.schema import WatchdogConfig
 from support.records import replace
 
-LIMITS = WatchdogLimits(flight_s=0.15, floor_s=1.0, start_s=30.0)
+LIMITS = WatchdogConfig(flight_s=0.15, floor_s=1.0, start_s=30.0)
 STEP_S = 0.02
 DEAF, OTHER, THIRD = 1, 2, 3
 NONE = Excuse()

@@ -12,12 +12,11 @@ from support.bus import free_port
 from support.fleets import HARDWARE_PAIR, PAIR
 
 from rcopterx.bus.session import BusUnreachableError
-from rcopterx.deploy.hosts.launcher import Launcher, call_in_realtime, watchdog_limits
+from rcopterx.deploy.hosts.launcher import Launcher, call_in_realtime
 from rcopterx.deploy.hosts.resources import check_resources
 from rcopterx.deploy.hosts.run_directory import router_socket, run_directory, serial_path
 from rcopterx.deploy.hosts.running import RunningFleet, recorded
 from rcopterx.deploy.processes.table import processes_of
-from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
 
@@ -236,23 +235,24 @@ def test_a_router_has_a_socket_only_where_its_path_is_short_enough() -> None:
     assert router_socket("main", Path("/run") / ("x" * 100)) is None
 
 
-def test_a_fleet_file_sets_the_limits_of_the_watchdog_or_switches_it_off() -> None:
-    assert watchdog_limits(parse_fleet(PAIR)) == WatchdogLimits(0.15, 1.0, 30.0)
-    patient = parse_fleet(PAIR + "[watchdog]\nflight_s = 0.3\nfloor_s = 2\nstart_s = 60")
-    assert watchdog_limits(patient) == WatchdogLimits(0.3, 2.0, 60.0)
-    assert watchdog_limits(parse_fleet(PAIR + "[watchdog]\nenabled = false")) is None
+def test_a_fleet_file_sets_the_limits_of_the_watchdog() -> None:
+    patient = parse_fleet(PAIR + "[watchdog]\nflight_s = 0.3\nfloor_s = 2\nstart_s = 60").watchdog
+    assert (patient.flight_s, patient.floor_s, patient.start_s) == (0.3, 2.0, 60.0)
     with pytest.raises(FleetError, match=r"watchdog\.flight_s"):
         parse_fleet(PAIR + "[watchdog]\nflight_s = 0.01")
 
 
-@pytest.mark.parametrize("watchdog", [True, False])
+@pytest.mark.parametrize(
+    ("option", "table", "watches"),
+    [(True, "", True), (False, "", False), (True, "[watchdog]\nenabled = false\n", False)],
+)
 def test_a_launcher_watches_unless_that_is_switched_off(
-    watchdog: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    option: bool, table: str, watches: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
-    launcher = Launcher(parse_fleet(on_free_ports(PAIR)), "main", watchdog=watchdog)
+    launcher = Launcher(parse_fleet(on_free_ports(PAIR + table)), "main", watchdog=option)
     try:
-        assert launcher.supervisor.watchdog_on is watchdog
+        assert launcher.supervisor.watchdog_on is watches
     finally:
         launcher.supervisor.stop_all()
 

@@ -1,7 +1,6 @@
 """Promises of programs in the background: they let others pass, and Ctrl-C does not end them."""
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -23,16 +22,6 @@ def test_a_program_gets_what_others_leave_it() -> None:
     with start_in_background([sys.executable, "-c", ECHO]) as process:
         assert os.getpriority(os.PRIO_PROCESS, process.pid) == NICE
         process.communicate(b"")
-
-
-def test_a_process_moves_itself_to_the_background() -> None:
-    script = (
-        "import os; from rcopterx.deploy.processes.background import move_to_background;"
-        "move_to_background(os.getpid());"
-        "print(os.getpriority(os.PRIO_PROCESS, 0))"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert int(done.stdout) == NICE
 
 
 @pytest.mark.skipif(not Path("/proc/self/autogroup").exists(), reason="this kernel knows no autogroups")

@@ -22,7 +22,7 @@ from support.supervised import (
 )
 from support.waiting import DEADLINE_S, FakeClock, PatientClock, wait_for
 
-from rcopterx.deploy.watchdog.watchdog import WatchdogLimits
+from rcopterx.fleet.schema import WatchdogConfig
 
 
 def may_be_real_time() -> bool:
@@ -96,7 +96,7 @@ def test_a_process_that_gets_no_processor_is_waited_for(supervise: Supervise, pa
     supervisor = supervise(
         beating("one", "works"),
         *(beating(name) for name in ("two", "three", "four")),
-        watchdog=WatchdogLimits(flight_s=0.15, floor_s=0.15, start_s=60.0),
+        watchdog=WatchdogConfig(flight_s=0.15, floor_s=0.15, start_s=60.0),
     )
     supervisor.start_all()
     watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
@@ -126,7 +126,9 @@ def test_without_a_watchdog_a_process_may_be_stopped(supervise: Supervise) -> No
 
 
 def test_the_longest_silence_of_a_process_is_known(supervise: Supervise) -> None:
-    supervisor = supervise(beating("one"), watchdog=WatchdogLimits(DEADLINE_S, DEADLINE_S, DEADLINE_S))
+    supervisor = supervise(
+        beating("one"), watchdog=WatchdogConfig(flight_s=DEADLINE_S, floor_s=DEADLINE_S, start_s=DEADLINE_S)
+    )
     supervisor.start_all()
     watch_until(supervisor, lambda: beats_of(supervisor, "one"), "no beats")
     pid = kill(supervisor, "one", signal.SIGSTOP)

@@ -19,9 +19,9 @@ from rcopterx.deploy.watchdog.watchdog import (
     Excuse,
     Hung,
     Watchdog,
-    WatchdogLimits,
     blamed_s,
 )
+from rcopterx.fleet.schema import WatchdogConfig
 
 
 @pytest.mark.parametrize(
@@ -268,7 +268,7 @@ def test_a_stopped_process_is_found_while_most_others_are_late_through_load() ->
 
 def test_silence_as_long_as_the_limit_is_no_hang_yet() -> None:
     """Times are powers of two, so that sums are exact."""
-    watchdog = Watchdog(WatchdogLimits(flight_s=0.125, floor_s=0.25, start_s=30.0))
+    watchdog = Watchdog(WatchdogConfig(flight_s=0.125, floor_s=0.25, start_s=30.0))
     looks = {DEAF: seen(DEAF, Phase.WORKING)}
     found = [watchdog.check(number / 64, looks) for number in range(18)]
     assert [len(hung) for hung in found] == [0] * 17 + [1]
