@@ -124,7 +124,7 @@ class RawMessage(NamedTuple):
     topic: str
     payload: bytes
     arrived_s: float
-    number: int
+    number: int = 0
 
 
 def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:

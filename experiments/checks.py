@@ -167,7 +167,7 @@ def followed(name: str, *leaders: str) -> Check:
     """Leaders of a vehicle at the end."""
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
-        statuses = figures.statuses(name)
+        statuses = figures.statuses[name]
         present = [link.leader for link in statuses[-1].following] if statuses else None
         return present == list(leaders), present
 
@@ -190,7 +190,7 @@ def controllers_flown(name: str, *controllers: str) -> Check:
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
         flown = [
-            key for key, _ in groupby(status.diagnostics.controller for status in figures.statuses(name))
+            key for key, _ in groupby(status.diagnostics.controller for status in figures.statuses[name])
         ]
         return flown == list(controllers), flown
 
@@ -201,7 +201,7 @@ def agents_started_again(name: str, times: int = 1) -> Check:
     """Number of agent processes of a vehicle after the first."""
 
     def judge(figures: FlightFigures, _: Tables) -> Result:
-        processes = {status.diagnostics.process for status in figures.statuses(name)}
+        processes = {status.diagnostics.process for status in figures.statuses[name]}
         return len(processes) == times + 1, len(processes) - 1
 
     return Check(f"the agent of {name} was started again {times} time(s)", judge)

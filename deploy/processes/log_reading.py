@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from rcopterx.bus.requests import MAX_LINE, MAX_LINES, LoggedLine, ReadLogs, ReadLogsReply
 from rcopterx.deploy.processes.process_log import OLDER, SUFFIX
@@ -11,16 +11,6 @@ from rcopterx.deploy.processes.process_log import OLDER, SUFFIX
 PAGE_BYTES: Final = 16_000
 """Size of all logs in one answer; undecodable bytes take three times their size on the bus."""
 _STAMP: Final = re.compile(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z ")
-
-
-class LogLine(NamedTuple):
-    """A line of a log."""
-
-    time: str
-    """UTC as written; lines without a time, for instance of a traceback, have that of the line before."""
-    process: str
-    text: str
-    """The line without its time."""
 
 
 class ProcessLogs:
@@ -47,15 +37,18 @@ class ProcessLogs:
         """Return the names of the processes that have a log."""
         return sorted({path.name.partition(SUFFIX)[0] for path in self._directory.glob(f"*{SUFFIX}*")})
 
-    def new_lines(self) -> list[LogLine]:
-        """Return all lines that were not read before, sorted by time."""
+    def new_lines(self) -> list[LoggedLine]:
+        """Return all lines that were not read before, sorted by time.
+
+        Lines without a time, for instance of a traceback, have that of the line before.
+        """
         lines = [line for path in self._files() for line in self._lines_of(path)]
         # Stable: lines of one log with the same time keep their order.
         return sorted(lines, key=lambda line: line.time)
 
-    def page(self) -> tuple[list[LogLine], bool]:
+    def page(self) -> tuple[list[LoggedLine], bool]:
         """Return some lines that were not read before, log by log, and whether there are more."""
-        lines: list[LogLine] = []
+        lines: list[LoggedLine] = []
         room_bytes = PAGE_BYTES
         for path in self._files():
             known = self.positions.get(path.name, 0)
@@ -79,7 +72,9 @@ class ProcessLogs:
         process = path.name.partition(SUFFIX)[0]
         return not self._names or process in self._names or process.removeprefix("agent-") in self._names
 
-    def _lines_of(self, path: Path, most_bytes: int = -1, most_lines: int | None = None) -> Iterator[LogLine]:
+    def _lines_of(
+        self, path: Path, most_bytes: int = -1, most_lines: int | None = None
+    ) -> Iterator[LoggedLine]:
         process = path.name.partition(SUFFIX)[0]
         try:
             with path.open("rb") as file:
@@ -98,7 +93,7 @@ class ProcessLogs:
             stamp = _STAMP.match(text)
             if stamp is not None:
                 self._times[path] = stamp[0].strip()
-            yield LogLine(self._times.get(path, ""), process, text[stamp.end() :] if stamp else text)
+            yield LoggedLine(self._times.get(path, ""), process, text[stamp.end() :] if stamp else text)
 
 
 def _size(path: Path) -> int:

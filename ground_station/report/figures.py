@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from operator import itemgetter
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,9 +13,9 @@ from numpy.typing import NDArray
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
-from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle, RouterStatus
+from rcopterx.bus.host_messages import LaboratoryVehicle, RouterStatus
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import AgentStatus, Applied, Diagnostics, Plan
+from rcopterx.bus.messages import Applied, Diagnostics, Plan
 from rcopterx.control.interfaces import Measurement
 from rcopterx.ground_station.geometry import inertial_offset
 from rcopterx.ground_station.report.latency import clock_offset, stage_times_ms
@@ -46,43 +45,31 @@ class FlightFigures:
 
     def __init__(self, recording: Recording, vehicles: Sequence[str]) -> None:
         self._vehicles = list(vehicles)
-        self._laboratory = [m for m, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
+        self.laboratory = [m for m, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
+        """States of the simulated laboratory in order; empty with hardware."""
 
         def by_vehicle(channel: Channel[M]) -> dict[str, list[M]]:
             return {name: [m for m, _ in recording.messages(channel, name)] for name in vehicles}
 
         self._poses = by_vehicle(channels.POSE)
-        self._plans = by_vehicle(channels.PLAN)
-        self._applied = by_vehicle(channels.APPLIED)
         self._transmitters = by_vehicle(channels.TRANSMITTER_STATUS)
-        self._status = by_vehicle(channels.AGENT_STATUS)
+        self.plans = by_vehicle(channels.PLAN)
+        """Plans of each vehicle, in order."""
+        self.applied = by_vehicle(channels.APPLIED)
+        """Inputs written to the radio module of each vehicle, in order."""
+        self.statuses = by_vehicle(channels.AGENT_STATUS)
+        """Statuses of the agent of each vehicle, in order."""
         self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
-        self._stages = self._stage_times(recording)
-
-    @property
-    def laboratory(self) -> list[LaboratoryState]:
-        """States of the simulated laboratory in order; empty with hardware."""
-        return self._laboratory
+        self.stages = self._stage_times(recording)
+        """Arrival in the recording [s] and `latency.stage_times_ms` of each command, by vehicle."""
 
     def truth(self, name: str) -> list[LaboratoryVehicle]:
         """True states of one vehicle."""
-        return [state.vehicles[name] for state in self._laboratory if name in state.vehicles]
-
-    def statuses(self, name: str) -> list[AgentStatus]:
-        """Statuses of the agent of a vehicle, in order."""
-        return self._status[name]
-
-    def applied(self, name: str) -> list[Applied]:
-        """Inputs written to the radio module of a vehicle, in order."""
-        return self._applied[name]
-
-    def plans(self, name: str) -> list[Plan]:
-        """Plans of a vehicle, in order."""
-        return self._plans[name]
+        return [state.vehicles[name] for state in self.laboratory if name in state.vehicles]
 
     def references(self, name: str) -> tuple[Array, Array]:
         """Frames of the plans of a vehicle that have a reference, shape (n,), and the references, (n, 4)."""
-        plans = [plan for plan in self._plans[name] if plan.reference is not None]
+        plans = [plan for plan in self.plans[name] if plan.reference is not None]
         frames = np.array([plan.frame for plan in plans], dtype=float)
         return frames, np.array([plan.reference for plan in plans], dtype=float).reshape(-1, 4)
 
@@ -102,10 +89,10 @@ class FlightFigures:
         return np.asarray(np.linalg.norm(np.array(gaps).reshape(-1, 3), axis=1))
 
     def _position_by_frame(self, name: str) -> dict[int, Array]:
-        if self._laboratory:
+        if self.laboratory:
             return {
                 state.frame: np.array([*state.vehicles[name].position_m, state.vehicles[name].yaw_rad])
-                for state in self._laboratory
+                for state in self.laboratory
                 if name in state.vehicles
             }
         return {
@@ -119,47 +106,35 @@ class FlightFigures:
     def pose_to_command_ms(self) -> list[float]:
         """From the arrival of a frame at the Vicon gateway to that of its command at the transmitter's."""
         values = []
-        for stages in self._stages.values():
+        for stages in self.stages.values():
             for _, times in stages:
                 if times.keys() >= TO_COMMAND:
                     values.append(sum(times[stage] for stage in TO_COMMAND))
         return [value for value in values if value < LONGEST_LATENCY_MS]
 
-    def stage_times_ms(self, name: str) -> list[tuple[float, dict[str, float]]]:
-        """Arrival in the recording [s] and stages of each command, see `latency.stage_times_ms`."""
-        return self._stages[name]
-
     def _stage_times(self, recording: Recording) -> dict[str, list[tuple[float, dict[str, float]]]]:
         """Stages of all commands, with the statuses of routers that had arrived before each."""
-        messages: list[tuple[float, str, Applied | RouterStatus]] = []
-        for host in recording.units(channels.ROUTER_STATUS):
-            messages += [
-                (at_s, host, status) for status, at_s in recording.messages(channels.ROUTER_STATUS, host)
-            ]
-        for name in self._vehicles:
-            messages += [
-                (at_s, name, applied) for applied, at_s in recording.messages(channels.APPLIED, name)
-            ]
         routers: dict[str, RouterStatus] = {}
         found: dict[str, list[tuple[float, dict[str, float]]]] = {name: [] for name in self._vehicles}
-        for arrived_s, unit, message in sorted(messages, key=itemgetter(0)):
+        needed: tuple[Channel[Any], ...] = (channels.ROUTER_STATUS, channels.APPLIED)
+        for arrived_s, unit, message in recording.in_order(needed):
             if isinstance(message, RouterStatus):
                 routers[unit] = message
-            elif times := stage_times_ms(message, partial(clock_offset, routers)):
+            elif unit in found and (times := stage_times_ms(message, partial(clock_offset, routers))):
                 found[unit].append((arrived_s, times))
         return found
 
     def frame_to_radio_ms(self) -> list[float]:
         """From the simulator's send of a frame to the arrival of the first radio frame computed from it."""
         sent: dict[int, list[float]] = {}
-        for state in self._laboratory:
+        for state in self.laboratory:
             sent.setdefault(state.frame, []).append(state.sent_s)
         values = []
         for name in self._vehicles:
             arrivals = [radio for vehicle in self.truth(name) for radio in vehicle.radio]
             times = [radio[0] for radio in arrivals]
             seen: set[tuple[int, int]] = set()
-            for applied in self._applied[name]:
+            for applied in self.applied[name]:
                 # A laboratory that was restarted counts frames from 0 again: the last frame before counts.
                 before = [at_s for at_s in sent.get(applied.frame, ()) if at_s <= applied.written_s]
                 if not applied.fresh or (applied.epoch, applied.frame) in seen or not before:
@@ -174,7 +149,7 @@ class FlightFigures:
         """Norm of p_F - p_L - d at every frame in which the vehicle followed, shape (n,)."""
         errors = []
         own = self._positions[name]
-        for plan in self._plans[name]:
+        for plan in self.plans[name]:
             if not plan.following or plan.reference is None or plan.frame not in own:
                 continue
             total = sum(link.weight for link in plan.following)
@@ -191,7 +166,7 @@ class FlightFigures:
         """Frames, shape (n,), and distances from the reference of the same moment [m], shape (n,)."""
         errors = [
             (self._reference_frame(plan), error_m)
-            for plan in self._plans[name]
+            for plan in self.plans[name]
             if (error_m := self._distance_from_reference_m(name, plan)) is not None
         ]
         frames, errors_m = np.array(errors, dtype=float).reshape(-1, 2).T
@@ -204,7 +179,7 @@ class FlightFigures:
     def settled_error_m(self, name: str) -> Array:
         """Distance from a reference that has been at rest for `SETTLED_S` of free flight, shape (n,)."""
         errors, since, place = [], None, np.full(3, np.inf)
-        for plan in self._plans[name]:
+        for plan in self.plans[name]:
             if plan.reference is None or not plan.followable:
                 since, place = None, np.full(3, np.inf)
                 continue
@@ -228,7 +203,7 @@ class FlightFigures:
 
     def followed(self, name: str) -> list[str]:
         """Vehicles that a vehicle followed at any time."""
-        return sorted({link.leader for plan in self._plans[name] for link in plan.following})
+        return sorted({link.leader for plan in self.plans[name] for link in plan.following})
 
     def offsets_m(self, name: str, leader: str) -> tuple[NDArray[np.int64], Array, Array]:
         """Frames, shape (n,), and offsets of a follower from a leader as flown and as wanted, shape (n, 4).
@@ -237,7 +212,7 @@ class FlightFigures:
         """
         own, other = self._positions[name], self._positions.get(leader, {})
         frames, flown, wanted = [], [], []
-        for plan in self._plans[name]:
+        for plan in self.plans[name]:
             link = next((link for link in plan.following if link.leader == leader), None)
             if link is None or plan.frame not in own or plan.frame not in other:
                 continue
@@ -261,11 +236,11 @@ class FlightFigures:
 
     def vehicle(self, name: str) -> dict[str, Any]:
         """The report's table of one vehicle."""
-        status = [status.diagnostics for status in self._status[name]]
+        status = [status.diagnostics for status in self.statuses[name]]
         table: dict[str, Any] = {
             "formation_error_mm": rms_and_max(self.formation_error_m(name)),
             "tracking_error_mm": rms_and_max(self.tracking_error_m(name)),
-            "radio_frames": dict(Counter(applied.state for applied in self._applied[name])),
+            "radio_frames": dict(Counter(applied.state for applied in self.applied[name])),
             "safety": self._safety_events(name),
         }
         ticks = ("ticks", "missed_ticks", "avoiding_ticks")

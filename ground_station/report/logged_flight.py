@@ -2,19 +2,19 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, Final
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
+from rcopterx.bus.session import RawMessage
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import METADATA
 from rcopterx.flights.mcap_reading import Contents, FlightLogError, messages_of
 from rcopterx.ground_station.events import EVENT_CHANNELS, Event, EventFeed
 from rcopterx.ground_station.replay.republishing import fleet_of
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.ground_station.report.recorder import Recording
 
 NANO: Final = 1e9
 NEEDED: Final[tuple[Channel[Any], ...]] = (
@@ -57,27 +57,21 @@ def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
 
 def records_of(
     parts: Sequence[Path], needed: Iterable[Channel[Any]], contents: Contents | None = None
-) -> Iterator[Record]:
+) -> Iterator[RawMessage]:
     """Messages of some channels from the files of a flight; raises FlightLogError."""
     topics = {channel.topic for channel in needed}
     for path in parts:
         for message in messages_of(path, contents):
             unit, _, topic = message.topic.partition("/")
             if topic in topics:
-                yield Record(unit, topic, message.payload, message.time_ns / NANO)
+                yield RawMessage(unit, topic, message.payload, message.time_ns / NANO)
 
 
 def events_of(recording: Recording, started_s: float) -> list[Event]:
     """Events of a recorded flight in order; their times count from `started_s` of the recording."""
     feed = EventFeed()
-    messages = [
-        (arrived_s, unit, message)
-        for channel in EVENT_CHANNELS
-        for unit in recording.units(channel)
-        for message, arrived_s in recording.messages(channel, unit)
-    ]
     return [
         event
-        for arrived_s, unit, message in sorted(messages, key=itemgetter(0))
+        for arrived_s, unit, message in recording.in_order(EVENT_CHANNELS)
         for event in feed.take(unit, message, arrived_s - started_s)
     ]

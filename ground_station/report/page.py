@@ -63,7 +63,7 @@ def _latencies(flight: LoggedFlight) -> Html:
     parts = []
     for name in flight.fleet.vehicles:
         stages: dict[str, list[float]] = {}
-        for _, times in flight.figures.stage_times_ms(name):
+        for _, times in flight.figures.stages[name]:
             for stage, value in times.items():
                 stages.setdefault(stage, []).append(value)
         rows = {
@@ -100,7 +100,7 @@ def _margins(flight: LoggedFlight) -> Html:
 def _identification(flight: LoggedFlight) -> Html:
     rows = []
     for name in flight.fleet.vehicles:
-        reported = [status.excitation for status in flight.figures.statuses(name)]
+        reported = [status.excitation for status in flight.figures.statuses[name]]
         outcomes = [after for before, after in pairwise(["", *reported]) if after != before]
         if any(outcomes):
             rows.append((name, ", then ".join(filter(None, outcomes))))

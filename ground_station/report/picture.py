@@ -24,18 +24,15 @@ PLANS: Final = 12
 """Plans drawn of each vehicle."""
 
 
-def svg_of(name: str, size: tuple[float, float], draw: Callable[[Any], None]) -> str:
-    """Picture as an SVG element for a page; its `name` is unique on the page.
-
-    `size` is width and height [inch]; `draw` draws into an empty `matplotlib.figure.Figure`.
-    """
+def _svg_of(name: str, size: tuple[float, float], draw: Callable[..., None], *data: Any) -> str:
+    """Picture as an SVG element, `size` in inches; `draw` is called with an empty figure and the data."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     # Text stays text; identifiers of elements depend on the name, so that a page can have many pictures.
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": name, "font.size": 8}):
         figure = Figure(figsize=size)
-        draw(figure)
+        draw(figure, *data)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None}, bbox_inches="tight")
     text = buffer.getvalue()
@@ -43,17 +40,14 @@ def svg_of(name: str, size: tuple[float, float], draw: Callable[[Any], None]) ->
 
 
 def flight_svg(name: str, names: Sequence[str], figures: FlightFigures, events: Sequence[Event] = ()) -> str:
-    """Positions, references, errors, plans and latencies of the vehicles `names` of a flight.
+    """Positions, references, errors, plans and latencies of the vehicles `names` of a flight, as SVG.
 
-    Events are thin lines at their times, alarming ones in red.
+    `name` is unique on the page. Events are thin lines at their times, alarming ones in red.
     """
-    return svg_of(name, FLIGHT_SIZE, lambda figure: draw_flight(names, figures, figure, events))
+    return _svg_of(name, FLIGHT_SIZE, _draw_flight, names, figures, events)
 
 
-def draw_flight(
-    names: Sequence[str], figures: FlightFigures, figure: Any, events: Sequence[Event] = ()
-) -> None:
-    """Draw a flight into an empty `matplotlib.figure.Figure`."""
+def _draw_flight(figure: Any, names: Sequence[str], figures: FlightFigures, events: Sequence[Event]) -> None:
     colours = {name: hex_colour(number) for number, name in enumerate(names)}
     grid = figure.add_gridspec(4, 3, width_ratios=(1.6, 1.6, 1.2))
     first: Any = None
@@ -115,7 +109,7 @@ def _draw_from_above(
         axes.plot(thin[:, 0], thin[:, 1], colours[name], lw=1, label=name)
         if len(flown):
             axes.plot(flown[-1, 0], flown[-1, 1], "o", color=colours[name], ms=5)
-        plans = figures.plans(name)
+        plans = figures.plans[name]
         for plan in plans[:: max(1, len(plans) // PLANS)]:
             stages = plan.samples()[::5]
             axes.plot(stages[:, 0], stages[:, 1], colours[name], lw=0.5, alpha=0.6)
@@ -146,10 +140,10 @@ def formation_svg(name: str, names: Sequence[str], figures: FlightFigures) -> st
     if not pairs:
         return ""
     size = (11.0, 1.9 * (len(pairs) + 1) + 0.6)
-    return svg_of(f"{name} formation", size, lambda figure: _draw_formation(pairs, figures, figure))
+    return _svg_of(f"{name} formation", size, _draw_formation, pairs, figures)
 
 
-def _draw_formation(pairs: Sequence[tuple[str, str]], figures: FlightFigures, figure: Any) -> None:
+def _draw_formation(figure: Any, pairs: Sequence[tuple[str, str]], figures: FlightFigures) -> None:
     rows = figure.subplots(len(pairs) + 1, 1, sharex=True, squeeze=False)[:, 0]
     leader = pairs[0][1]
     start = _start(figures, leader)
@@ -186,15 +180,11 @@ def _without_jumps(values: Array) -> Array:
 
 def latency_svg(name: str, vehicle: str, figures: FlightFigures, started_s: float) -> str:
     """Stacked time that the commands of a vehicle spent in each stage; the axis begins at `started_s`."""
-    rows = figures.stage_times_ms(vehicle)
+    rows = figures.stages[vehicle]
     stages = [stage for stage in STAGES if rows and all(stage in times for _, times in rows)]
     if not stages:
         return ""
-    return svg_of(
-        f"{name} latency {vehicle}",
-        (11.0, 2.6),
-        lambda figure: _draw_stages(figure, vehicle, stages, rows, started_s),
-    )
+    return _svg_of(f"{name} latency {vehicle}", (11.0, 2.6), _draw_stages, vehicle, stages, rows, started_s)
 
 
 def _draw_stages(

@@ -2,7 +2,7 @@
 
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, TypeVar
 
 from rcopterx.bus.channels import CHANNELS, Channel
@@ -13,21 +13,11 @@ from rcopterx.bus.session import RawMessage, Session
 M = TypeVar("M", bound=Message)
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
-    """One payload as it arrived."""
-
-    unit: str
-    topic: str
-    payload: bytes
-    arrived_s: float
-
-
 class Recording:
     """Messages of a flight by channel and unit."""
 
-    def __init__(self, records: Iterable[Record]) -> None:
-        self._records: dict[tuple[str, str], list[Record]] = {}
+    def __init__(self, records: Iterable[RawMessage]) -> None:
+        self._records: dict[tuple[str, str], list[RawMessage]] = {}
         for record in records:
             self._records.setdefault((record.topic, record.unit), []).append(record)
         self.rejected: Counter[str] = Counter()
@@ -48,6 +38,16 @@ class Recording:
                 self.rejected[f"{channel.topic}.{error.kind}"] += 1
         return found
 
+    def in_order(self, channels: Iterable[Channel[M]]) -> list[tuple[float, str, M]]:
+        """Arrival times, units and valid messages of all units on some channels, in order of arrival."""
+        found = [
+            (arrived_s, unit, message)
+            for channel in channels
+            for unit in self.units(channel)
+            for message, arrived_s in self.messages(channel, unit)
+        ]
+        return sorted(found, key=itemgetter(0))
+
     def __len__(self) -> int:
         return sum(map(len, self._records.values()))
 
@@ -61,7 +61,7 @@ class Recorder:
     def __init__(
         self, session: Session, kept: int | None = None, only: Sequence[Channel[Any]] | None = None
     ) -> None:
-        self._records: deque[Record] = deque(maxlen=kept)
+        self._records: deque[RawMessage] = deque(maxlen=kept)
         self._topics = {channel.topic for channel in CHANNELS if channel.recorded}
         self._active = False
         for topic in ("*",) if only is None else tuple(channel.topic for channel in only):
@@ -69,7 +69,7 @@ class Recorder:
 
     def _store(self, message: RawMessage) -> None:
         if self._active and message.topic in self._topics:
-            self._records.append(Record(message.unit, message.topic, message.payload, message.arrived_s))
+            self._records.append(message)
 
     def __len__(self) -> int:
         return len(self._records)

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Final
 
-from rcopterx.bus.requests import ReadLogs, ReadLogsReply
+from rcopterx.bus.requests import LoggedLine, ReadLogs, ReadLogsReply
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.hosts.running import running_fleets
-from rcopterx.deploy.processes.log_reading import LogLine, ProcessLogs
+from rcopterx.deploy.processes.log_reading import ProcessLogs
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -53,7 +53,7 @@ class FleetLogs:
         self.processes = sorted({*self._here.processes(), *known, *(OTHERS if answering else ())})
         """Names of processes that may have a log."""
 
-    def new_lines(self) -> list[tuple[str, LogLine]]:
+    def new_lines(self) -> list[tuple[str, LoggedLine]]:
         """Lines since the last call with their hosts, in the order of their times."""
         lines = [(self._label, line) for line in self._here.new_lines()]
         for host in self._others:
@@ -61,8 +61,8 @@ class FleetLogs:
         # Stable: lines of one log with the same time keep their order.
         return sorted(lines, key=lambda found: found[1].time)
 
-    def _lines_of(self, host: str) -> list[LogLine]:
-        found: list[LogLine] = []
+    def _lines_of(self, host: str) -> list[LoggedLine]:
+        found: list[LoggedLine] = []
         for _ in range(MOST_PAGES):
             page = self._page(host, self._positions.get(host, {}), 0.0)
             if page is None:
@@ -71,7 +71,7 @@ class FleetLogs:
             for line in page.lines:
                 time = line.time or self._times.get((host, line.process), "")
                 self._times[host, line.process] = time
-                found.append(LogLine(time, line.process, line.text))
+                found.append(LoggedLine(time, line.process, line.text))
             if not page.more:
                 break
         return found

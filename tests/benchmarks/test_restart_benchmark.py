@@ -12,21 +12,22 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Applied, Pose
-from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.bus.session import RawMessage
+from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 from rcopterx.transmitter_gateway.state_page import NOT_FLYING, open_page
 
 
-def record(unit: str, topic: str, message: Message, arrived_s: float) -> Record:
-    return Record(unit, topic, encode(message), arrived_s)
+def record(unit: str, topic: str, message: Message, arrived_s: float) -> RawMessage:
+    return RawMessage(unit, topic, encode(message), arrived_s)
 
 
-def pose(frame: int, arrived_s: float) -> Record:
+def pose(frame: int, arrived_s: float) -> RawMessage:
     message = Pose(epoch=1, frame=frame, period_s=0.02, latency_s=0, received_s=arrived_s, occluded=True)
     return record("h1", channels.POSE.topic, message, arrived_s)
 
 
-def applied(frame: int, arrived_s: float, state: str = "armed", fresh: bool = True) -> Record:
+def applied(frame: int, arrived_s: float, state: str = "armed", fresh: bool = True) -> RawMessage:
     message = Applied(
         state=state, input=(0, 0, 0.5, 0), pulse_width_us=(1500.0,), epoch=1, frame=frame, sequence=1,
         fresh=fresh,
@@ -34,7 +35,7 @@ def applied(frame: int, arrived_s: float, state: str = "armed", fresh: bool = Tr
     return record("h1", channels.APPLIED.topic, message, arrived_s)
 
 
-def truth(x_m: float, arrived_s: float) -> Record:
+def truth(x_m: float, arrived_s: float) -> RawMessage:
     vehicle = LaboratoryVehicle(
         position_m=(x_m, 0, 1), yaw_rad=0, velocity_m_s=(0, 0, 0), on_floor=False, outside=False
     )

@@ -9,9 +9,10 @@ from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.messages import Applied
+from rcopterx.bus.session import RawMessage
 from rcopterx.experiments.faults.observation import broken_in, seen_of
 from rcopterx.experiments.faults.promise import LIMITS, Limits, Promise, Seen, judged, outcome
-from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.ground_station.report.recorder import Recording
 
 FLEW = Seen(100, 20.0, None, None, 40.0, ("armed",))
 LANDED = Seen(100, 1000.0, 100.0, 0.4, 2000.0, ("armed", "hold", "land", "cut"))
@@ -71,21 +72,21 @@ def test_outcome_is_described_in_words() -> None:
     assert outcome(Promise.LANDS, {"h1": FLEW}) == "all fly on"
 
 
-def truth(frame: int, x_m: float, **more: Any) -> Record:
+def truth(frame: int, x_m: float, **more: Any) -> RawMessage:
     vehicle = LaboratoryVehicle(
         position_m=(x_m, 0.0, 1.0), yaw_rad=0.0, velocity_m_s=(0.0, 0.0, 0.0),
         **{"on_floor": False, "outside": False, **more},
     )  # fmt: skip
     state = LaboratoryState(frame=frame, sent_s=0.02 * frame, vehicles={"h1": vehicle})
-    return Record(channels.SIMULATOR_UNIT, "laboratory", encode(state), 0.02 * frame)
+    return RawMessage(channels.SIMULATOR_UNIT, "laboratory", encode(state), 0.02 * frame)
 
 
-def written(at_s: float, state: str = "armed", fresh: bool = True) -> Record:
+def written(at_s: float, state: str = "armed", fresh: bool = True) -> RawMessage:
     applied = Applied(
         state=state, input=(0.0, 0.0, 0.5, 0.0), pulse_width_us=(1500.0,), epoch=1, frame=1, sequence=1,
         fresh=fresh, written_s=at_s,
     )  # fmt: skip
-    return Record("h1", "applied", encode(applied), at_s)
+    return RawMessage("h1", "applied", encode(applied), at_s)
 
 
 def test_recording_shows_the_largest_distance_and_the_longest_time_without_a_command() -> None:

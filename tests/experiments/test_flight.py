@@ -16,7 +16,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.requests import GoTo
-from rcopterx.bus.session import BusAddress, Session
+from rcopterx.bus.session import BusAddress, RawMessage, Session
 from rcopterx.experiments.checks import ALWAYS, IN_TIME, Check, remarks_on_latency
 from rcopterx.experiments.flight import (
     Flown,
@@ -32,7 +32,7 @@ from rcopterx.experiments.paper_sequence import PAPER_SET_POINTS, Say, Wait
 from rcopterx.experiments.steps import in_order, land, take_off
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 
@@ -63,7 +63,7 @@ def recording(*states: tuple[bool, bool]) -> Recording:
             outside=outside,
         )  # fmt: skip
         state = LaboratoryState(frame=frame, sent_s=0.02 * frame, vehicles={"h1": vehicle})
-        records.append(Record(channels.SIMULATOR_UNIT, "laboratory", encode(state), 0.02 * frame))
+        records.append(RawMessage(channels.SIMULATOR_UNIT, "laboratory", encode(state), 0.02 * frame))
     return Recording(records)
 
 

@@ -11,11 +11,12 @@ from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.messages import Applied, LeaderLink, Plan, Pose
+from rcopterx.bus.session import RawMessage
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.experiments import checks
 from rcopterx.experiments.checks import Check
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.vehicles.tuples import Three
 
 NAMES = ("h1", "h2")
@@ -38,7 +39,7 @@ class Flight:
         self.late_s = 0.0
         self.truth = True
 
-    def records(self) -> list[Record]:
+    def records(self) -> list[RawMessage]:
         found = []
         for frame in range(len(self.states)):
             if self.truth:
@@ -47,10 +48,10 @@ class Flight:
                 found += self._of(name, frame)
         return found
 
-    def _record(self, unit: str, channel: Any, message: Any) -> Record:
-        return Record(unit, channel.topic, encode(message), 0.0)
+    def _record(self, unit: str, channel: Any, message: Any) -> RawMessage:
+        return RawMessage(unit, channel.topic, encode(message), 0.0)
 
-    def _laboratory(self, frame: int) -> Record:
+    def _laboratory(self, frame: int) -> RawMessage:
         vehicles = {
             name: LaboratoryVehicle(
                 position_m=self.positions[name][frame], yaw_rad=self.yaw_rad, velocity_m_s=(0.0, 0.0, 0.0),
@@ -61,7 +62,7 @@ class Flight:
         state = LaboratoryState(frame=frame, sent_s=0.02 * frame, vehicles=vehicles)
         return self._record(channels.SIMULATOR_UNIT, channels.LABORATORY, state)
 
-    def _of(self, name: str, frame: int) -> list[Record]:
+    def _of(self, name: str, frame: int) -> list[RawMessage]:
         half = self.yaw_rad / 2
         quaternion = (0.0, 0.0, math.sin(half), math.cos(half))
         pose = Pose(

@@ -56,5 +56,5 @@ def test_helicopters_and_a_quadrotor_fly_one_formation_and_either_type_leads(lau
         errors_m = figures.formation_error_m(name)
         assert len(errors_m) > 20, name
         assert 1000 * np.percentile(errors_m, 90) < ERROR_MM, name
-        thrusts = [applied.input[2] for applied in figures.applied(name)]
+        thrusts = [applied.input[2] for applied in figures.applied[name]]
         assert np.median(thrusts) == pytest.approx(models[name].hover_input[2], abs=0.05), name

@@ -18,12 +18,13 @@ from rcopterx.bus.channels import Channel, key, request_key
 from rcopterx.bus.codec import encode
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Command, Kill
+from rcopterx.bus.requests import LoggedLine
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import Received
 from rcopterx.deploy.certificates.files import credentials, directory_of
 from rcopterx.deploy.certificates.issuing import issue, read_authority
 from rcopterx.deploy.hosts.run_directory import router_socket, run_directory
-from rcopterx.deploy.processes.log_reading import LogLine, ProcessLogs
+from rcopterx.deploy.processes.log_reading import ProcessLogs
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 
@@ -146,9 +147,9 @@ def test_client_without_valid_certificate_is_rejected_and_reported(laboratory: L
         ("operator.gone", file.endpoint("main")),
     ):
         assert laboratory.rogue("ground", certificate, endpoint=endpoint) == "refused"
-        told: list[LogLine] = []
+        told: list[LoggedLine] = []
 
-        def is_told(told: list[LogLine] = told) -> bool:
+        def is_told(told: list[LoggedLine] = told) -> bool:
             told += logs.new_lines()
             return bool(told)
 

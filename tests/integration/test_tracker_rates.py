@@ -48,7 +48,7 @@ def test_a_formation_flies_at_higher_rates_of_the_tracker(launch: Launch, rate_h
     figures = FlightFigures(recording, NAMES)
     assert figures.frame_period_s() == pytest.approx(1 / rate_hz)
     for name in NAMES:
-        steps = np.diff([plan.frame for plan in figures.plans(name)])
+        steps = np.diff([plan.frame for plan in figures.plans[name]])
         assert np.median(steps) == rate_hz // 50, name
         frames = [pose.frame for pose, _ in recording.messages(channels.POSE, name)]
         assert np.median(np.diff(frames)) == 1, name

@@ -16,6 +16,7 @@ from rcopterx.bus.log_messages import AnsweredRequest, LauncherEvent
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Kill, Plan, Pose, TransmitterStatus
 from rcopterx.bus.requests import Reply, TakeOff
+from rcopterx.bus.session import RawMessage
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.flights.mcap_reading import FlightLogError
 from rcopterx.ground_station.events import Event
@@ -24,7 +25,7 @@ from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.logged_flight import LoggedFlight, events_of, logged_flight
 from rcopterx.ground_station.report.page import comparison_page, report_page, sections
 from rcopterx.ground_station.report.playback import MAX_SAMPLES, flight_data, playback
-from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.ground_station.report.recorder import Recording
 
 REFERENCE = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"
 VOLUME = ((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0))
@@ -35,8 +36,8 @@ def flight() -> LoggedFlight:
     return logged_flight("reference", [REFERENCE])
 
 
-def record(channel: Channel, unit: str, message: Message, arrived_s: float) -> Record:
-    return Record(unit, channel.topic, encode(message), arrived_s)
+def record(channel: Channel, unit: str, message: Message, arrived_s: float) -> RawMessage:
+    return RawMessage(unit, channel.topic, encode(message), arrived_s)
 
 
 def test_a_report_is_whole_and_refers_to_nothing_outside_itself(flight: LoggedFlight) -> None:

@@ -11,10 +11,11 @@ from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Applied, Pose, TransmitterStatus
+from rcopterx.bus.session import RawMessage
 from rcopterx.command_line import app
 from rcopterx.ground_station.report.logged_flight import records_of
 from rcopterx.ground_station.report.promises import NEEDED, broken_promises
-from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.ground_station.report.recorder import Recording
 
 REFERENCE = Path(__file__).parents[2] / "fixtures" / "reference_flight.mcap"
 FRAME_S = 0.02
@@ -25,12 +26,12 @@ class Log:
     """Makes records of vehicle h1: a frame and a pose every 20 ms."""
 
     def __init__(self) -> None:
-        self.records: list[Record] = []
+        self.records: list[RawMessage] = []
         self.now_s = 100.0
         self.lease = 1
 
     def add(self, channel: Channel, unit: str, message: Message) -> None:
-        self.records.append(Record(unit, channel.topic, encode(message), self.now_s))
+        self.records.append(RawMessage(unit, channel.topic, encode(message), self.now_s))
 
     def see(self, height_m: float) -> None:
         pose = Pose(

@@ -14,9 +14,10 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle, LinkState, RouterStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Applied, CommandTiming, LeaderLink, Plan, Pose, TransmitterStatus
+from rcopterx.bus.session import RawMessage
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.ground_station.report.figures import FlightFigures
-from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.report.statistics import percentiles, rms_and_max
 from rcopterx.vehicles.tuples import Four, Three
 
@@ -25,10 +26,10 @@ class Flight:
     """Builds a recording message by message."""
 
     def __init__(self) -> None:
-        self.records: list[Record] = []
+        self.records: list[RawMessage] = []
 
     def add(self, channel: Channel, unit: str, message: Message) -> None:
-        self.records.append(Record(unit, channel.topic, encode(message), float(len(self.records))))
+        self.records.append(RawMessage(unit, channel.topic, encode(message), float(len(self.records))))
 
     def pose(self, unit: str, frame: int, position_m: Three | None, received_s: float = 0.0) -> None:
         quaternion = None if position_m is None else (0.0, 0.0, 0.0, 1.0)
@@ -343,7 +344,7 @@ def test_what_the_arbiter_did_is_told_once_each() -> None:
 def test_malformed_records_are_counted_and_left_out() -> None:
     flight = Flight()
     flight.status("h1", 1)
-    recording = Recording([*flight.records, Record("h1", "status", b"\xc1", 0.0)])
+    recording = Recording([*flight.records, RawMessage("h1", "status", b"\xc1", 0.0)])
     assert len(recording) == 2
     assert len(recording.messages(channels.AGENT_STATUS, "h1")) == 1
     assert recording.rejected == {"status.malformed": 1}
