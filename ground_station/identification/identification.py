@@ -13,11 +13,10 @@ from rcopterx.control.identification.excitation import COMBS, DONE, UNDER_WAY, e
 from rcopterx.control.identification.recording import FlightLog, FlightRecording
 from rcopterx.control.interfaces import Measurement
 from rcopterx.fleet.vehicle_models import limits_of, model_of
-from rcopterx.ground_station.identification.spacing import NoRoomError, spread
+from rcopterx.ground_station.identification.spacing import IdentificationError, spread
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.observer import Observer
-from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.vehicles.state import four
 
 BEGIN_LIMIT_S: Final = 2.0
@@ -27,10 +26,6 @@ ARRIVAL_S: Final = 20.0
 
 Progress = Callable[[float], None]
 """Called every few seconds with the time that is left [s]."""
-
-
-class IdentificationError(RefusedError):
-    """The flight cannot be used."""
 
 
 class Wanted(NamedTuple):
@@ -70,10 +65,7 @@ def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float) -> Iterator
     flying = {name: status for name, status in statuses.items() if status is not None}
     places = {name: status.position_m or status.set_point.position_m for name, status in flying.items()}
     volume, surveillance = fleet.file.volume, limits_of(fleet.file, names[0]).surveillance
-    try:
-        apart = spread(places, reach_m, surveillance.minimum_distance_m or 0.0, (volume.min_m, volume.max_m))
-    except NoRoomError as error:
-        raise IdentificationError(str(error)) from None
+    apart = spread(places, reach_m, surveillance.minimum_distance_m or 0.0, (volume.min_m, volume.max_m))
     try:
         for name, state in states.items():
             if state.assigned:

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.vehicles.state import Array, three
 from rcopterx.vehicles.tuples import Three
 
@@ -15,8 +16,8 @@ ABOVE_M: Final = 0.05
 """Vehicles that are horizontally closer are above each other."""
 
 
-class NoRoomError(ValueError):
-    """Vehicles cannot be excited at the same time; the message says why."""
+class IdentificationError(RefusedError):
+    """Vehicles cannot be excited, or their flight cannot be used; the message says why."""
 
 
 def spread(
@@ -37,7 +38,7 @@ def spread(
 
     Raises
     ------
-    NoRoomError
+    IdentificationError
         A vehicle is above another one, or the enlarged formation does not fit into the volume.
     """
     names, places = list(places_m), np.array(list(places_m.values()))
@@ -45,7 +46,9 @@ def spread(
     for first, second in combinations(range(len(names)), 2):
         apart_m = float(np.abs(places[first, :2] - places[second, :2]).max())
         if apart_m < ABOVE_M:
-            raise NoRoomError(f"{names[first]} and {names[second]} are above each other; move one of them")
+            raise IdentificationError(
+                f"{names[first]} and {names[second]} are above each other; move one of them"
+            )
         factor = max(factor, (distance_m + 2.0 * reach_m) / apart_m)
     wide = places.copy()
     wide[:, :2] = places[:, :2].mean(axis=0) + factor * (places[:, :2] - places[:, :2].mean(axis=0))
@@ -58,7 +61,7 @@ def _shift_into(places: Array, volume: Array, margin_m: float) -> Array:
     low, high = volume[0] + margin_m - places.min(axis=0), volume[1] - margin_m - places.max(axis=0)
     if (low > high).any():
         missing_m = float((low - high).max())
-        raise NoRoomError(
+        raise IdentificationError(
             f"the flight volume is {missing_m:.2f} m too small for {len(places)} vehicles at the same time; "
             "identify fewer, or give a smaller --reach"
         )

@@ -20,13 +20,7 @@ from rcopterx.fleet.vehicle_models import limits_of
 from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 from rcopterx.ground_station.scripting.notes import capacity_notes
 from rcopterx.ground_station.scripting.observer import Observer
-from rcopterx.ground_station.scripting.regroup import (
-    RegroupError,
-    formation_leader,
-    regroup,
-    role,
-    swapped,
-)
+from rcopterx.ground_station.scripting.regroup import formation_leader, regroup, role, swapped
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
@@ -116,22 +110,14 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """
         self.wait_for_status()  # of all vehicles, since links of all of them decide who gets other leaders
         statuses = self.statuses()
-        try:
-            change, where = swapped(statuses, first, second)
-            before = {name: statuses[name].assigned for name in change}
-            regroup(self, change, where, before)
-        except RegroupError as error:
-            raise RefusedError(str(error)) from None
+        change, where = swapped(statuses, first, second)
+        regroup(self, change, where, {name: statuses[name].assigned for name in change})
         return [f"{name} {role(links)}" for name, links in change.items()]
 
     def promote(self, name: str) -> list[str]:
         """Make a flying vehicle the leader of its whole formation, as `swap` with the present one."""
         self.wait_for_status()
-        try:
-            head = formation_leader(self.statuses(), name)
-        except RegroupError as error:
-            raise RefusedError(str(error)) from None
-        return self.swap(head, name)
+        return self.swap(formation_leader(self.statuses(), name), name)
 
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles that are not armed yet and wait until their agents know."""

@@ -23,6 +23,7 @@ from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.ground_station.scripting.observer import Observer
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.vehicles.state import Array
 
 LEAD_TIME_S = 0.4
@@ -35,14 +36,10 @@ CHANGED_LIMIT_S = 2.0
 Change = Mapping[str, tuple[LeaderLink, ...]]
 
 
-class RegroupError(RuntimeError):
-    """The leaders could not be changed together; says which vehicle failed, and whether anything changed."""
-
-
 def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tuple[Change, dict[str, Array]]:
     """New leaders by vehicle when two vehicles exchange roles, and the places of all vehicles.
 
-    Raises RegroupError if one of the two does not fly.
+    Raises RefusedError if one of the two does not fly.
     """
     links, heads = formation_of(statuses)
     where = places(links, heads)
@@ -51,14 +48,14 @@ def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tup
     try:
         return exchanged(links, where, first, second), where
     except TopologyError as error:
-        raise RegroupError(str(error)) from None
+        raise RefusedError(str(error)) from None
 
 
 def _expect_flying(statuses: Mapping[str, AgentStatus], name: str) -> None:
     if name not in statuses:
-        raise RegroupError(f"{name} is absent: its agent is silent")
+        raise RefusedError(f"{name} is absent: its agent is silent")
     if statuses[name].phase != "flying":
-        raise RegroupError(f"{name} does not fly, its phase is {statuses[name].phase}")
+        raise RefusedError(f"{name} does not fly, its phase is {statuses[name].phase}")
 
 
 def role(links: Sequence[LeaderLink]) -> str:
@@ -69,16 +66,16 @@ def role(links: Sequence[LeaderLink]) -> str:
 def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
     """The leader of the whole formation in which a vehicle flies.
 
-    Raises RegroupError if it does not fly, leads already, or there are several.
+    Raises RefusedError if it does not fly, leads already, or there are several.
     """
     _expect_flying(statuses, name)
     links, _ = formation_of(statuses)
     heads = roots(links, name)
     if heads == (name,):
-        raise RegroupError(f"{name} leads already")
+        raise RefusedError(f"{name} leads already")
     if len(heads) > 1:
         lines = "; ".join(in_words(line_between(links, name, head)) for head in heads)
-        raise RegroupError(f"{name} has several leaders at the head: {lines}; name one of them to swap with")
+        raise RefusedError(f"{name} has several leaders at the head: {lines}; name one of them to swap with")
     return heads[0]
 
 
@@ -92,8 +89,8 @@ def regroup(
 
     Raises
     ------
-    RegroupError
-        A vehicle refused or did not answer; says whether everything is as before.
+    RefusedError
+        A vehicle refused or did not answer; says which, and whether everything is as before.
     """
     operation = f"regroup_{uuid.uuid4().hex[:8]}"
     uncommitted, committing = list(change), False
@@ -109,27 +106,27 @@ def regroup(
             commit = CommitLeaders(operation=operation, epoch=newest.epoch, frame=frame)
             _request(fleet, name, commit, timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
             uncommitted.remove(name)
-    except RegroupError as error:
+    except RefusedError as error:
         silent = _withdraw(fleet, operation, list(change))
         # Vehicles without a commit keep their leaders. The first of them may have received its commit.
         unsure = [name for name in silent if name not in uncommitted[1:]] if committing else []
         outcome = (
             f"did not confirm to keep their leaders: {', '.join(unsure)}" if unsure else "nothing has changed"
         )
-        raise RegroupError(f"{error}; {outcome}") from None
+        raise RefusedError(f"{error}; {outcome}") from None
     late = _wait_until_changed(fleet, change)
     if late and before is not None:
         regroup(fleet, {name: before[name] for name in change if name not in late}, where)
-        raise RegroupError(f"{', '.join(late)} did not change leaders; all vehicles are as before")
+        raise RefusedError(f"{', '.join(late)} did not change leaders; all vehicles are as before")
     if late:
-        raise RegroupError(f"{', '.join(late)} did not change leaders")
+        raise RefusedError(f"{', '.join(late)} did not change leaders")
 
 
 def _preparation(operation: str, following: tuple[LeaderLink, ...], place: Array | None) -> PrepareLeaders:
     if following:
         return PrepareLeaders(operation=operation, following=following)
     if place is None:
-        raise RegroupError("the place of the new leader is not known")
+        raise RefusedError("the place of the new leader is not known")
     x, y, z, yaw_rad = place.tolist()
     return PrepareLeaders(operation=operation, set_point=SetPoint(position_m=(x, y, z), yaw_rad=yaw_rad))
 
@@ -138,9 +135,9 @@ def _request(fleet: Observer, name: str, request: Request, **limits: float) -> N
     try:
         reply = fleet.session.request(name, request, **limits)
     except RequestFailedError as error:
-        raise RegroupError(str(error)) from None
+        raise RefusedError(str(error)) from None
     if not reply.accepted:
-        raise RegroupError(f"{name}: {reply.reason}")
+        raise RefusedError(f"{name}: {reply.reason}")
 
 
 def _withdraw(fleet: Observer, operation: str, names: Sequence[str]) -> list[str]:
@@ -150,7 +147,7 @@ def _withdraw(fleet: Observer, operation: str, names: Sequence[str]) -> list[str
         try:
             withdrawal = WithdrawLeaders(operation=operation)
             _request(fleet, name, withdrawal, timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
-        except RegroupError:
+        except RefusedError:
             silent.append(name)
     return silent
 
@@ -158,7 +155,7 @@ def _withdraw(fleet: Observer, operation: str, names: Sequence[str]) -> list[str
 def _plan(fleet: Observer, name: str) -> Plan:
     plan = fleet.plan_of(name)
     if plan is None:
-        raise RegroupError(f"{name}: no plan arrives")
+        raise RefusedError(f"{name}: no plan arrives")
     return plan
 
 

@@ -8,8 +8,10 @@ import pytest
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Applied, Pose
-from rcopterx.ground_station.identification.identification import IdentificationError, recording_of
-from rcopterx.ground_station.report.recorder import Record, Recording
+from rcopterx.bus.session import RawMessage
+from rcopterx.ground_station.identification.identification import recording_of
+from rcopterx.ground_station.identification.spacing import IdentificationError
+from rcopterx.ground_station.report.recorder import Recording
 
 ROWS = 40
 
@@ -32,7 +34,7 @@ def applied(frame: int, state: str = "armed", fresh: bool = True) -> Applied:
 
 def flight(poses: list[Pose], inputs: list[Applied]) -> Recording:
     pairs = [(channels.POSE.topic, one) for one in poses] + [(channels.APPLIED.topic, one) for one in inputs]
-    return Recording([Record("h1", topic, encode(message), 0.0) for topic, message in pairs])
+    return Recording([RawMessage("h1", topic, encode(message), 0.0) for topic, message in pairs])
 
 
 def whole(**options: bool) -> Recording:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.ground_station.identification.spacing import ABOVE_M, NoRoomError, spread
+from rcopterx.ground_station.identification.spacing import ABOVE_M, IdentificationError, spread
 from rcopterx.vehicles.tuples import Three
 
 ROOM = ((-3.0, -2.0, 0.0), (3.0, 2.0, 2.0))
@@ -21,7 +21,7 @@ def test_vehicles_have_room_or_the_reason_is_shown(found: list[Three]) -> None:
     names = {f"h{index}": place for index, place in enumerate(found)}
     try:
         apart = spread(names, REACH_M, DISTANCE_M, ROOM)
-    except NoRoomError as error:
+    except IdentificationError as error:
         assert "above each other" in str(error) or "too small" in str(error)  # noqa: PT017 - either way
         return
     for (ax, ay, _), (bx, by, _) in combinations(apart.values(), 2):
@@ -44,10 +44,10 @@ def test_a_formation_with_room_stays_where_it_is() -> None:
 
 
 def test_vehicles_above_each_other_are_named() -> None:
-    with pytest.raises(NoRoomError, match="h1 and h2 are above each other"):
+    with pytest.raises(IdentificationError, match="h1 and h2 are above each other"):
         spread({"h1": (0.0, 0.0, 1.0), "h2": (0.5 * ABOVE_M, 0.0, 1.5)}, REACH_M, DISTANCE_M, ROOM)
 
 
 def test_a_volume_that_is_too_small_is_an_error() -> None:
-    with pytest.raises(NoRoomError, match=r"0\.\d\d m too small for 3 vehicles"):
+    with pytest.raises(IdentificationError, match=r"0\.\d\d m too small for 3 vehicles"):
         spread(TRIO, REACH_M, DISTANCE_M, ((-0.6, -0.6, 0.0), (0.6, 0.6, 2.0)))

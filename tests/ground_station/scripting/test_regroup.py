@@ -15,11 +15,11 @@ from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan
 from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.ground_station.scripting.regroup import (
-    RegroupError,
     formation_leader,
     regroup,
     swapped,
 )
+from rcopterx.ground_station.scripting.vehicle import RefusedError
 
 FormationGraph = dict[str, tuple[LeaderLink, ...]]
 
@@ -164,7 +164,7 @@ def test_who_refuses_or_is_not_heard_keeps_everybody_where_they_are(
     fleet = formation(trouble)
     try:
         change_in(fleet, *pair)
-    except RegroupError as error:
+    except RefusedError as error:
         told = str(error)
     else:
         assert fleet.links != TREE
@@ -182,7 +182,7 @@ def test_who_dies_on_the_way_leaves_no_mixture_behind(number: int, pair: tuple[s
     fleet = formation({number: "dies"})
     try:
         change_in(fleet, *pair)
-    except RegroupError:
+    except RefusedError:
         assert fleet.links == TREE
     assert all(cycle(graph) == () for graph in fleet.graphs)
 
@@ -200,25 +200,25 @@ def test_who_dies_before_the_frame_has_everybody_go_back() -> None:
         return reply
 
     fleet.request = dying  # type: ignore[method-assign]  # the vehicle dies after it has agreed
-    with pytest.raises(RegroupError, match="h4 did not change leaders; all vehicles are as before"):
+    with pytest.raises(RefusedError, match="h4 did not change leaders; all vehicles are as before"):
         regroup(fleet, change, where, before)  # type: ignore[arg-type]  # no bus
     assert fleet.links == TREE
 
 
 def test_vehicles_that_do_not_fly_or_are_absent_change_no_roles() -> None:
     grounded = STATUSES | {"h2": status(TREE["h2"], phase="armed")}
-    with pytest.raises(RegroupError, match="h2 does not fly, its phase is armed"):
+    with pytest.raises(RefusedError, match="h2 does not fly, its phase is armed"):
         swapped(grounded, "h1", "h2")
-    with pytest.raises(RegroupError, match="h9 is absent: its agent is silent"):
+    with pytest.raises(RefusedError, match="h9 is absent: its agent is silent"):
         swapped(STATUSES, "h1", "h9")
 
 
 def test_the_head_of_a_formation_is_found_and_ambiguity_told() -> None:
     assert formation_leader(STATUSES, "h4") == "h1"
-    with pytest.raises(RegroupError, match="h1 leads already"):
+    with pytest.raises(RefusedError, match="h1 leads already"):
         formation_leader(STATUSES, "h1")
-    with pytest.raises(RegroupError, match="h2 does not fly, its phase is ground"):
+    with pytest.raises(RefusedError, match="h2 does not fly, its phase is ground"):
         formation_leader(STATUSES | {"h2": status(TREE["h2"], phase="ground")}, "h2")
     two = {"h1": status(()), "h2": status(()), "h3": status((link("h1", 1.0), link("h2", 1.0)))}
-    with pytest.raises(RegroupError, match="several leaders at the head: h3 follows h1; h3 follows h2"):
+    with pytest.raises(RefusedError, match="several leaders at the head: h3 follows h1; h3 follows h2"):
         formation_leader(two, "h3")
