@@ -88,20 +88,23 @@ def load_fleet(path: Path) -> FleetFile:
         raise FleetError(f"{path}: cannot be read: a directory; name the fleet file in it")
     if path.suffix == SUFFIX:
         return read_snapshot(path)
-    text = _text_of(path)
     try:
-        return parse_fleet(text, path.parent)
+        return parse_fleet(text_of(path), path.parent)
     except FleetError as error:
         raise FleetError(f"{path}: {error}") from None
 
 
-def _text_of(path: Path) -> str:
+def text_of(path: Path) -> str:
+    """Return the text of a file.
+
+    Raises `FleetError`: it cannot be read or is no text; says why.
+    """
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
-        raise FleetError(f"{path}: cannot be read: {error.strerror}") from None
+        raise FleetError(f"cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
-        raise FleetError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+        raise FleetError(f"not UTF-8 text: {error.reason} at byte {error.start}") from None
 
 
 def table_of(text: str) -> dict[str, Any]:
@@ -148,7 +151,7 @@ def _type_files(fleet: FleetFile, directory: Path) -> dict[str, dict[str, Any]]:
     for vehicle in fleet.vehicles.values():
         if vehicle.type.endswith(".toml"):
             try:
-                found[vehicle.type] = table_of(_text_of(directory / vehicle.type))
+                found[vehicle.type] = table_of(text_of(directory / vehicle.type))
             except FleetError as error:
                 raise FleetError(f"{vehicle.type}: {error}") from None
     return found
@@ -165,20 +168,22 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
-def converted(raw: object, kind: type[T], where: str) -> T:
+def converted(raw: object, kind: type[T], where: str, *, strict: bool = True) -> T:
     """Convert a table at the path `where` of the file (empty for the whole file) to a type.
+
+    Texts become numbers where these are needed, unless `strict`.
 
     Raises `FleetError`: wrong type, missing or unknown field, or a value that the type refuses; names the
     path of the field.
     """
     try:
-        return msgspec.convert(raw, kind)
+        return msgspec.convert(raw, kind, strict=strict)
     except msgspec.ValidationError as error:
         what, _, place = str(error).partition(" - at `")
         below = place.rstrip("`").removeprefix("key` in `").removeprefix("$")
         path = f"{where}{below}".removeprefix(".")
         if "unknown field" in what or "enum value" in what:
-            what = f"{what}, allowed are {', '.join(_allowed_at(kind, below))}"
+            what = f"{what}, allowed are {', '.join(_allowed_at(kind, below)) or 'none'}"
         raise FleetError(f"{path or 'top level'}: {what[0].lower()}{what[1:]}") from None
 
 

@@ -1,17 +1,20 @@
 """Faults for the simulated laboratory: parsed from text and files, sent to the simulator."""
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import msgspec
 
 from rcopterx.bus.channels import SIMULATOR_UNIT
 from rcopterx.bus.requests import MAX_FAULTS, Inject
 from rcopterx.bus.session import Session
+from rcopterx.fleet.reading import converted, table_of, text_of
+from rcopterx.fleet.schema import FleetError
 from rcopterx.simulator.faults import FAULTS, Fault, TimedFault, injected_faults
+
+T = TypeVar("T")
 
 
 class ScenarioError(ValueError):
@@ -30,15 +33,14 @@ def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
     kind = kind.replace("-", "_")
     if kind not in FAULTS:
         raise ScenarioError(f"unknown fault {kind!r}, known are {', '.join(FAULTS)}")
-    allowed = [field.name for field in msgspec.structs.fields(FAULTS[kind])]
-    for name in values:
-        if name not in allowed:
-            raise ScenarioError(f"{kind}: unknown field {name!r}, allowed are {', '.join(allowed) or 'none'}")
+    return cast(Fault, _converted({"kind": kind, **values}, FAULTS[kind], kind))
+
+
+def _converted(values: object, kind: type[T], where: str) -> T:
     try:
-        fault: Fault = msgspec.convert({"kind": kind, **values}, Fault, strict=False)
-    except msgspec.ValidationError as error:
-        raise ScenarioError(f"{kind}: {str(error)[0].lower()}{str(error)[1:]}") from None
-    return fault
+        return converted(values, kind, where, strict=False)
+    except FleetError as error:
+        raise ScenarioError(str(error)) from None
 
 
 def field_from(text: str) -> tuple[str, object]:
@@ -60,13 +62,9 @@ def read_scenario(path: Path) -> tuple[TimedFault, ...]:
     Raises ScenarioError.
     """
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: not TOML: {error}") from None
-    except RecursionError:
-        raise ScenarioError(f"{path}: tables or arrays are nested too deeply") from None
+        document = table_of(text_of(path))
+    except FleetError as error:
+        raise ScenarioError(f"{path}: {error}") from None
     tables = document.pop("fault", [])
     if document or not isinstance(tables, list) or not 1 <= len(tables) <= MAX_FAULTS:
         raise ScenarioError(f"{path}: allowed are 1 to {MAX_FAULTS} tables [[fault]] and nothing else")
@@ -87,10 +85,7 @@ def _line(table: object) -> TimedFault:
     if missing:
         raise ScenarioError(f"{missing[0]} is missing")
     at_s, kind = values.pop("at_s"), values.pop("kind")
-    try:
-        return msgspec.convert({"at_s": at_s, "fault": fault_from(str(kind), values)}, TimedFault)
-    except msgspec.ValidationError as error:
-        raise ScenarioError(f"at_s: {str(error)[0].lower()}{str(error)[1:]}") from None
+    return _converted({"at_s": at_s, "fault": fault_from(str(kind), values)}, TimedFault, "")
 
 
 def inject_faults(session: Session, faults: Fault | Sequence[TimedFault]) -> None:

@@ -183,7 +183,7 @@ def test_refusal_of_the_simulator_is_told(up: str, simulator: ScriptedSimulator)
         ((), "a fault is missing, see --list"),
         (("explode",), "unknown fault 'explode', known are close, reset, wrong_magic"),
         (("occlude",), "occlude: object missing required field `subject`"),
-        (("close", "duration_s=1"), "close: unknown field 'duration_s', allowed are none"),
+        (("close", "duration_s=1"), "close: object contains unknown field `duration_s`, allowed are none"),
         (("burst", "frames"), "'frames': must be FIELD=VALUE"),
         (("set_quality", "subject=h1", "quality=2"), "set_quality: expected `float` <= 1.0"),
         (("close", "--scenario", "x.toml"), "either a fault or --scenario"),
