@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 
-from rcopterx.agents.formation.topology import FormationGraph, places, roots
+from rcopterx.agents.formation.topology import places, roots
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.fleet.schema import FleetError, FleetFile
 
@@ -26,7 +26,7 @@ def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:
     for name, other in combinations(fleet.vehicles, 2):
         if roots(links, name) != roots(links, other):
             continue
-        later = name if links[name] and _moves_with(links, name, other) else other
+        later = name if links[name] and any(link.leader == other for link in links[name]) else other
         gap = np.abs(where[name][:3] - where[other][:3])
         distance_m = float(np.linalg.norm(gap))
         if minimum_distance_m is not None and distance_m < minimum_distance_m - TOLERANCE_M:
@@ -40,7 +40,3 @@ def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:
                     f"vehicles.{later}.follow: {name} and {other} would be {gap[axis]:.3g} m apart in "
                     f"{'xyz'[axis]}, the flight volume is {high - low:g} m there"
                 )
-
-
-def _moves_with(links: FormationGraph, name: str, other: str) -> bool:
-    return any(link.leader == other for link in links[name])

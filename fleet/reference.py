@@ -6,7 +6,7 @@ Keys, types, defaults, limits and meanings come from the types in `schema`.
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import msgspec
 from msgspec import inspect as types
@@ -24,11 +24,7 @@ from rcopterx.transmitter_gateway.calibration import (
     ThrottleCalibration,
 )
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
-from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2Settings
-from rcopterx.transmitter_gateway.protocols.dsmp import DsmpSettings
-from rcopterx.transmitter_gateway.protocols.multi import MultiSettings
-from rcopterx.transmitter_gateway.protocols.ppm import PpmSettings
+from rcopterx.transmitter_gateway.protocols.registry import settings_class
 from rcopterx.vehicles.model import Model, Uncertainty
 from rcopterx.vehicles.tilt import TiltModel
 
@@ -134,8 +130,8 @@ def sections() -> list[Section]:
         ),
         Section(transmitter, schema.TransmitterConfig, "See [hardware.md](hardware.md)."),
         *(
-            Section(f"{transmitter}.settings", kind, f'With `protocol = "{protocol}"`.')
-            for protocol, kind in PROTOCOLS.items()
+            Section(f"{transmitter}.settings", settings_class(name), f'With `protocol = "{name}"`.')
+            for name in get_args(schema.ProtocolName)
         ),
         Section(calibration, Calibration, "Written by `rcopterx calibrate`."),
         Section(f"{calibration}.pitch", ChannelCalibration, "`roll` and `yaw` have the same keys."),
@@ -151,15 +147,6 @@ def sections() -> list[Section]:
         Section(f"{model}.tilt", TiltModel, own_default="of the type"),
         Section(f"{model}.uncertainty", Uncertainty, own_default="of the type"),
     ]
-
-
-PROTOCOLS: Final[dict[str, type]] = {
-    "multi": MultiSettings,
-    "dsm2_serial": Dsm2Settings,
-    "dsmp": DsmpSettings,
-    "ppm": PpmSettings,
-    "crazyflie": CrazyflieSettings,
-}
 
 
 def reference() -> str:

@@ -50,24 +50,17 @@ class FlightSettings:
     keep_bytes: int
 
 
-def open_new(path: Path) -> BinaryIO:
-    """Create a file."""
-    return path.open("xb", buffering=0)
-
-
-def free_bytes(directory: Path) -> int:
-    """Return the free space of the disk of a directory."""
-    return shutil.disk_usage(directory).free
-
-
 class FlightWriter:
-    """Writes chunks of messages; a failure of the disk, see `problem`, interrupts the recording."""
+    """Writes chunks of messages; a failure of the disk, see `problem`, interrupts the recording.
+
+    `opener` creates a file, `free` returns the free space of the disk of a directory.
+    """
 
     def __init__(
         self,
         settings: FlightSettings,
-        opener: Callable[[Path], BinaryIO] = open_new,
-        free: Callable[[Path], int] = free_bytes,
+        opener: Callable[[Path], BinaryIO] = lambda path: path.open("xb", buffering=0),
+        free: Callable[[Path], int] = lambda directory: shutil.disk_usage(directory).free,
     ) -> None:
         self._settings = settings
         self._opener = opener
@@ -135,7 +128,7 @@ class FlightWriter:
         self._file = self._opener(self.path)
         mcap = self._mcap = McapFile(self._file, settings.schemas)
         mcap.add_metadata(METADATA, {**settings.metadata, "part": str(number)})
-        mcap.add_attachment(FLEET_ATTACHMENT, "application/json", settings.fleet, time_ns)
+        mcap.add_attachment(FLEET_ATTACHMENT, settings.fleet, time_ns)
         return mcap
 
     def _make_room(self) -> None:

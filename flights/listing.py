@@ -90,7 +90,7 @@ def mend(path: Path, schemas: dict[str, tuple[str, bytes]]) -> Mended:
         for name, table in contents.metadata.items():
             mcap.add_metadata(name, table)
         for name, data in contents.attachments.items():
-            mcap.add_attachment(name, "application/json", data, 0)
+            mcap.add_attachment(name, data, 0)
         messages = messages_of(path, read)
         while chunk := list(islice(messages, CHUNK_MESSAGES)):
             mcap.add_chunk(chunk)

@@ -33,6 +33,7 @@ from mcap.records import (
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "rcopterx"
+JSON: Final = "application/json"
 COMPRESSION: Final = "zstd"
 COMPRESSION_LEVEL: Final = 6
 _MESSAGE: Final = Struct("<BQHIQQ")
@@ -99,14 +100,14 @@ class McapFile:
         self._write(data)
         self._metadata.append(MetadataIndex(offset=offset, length=len(data), name=name))
 
-    def add_attachment(self, name: str, media_type: str, data: bytes, time_ns: int) -> None:
-        """Add a file."""
+    def add_attachment(self, name: str, data: bytes, time_ns: int) -> None:
+        """Add a JSON document."""
         builder, offset = RecordBuilder(), self.written_bytes
-        Attachment(time_ns, time_ns, name, media_type, data).write(builder)
+        Attachment(time_ns, time_ns, name, JSON, data).write(builder)
         record = builder.end()
         self._write(record)
         self._attachments.append(
-            AttachmentIndex(offset, len(record), time_ns, time_ns, len(data), name, media_type)
+            AttachmentIndex(offset, len(record), time_ns, time_ns, len(data), name, JSON)
         )
 
     def add_chunk(self, messages: Sequence[LoggedMessage]) -> None:

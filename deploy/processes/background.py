@@ -22,13 +22,8 @@ def start_in_background(command: Sequence[str]) -> "subprocess.Popen[bytes]":
     process = subprocess.Popen(
         command, stdin=pipe, stdout=pipe, stderr=pipe, env=child_environment(), start_new_session=True
     )
-    move_to_background(process.pid)
-    return process
-
-
-def move_to_background(process: int) -> None:
-    """Lower the priority of a process and of its session, if it still runs."""
     with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, process, NICE)
+        os.setpriority(os.PRIO_PROCESS, process.pid, NICE)
         # Linux shares processors among sessions first (autogroups), whose nice values are their own.
-        Path(f"/proc/{process}/autogroup").write_text(str(NICE), encoding="ascii")
+        Path(f"/proc/{process.pid}/autogroup").write_text(str(NICE), encoding="ascii")
+    return process

@@ -70,7 +70,7 @@ def main() -> None:
         run()
 
 
-def serve(connection: socket.socket, priority: int) -> Callable[[], None] | None:
+def serve(connection: socket.socket, priority: int) -> Callable[[], object] | None:
     """Carry out orders until the supervisor closes the connection.
 
     Returns
@@ -168,7 +168,7 @@ def _fork_and_end(writing: int) -> None:
     leave_realtime()
 
 
-def _become(order: Order, descriptors: Sequence[int]) -> Callable[[], None]:
+def _become(order: Order, descriptors: Sequence[int]) -> Callable[[], object]:
     """Make a forked process what its command line would have started; return what it shall do."""
     standard_input, log, page, permission = descriptors
     if os.read(permission, len(PERMISSION)) != PERMISSION:
@@ -187,11 +187,7 @@ def _become(order: Order, descriptors: Sequence[int]) -> Callable[[], None]:
         os.set_inheritable(page, True)
         return lambda: os.execvp(command[0], command)
     sys.argv = command[2:]
-    return lambda: _run_module(command[2])
-
-
-def _run_module(module: str) -> None:
-    runpy.run_module(module, run_name="__main__", alter_sys=True)
+    return lambda: runpy.run_module(command[2], run_name="__main__", alter_sys=True)
 
 
 if __name__ == "__main__":

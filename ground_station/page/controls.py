@@ -1,26 +1,36 @@
 """Controls of the page: the whole fleet, formations, and each vehicle with its weights."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import viser
 
 from rcopterx.control.plugins import CONTROLLERS
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.geometry import on_level
 from rcopterx.ground_station.page.browser import add_kill_button
 from rcopterx.ground_station.page.formations import SHAPES
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.page.texts import vehicle_table
-from rcopterx.ground_station.page.weights import GROUPS, weights_of
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
+from rcopterx.vehicles.state import XD_BODY, YAW, YAW_RATE, YD_BODY, ZD_BODY, X, Y, Z
 
 NO_LEADER: Final = "(no leader)"
 SPEED_M_S: Final = 0.4
 """Along drawn waypoints."""
 PACE_S: Final = 1.0
 """Least time between two waypoints."""
+_STATES: Final[Mapping[str, tuple[int, ...]]] = {
+    "position": (X, Y, Z),
+    "velocity": (XD_BODY, YD_BODY, ZD_BODY),
+    "heading": (YAW, YAW_RATE),
+}
+EFFORT: Final = "sticks"
+GROUPS: Final = (*_STATES, EFFORT)
+"""Names of the factors on the weights of the cascade."""
 
 
 def add_fleet_controls(server: viser.ViserServer, steering: Steering) -> None:
@@ -90,6 +100,21 @@ class VehicleControls:
             self._steering.tune(self._name, self.controller.value)
 
 
+def _weights_of(fleet: FleetFile, name: str, powers: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
+    """Settings of the cascade: default weights times 2 to the given power for each of `GROUPS`."""
+    # Compiled kernels take longer to import than the rest of the page.
+    from rcopterx.control.controllers.cascade.weights import default_input_weights, default_state_weights
+
+    model = model_of(fleet, name)
+    states = list(default_state_weights(model))
+    for group, indices in _STATES.items():
+        for index in indices:
+            states[index] *= 2.0 ** powers[group]
+    period_s = fleet.vehicles[name].control.period_s
+    inputs = (weight * 2.0 ** powers[EFFORT] for weight in default_input_weights(model, period_s))
+    return {"state_weights": tuple(states), "input_weights": tuple(inputs)}
+
+
 class WeightControls:
     """Sliders for factors on the default weights of the cascade, with undo."""
 
@@ -123,8 +148,7 @@ class WeightControls:
             self.sliders[group].value = value
 
     def _fly_with(self, powers: dict[str, float]) -> bool:
-        config = self._fleet.file.vehicles[self._name]
-        weights = weights_of(self._fleet.file, self._name, config.control.period_s, powers)
+        weights = _weights_of(self._fleet.file, self._name, powers)
         return self._steering.tune(self._name, "cascade", **weights)
 
 

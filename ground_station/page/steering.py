@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import Final, Protocol
+from typing import Final
 
 from rcopterx.bus.message import Setting
 from rcopterx.bus.messages import LeaderLink
@@ -13,12 +13,8 @@ from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 KILL_REASON: Final = "ground station"
 
 
-class Notice(Protocol):
-    """Shows an answer."""
-
-    def __call__(self, text: str, refused: bool) -> None:
-        """Show `text`."""
-        ...
+Notice = Callable[[str, bool], None]
+"""Shows a text, and whether it is a refusal."""
 
 
 class Steering:
@@ -44,17 +40,17 @@ class Steering:
         try:
             answer = request()
         except (*FLIGHT_ERRORS, ValueError) as error:
-            self._notice(str(error), refused=True)
+            self.refuse(str(error))
             return False
         finally:
             with self._lock:
                 self._busy.discard(what)
-        self._notice(done or (answer if isinstance(answer, str) and answer else what), refused=False)
+        self._notice(done or (answer if isinstance(answer, str) and answer else what), False)
         return True
 
     def refuse(self, reason: str) -> None:
         """Show why no request was sent."""
-        self._notice(reason, refused=True)
+        self._notice(reason, True)
 
     def take_off(self) -> None:
         """Arm and take off with all vehicles that are ready."""
@@ -77,9 +73,9 @@ class Steering:
         try:
             self._fleet.kill(reason=KILL_REASON)
         except FLIGHT_ERRORS as error:
-            self._notice(str(error), refused=True)
+            self.refuse(str(error))
         else:
-            self._notice("all motors are cut; reset to fly again", refused=False)
+            self._notice("all motors are cut; reset to fly again", False)
 
     def reset(self) -> None:
         """Leave KILLED, for all vehicles that are killed."""

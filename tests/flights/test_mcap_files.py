@@ -31,7 +31,7 @@ def written(chunks: list[list[LoggedMessage]], finish: bool = True) -> bytes:
     file = BytesIO()
     mcap = McapFile(file, SCHEMAS)
     mcap.add_metadata("flight", {"fleet": "lab"})
-    mcap.add_attachment("fleet.json", "application/json", b'{"vehicles": {"h1": {}}}', 1)
+    mcap.add_attachment("fleet.json", b'{"vehicles": {"h1": {}}}', 1)
     for chunk in chunks:
         mcap.add_chunk(chunk)
     if finish:
@@ -161,7 +161,7 @@ def test_an_attachment_with_a_length_beyond_any_file_is_refused(path: Path) -> N
 def test_the_list_of_flights_names_a_flight_whose_fleet_is_unreadable(path: Path, fleet: bytes) -> None:
     with path.open("wb") as file:
         mcap = McapFile(file, {})
-        mcap.add_attachment(FLEET_ATTACHMENT, "application/json", fleet, 0)
+        mcap.add_attachment(FLEET_ATTACHMENT, fleet, 0)
         mcap.finish()
     summary = summary_of(Flight("lab", (path,)))
     assert summary.vehicles == ()

@@ -25,6 +25,11 @@ def default_line(name: str) -> SerialLine:
     return _kind(name)[2]
 
 
+def settings_class(name: str) -> type[Any]:
+    """Class of the options of a radio; raises `ProtocolError` if there is no such radio."""
+    return _kind(name)[0]
+
+
 def create_protocol(
     name: str, options: Mapping[str, object] | None = None, line: SerialLine | None = None
 ) -> RadioProtocol:
