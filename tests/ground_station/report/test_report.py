@@ -232,7 +232,7 @@ def test_stages_between_hosts_are_told_from_when_their_clocks_have_been_compared
         timing = passed(100.0, agent_host="other", ahead_s=ahead_s)
         flight.applied("h1", frame, 100.0031, (1500.0,), arrived_s=100.003, timing=timing)
         flight.add(channels.ROUTER_STATUS, "main", RouterStatus(links={"other": link}))
-    before, after = (times for _, times in flight.figures("h1").stage_times_ms("h1"))
+    before, after = (times for _, times in flight.figures("h1").stages["h1"])
     assert "gateway" not in before
     assert after["gateway"] == pytest.approx(1.0, abs=1e-6)
     assert after["total"] == pytest.approx(5.1, abs=1e-6)
