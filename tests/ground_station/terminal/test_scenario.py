@@ -75,7 +75,7 @@ def test_scenario_is_read_in_the_order_of_its_times(tmp_path: Path) -> None:
             "[[fault]]\nat_s = 0\nkind = 'close'\n[[fault]]\nat_s = 0\nkind = 'burst'\nsubject = 'x'",
             "fault 2: burst: object contains unknown field `subject`, allowed are frames",
         ),
-        ("[[fault]]\nat_s = 0\nkind = 'burst'\nframes = 'many'", "fault 1: burst: expected `int`"),
+        ("[[fault]]\nat_s = 0\nkind = 'burst'\nframes = 'many'", "fault 1: burst.frames: expected `int`"),
     ],
 )
 def test_wrong_scenario_is_refused_with_what_is_allowed(text: str, reason: str, tmp_path: Path) -> None:
