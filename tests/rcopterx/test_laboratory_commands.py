@@ -185,7 +185,7 @@ def test_refusal_of_the_simulator_is_told(up: str, simulator: ScriptedSimulator)
         (("occlude",), "occlude: object missing required field `subject`"),
         (("close", "duration_s=1"), "close: object contains unknown field `duration_s`, allowed are none"),
         (("burst", "frames"), "'frames': must be FIELD=VALUE"),
-        (("set_quality", "subject=h1", "quality=2"), "set_quality: expected `float` <= 1.0"),
+        (("set_quality", "subject=h1", "quality=2"), "set_quality.quality: expected `float` <= 1.0"),
         (("close", "--scenario", "x.toml"), "either a fault or --scenario"),
         (("--scenario", "nowhere.toml"), "nowhere.toml: cannot be read: No such file or directory"),
     ],
