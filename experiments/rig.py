@@ -171,7 +171,7 @@ class Rig:
         return FlightRecord(
             {
                 name: recorder.record(
-                    self.pilots[name].fallbacks + self.guards[name].events, self.laboratory.plant(name)
+                    self.pilots[name].fallbacks + self.guards[name].events, self.laboratory.plants[name]
                 )
                 for name, recorder in recorders.items()
             }
@@ -223,12 +223,12 @@ class Rig:
                 self.guards[name].watch(flight)
                 self.tunings[name].wait()
                 self.tunings[name].finish()
-            self.laboratory.set_input(name, flight.input)
+            self.laboratory.plants[name].set_input(flight.input)
             self._add_to_log(name, flight)
             # The transmitter gateway reports the applied input before the next pose.
             pilot.note_applied("armed", pilot.sequence, flight.input)
             self._plans[name] = (self._frame, flight)
-            motion = self.laboratory.plant(name).motion
+            motion = self.laboratory.plants[name].motion
             recorders[name].add(now_s, motion, flight, self._station(pilot))
 
     def _add_to_log(self, name: str, flight: ControlOutput) -> None:
@@ -270,7 +270,7 @@ class Rig:
         place = np.zeros(4)
         total = sum(link.weight for link in links)
         for link in links:
-            leader = np.array(self.laboratory.plant(link.leader).motion[:4])
+            leader = np.array(self.laboratory.plants[link.leader].motion[:4])
             offset = link.offset_at(pilot.clock.time_s)
             arm = np.append(offset.position_m, offset.yaw_rad)
             if offset.frame == "heading":

@@ -5,7 +5,7 @@ No sockets and no clock; the caller advances the time.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
 
 from rcopterx.simulator.conditions import Conditions
@@ -14,7 +14,6 @@ from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array
 
 CLOSE_M: Final = 0.3
 """Distance below a rotor up to which its downwash is at full strength; beyond, it falls with 1 / distance."""
@@ -50,6 +49,11 @@ class Laboratory:
     to each vehicle. A vehicle that starts on the
     floor (z = 0) stands with motors stopped, else it hovers. Raises `ValueError` if models and
     start poses differ in their vehicles, or for a negative seed.
+
+    Attributes
+    ----------
+    plants
+        The vehicles by name, with their contact states, touchdown speeds and true parameters.
     """
 
     def __init__(
@@ -65,36 +69,21 @@ class Laboratory:
         if odd:
             raise ValueError(f"laboratory: {', '.join(odd)}: each vehicle needs a model and a start pose")
         self._conditions = conditions
-        self._plants = {
+        self.plants = {
             name: plant_of(name, model, conditions, seed, start[name]) for name, model in models.items()
         }
         self._noise = {name: random_stream(seed, name, NOISE) for name in models}
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the vehicles."""
-        return tuple(self._plants)
-
-    def plant(self, name: str) -> Plant:
-        """Vehicle `name`, with its contact state, touchdown speed and true parameters; `ValueError` if there
-        is none.
-        """
-        try:
-            return self._plants[name]
-        except KeyError:
-            allowed = ", ".join(self._plants)
-            raise ValueError(f"laboratory: no vehicle {name!r}; there are: {allowed}") from None
 
     def advance(self, duration_s: float) -> None:
         """Advance all vehicles by a duration, not negative, under the downwash at its start."""
         if self._conditions.downwash_m_s2:
             self._set_downwash(self._conditions.downwash_m_s2)
-        for plant in self._plants.values():
+        for plant in self.plants.values():
             plant.advance(duration_s)
 
     def _set_downwash(self, strength_m_s2: float) -> None:
         """Set the downwash of every plant from all others that fly now."""
-        places = [(plant, plant.position_m) for plant in self._plants.values()]
+        places = [(plant, plant.position_m) for plant in self.plants.values()]
         flying = [(plant, place) for plant, place in places if plant.motors_running and not plant.on_floor]
         for plant, (x, y, z) in places:
             plant.downwash_m_s2 = sum(
@@ -106,17 +95,9 @@ class Laboratory:
                 start=0.0,
             )
 
-    def set_input(self, name: str, inputs: Sequence[float] | Array, after_s: float = 0.0) -> None:
-        """Set pitch, roll, thrust and yaw stick of vehicle `name` after some time. Motors run."""
-        self.plant(name).set_input(inputs, after_s)
-
-    def stop_motors(self, name: str, after_s: float = 0.0) -> None:
-        """Cut the motors of vehicle `name` (throttle pulse at its low end), in some time."""
-        self.plant(name).stop_motors(after_s)
-
     def measured_pose(self, name: str) -> Pose:
         """Pose of the markers of vehicle `name` as measured now: with fresh noise, yaw wrapped."""
-        pose = self.plant(name).marker_pose
+        pose = self.plants[name].marker_pose
         position_m, angle_rad = self._conditions.position_noise_m, self._conditions.angle_noise_rad
         noise_x, noise_y, noise_z, noise_yaw, noise_pitch, noise_roll = (
             self._noise[name].standard_normal(6).tolist()

@@ -39,9 +39,7 @@ class Simulator:
         self._frame = 0
         self._frame_at_s = start_s + self._period_s
         self._step_at_s = start_s
-        laboratory = self._room.laboratory
-        plants = {name: laboratory.plant(name) for name in laboratory.names}
-        self._vehicle_faults = VehicleFaults(plants, self._room.radios)
+        self._vehicle_faults = VehicleFaults(self._room.laboratory.plants, self._room.radios)
         session.serve(channels.SIMULATOR_UNIT, ["inject"])
 
     def run_once(self) -> None:
@@ -106,7 +104,7 @@ class Simulator:
         )
 
     def _vehicle(self, vehicle: SimulatedVehicle) -> LaboratoryVehicle:
-        plant = self._room.laboratory.plant(vehicle.name)
+        plant = self._room.laboratory.plants[vehicle.name]
         motion = plant.motion
         c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
         xd, yd = motion[XD_BODY], motion[YD_BODY]

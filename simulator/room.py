@@ -54,10 +54,11 @@ class Room:
         elif low:
             self._armed.add(vehicle.name)
         armed = arming is None or vehicle.name in self._armed
+        plant = self.laboratory.plants[vehicle.name]
         if low or not armed or (emergency is not None and emergency.is_on(pulses_us)):
-            self.laboratory.stop_motors(vehicle.name, after_s)
+            plant.stop_motors(after_s)
         else:
-            self.laboratory.set_input(vehicle.name, calibration.inputs(pulses_us), after_s)
+            plant.set_input(calibration.inputs(pulses_us), after_s)
 
     def capture(self, frame: int) -> TrackerFrame:
         """Frame that the Tracker captures now."""

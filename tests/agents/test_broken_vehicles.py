@@ -29,7 +29,7 @@ def broken(seed: int, faults: PlantFaults, after_s: float, longest_s: float) -> 
     rig = rig_of(seed)
     rig.fly(after_s)
     assert rig.pilots["h1"].vehicle_watch.fault is None
-    rig.laboratory.plant("h1").faults = faults
+    rig.laboratory.plants["h1"].faults = faults
     for _ in range(round(longest_s / 0.2)):
         rig.fly(0.2)
         if rig.pilots["h1"].vehicle_watch.fault is not None:
@@ -39,7 +39,7 @@ def broken(seed: int, faults: PlantFaults, after_s: float, longest_s: float) -> 
 
 def lands(rig: Rig) -> None:
     rig.fly(6.0)
-    plant = rig.laboratory.plant("h1")
+    plant = rig.laboratory.plants["h1"]
     assert plant.on_floor
     assert plant.touchdown_speed_m_s is not None
     assert plant.touchdown_speed_m_s < 1.0
@@ -88,7 +88,7 @@ def test_every_vehicle_of_the_family_lands_with_a_broken_axis(
     fault = rig.pilots["h1"].vehicle_watch.fault
     assert fault is not None
     assert fault.axis == axis
-    assert np.linalg.norm(rig.laboratory.plant("h1").motion[:2]) < 1.2
+    assert np.linalg.norm(rig.laboratory.plants["h1"].motion[:2]) < 1.2
 
 
 @pytest.mark.campaign

@@ -48,7 +48,7 @@ def test_a_limit_cycle_stops(model: Model, seed: int) -> None:
 
 def test_a_vehicle_that_still_drifts_with_the_lowest_bandwidth_lands_and_reports_why() -> None:
     rig, _ = flown(COAXIAL, 0, 2.0)
-    guard, plant = rig.guards["h1"], rig.laboratory.plant("h1")
+    guard, plant = rig.guards["h1"], rig.laboratory.plants["h1"]
     plant.faults = PlantFaults(stick_gain=(5.0, 5.0, 1.0, 1.0), delay_s=0.1)
     rig.fly(10.0)
     assert max(effort_factors(rig.tunings["h1"].configuration)) == LARGEST

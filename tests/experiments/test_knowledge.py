@@ -93,7 +93,7 @@ def test_knowledge_of_the_pilot_does_not_change_the_plant() -> None:
     for scheme in schemes:
         vehicle = replace(scheme, horizon=10).vehicle("h1", Pose((0.0, 0.0, 1.0)), HELICOPTERS, 3)
         rig = Rig([vehicle], HELICOPTERS, 3)
-        plant = rig.laboratory.plant("h1")
+        plant = rig.laboratory.plants["h1"]
         plant.set_input((0.3, 0.0, 0.5, 0.0))
         plant.advance(0.1)
         states.append(plant.motion)

@@ -34,10 +34,10 @@ def test_vehicle_below_another_is_pushed_down_and_the_upper_one_not(kind: str) -
     start = {"above": Pose((0.0, 0.0, 1.5)), "below": Pose((0.05, 0.0, 1.1)), "aside": Pose((1.0, 0.0, 1.1))}
     lab = Laboratory(dict.fromkeys(start, model), start, windless)
     for name in start:
-        lab.set_input(name, model.hover_input)
+        lab.plants[name].set_input(model.hover_input)
     for _ in range(10):
         lab.advance(0.02)
-    climb = {name: lab.plant(name).motion[6] for name in start}
+    climb = {name: lab.plants[name].motion[6] for name in start}
     assert climb["aside"] - climb["below"] == pytest.approx(0.2 * 0.75 * math.exp(-1 / 9), rel=0.05)
     assert climb["above"] == pytest.approx(climb["aside"], abs=1e-3)
 
@@ -46,7 +46,7 @@ def test_vehicle_that_stands_or_that_the_conditions_leave_alone_feels_none() -> 
     start = {"above": Pose((0.0, 0.0, 1.5)), "below": Pose((0.0, 0.0, 1.2))}
     lab = Laboratory(dict.fromkeys(start, COAXIAL), start, replace(IDEAL, coaxial_plant="helicopter"))
     lab.advance(0.1)
-    assert lab.plant("below").downwash_m_s2 == 0.0
+    assert lab.plants["below"].downwash_m_s2 == 0.0
     lab = Laboratory(dict.fromkeys(start, COAXIAL), {**start, "above": Pose((0.0, 0.0, 0.0))}, HELICOPTER)
     lab.advance(0.1)
-    assert lab.plant("below").downwash_m_s2 == 0.0
+    assert lab.plants["below"].downwash_m_s2 == 0.0

@@ -28,7 +28,7 @@ def radio(path: Path, protocol: str) -> RadioPty:
 def plants_of(radios: dict[str, RadioPty]) -> dict[str, Plant]:
     start = {name: Pose((0.0, 0.0, 0.0)) for name in radios}
     laboratory = Laboratory(dict.fromkeys(start, COAXIAL), start, IDEAL)
-    return {name: laboratory.plant(name) for name in start}
+    return {name: laboratory.plants[name] for name in start}
 
 
 @pytest.fixture

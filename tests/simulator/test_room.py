@@ -30,7 +30,7 @@ def test_a_flight_controller_runs_its_motors_only_when_armed_with_low_throttle(t
             now_s += 0.02
             room.radios["q1"].link.feed(protocol.encode(pulses_us), now_s)
             room.advance(now_s)
-        return room.laboratory.plant("q1").motors_running
+        return room.laboratory.plants["q1"].motors_running
 
     try:
         assert not running(SWITCHED.pulses_us(IDLE, throttle_low=True), 5.0)

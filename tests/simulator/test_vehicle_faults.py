@@ -17,7 +17,7 @@ SOUND = PlantFaults()
 def plants() -> dict[str, Plant]:
     start = {name: Pose((0.0, 0.0, 1.0)) for name in ("h1", "h2")}
     laboratory = Laboratory(dict.fromkeys(start, COAXIAL), start, IDEAL)
-    return {name: laboratory.plant(name) for name in start}
+    return {name: laboratory.plants[name] for name in start}
 
 
 @pytest.mark.parametrize(

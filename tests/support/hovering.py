@@ -47,7 +47,7 @@ class HoveringFlight:
             self.frame += 1
             self._see()
             self.flown.append(self.pilot.control({}))
-            self.laboratory.set_input("h1", self.flown[-1].input)
+            self.laboratory.plants["h1"].set_input(self.flown[-1].input)
 
     def change(self, **wanted: object) -> str | ValueError:
         """Prepare a change beside the flight, and let it take over."""
@@ -76,4 +76,4 @@ class HoveringFlight:
         return float(np.abs(self.flown[-1].input - self.flown[-2].input).max())
 
     def error_m(self) -> float:
-        return float(np.linalg.norm(self.laboratory.plant("h1").motion[:3] - np.array([0.0, 0.0, 1.0])))
+        return float(np.linalg.norm(self.laboratory.plants["h1"].motion[:3] - np.array([0.0, 0.0, 1.0])))

@@ -84,7 +84,7 @@ class Flight:
         conditions = replace(conditions, transport_delay_s=POSE_TO_AIR_S)
         start = Pose((0.0, 0.0, options.height_m), options.yaw_rad)
         self.laboratory = Laboratory({"h1": options.model}, {"h1": start}, conditions, seed)
-        self.plant = self.laboratory.plant("h1")
+        self.plant = self.laboratory.plants["h1"]
         limits = replace(
             options.limits,
             lower=options.model.input_min,
@@ -106,7 +106,7 @@ class Flight:
     def act(self, u: Input) -> None:
         gain, hover = self.options.gain, self.true_hover
         pitch = self.pitch_acts * gain * u[0] if self.pitch_stuck_at is None else self.pitch_stuck_at
-        self.laboratory.set_input("h1", (pitch, gain * u[1], hover + gain * (u[2] - hover), u[3]))
+        self.laboratory.plants["h1"].set_input((pitch, gain * u[1], hover + gain * (u[2] - hover), u[3]))
 
     def fly(self, seconds: float, add: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
         """Hold the place by commands, with something added to them."""
@@ -144,7 +144,7 @@ class Flight:
             self.act(output.u)
             sticks.append(output.u[0] ** 2 + output.u[1] ** 2)
             farthest_m = max(farthest_m, math.dist(place[:2], self.plant.pose.position_m[:2]))
-        self.laboratory.stop_motors("h1")
+        self.laboratory.plants["h1"].stop_motors()
         while not self.plant.on_floor:
             self.laboratory.advance(PERIOD_S)
         touchdown_m_s = self.plant.touchdown_speed_m_s

@@ -17,7 +17,7 @@ HOVER_S = 3.0
 def touchdown_m_s(seed: int, limits: ArbiterLimits) -> float:
     """Hover a simulated vehicle, then end its commands and poses; returns the speed at which it lands."""
     laboratory = Laboratory({"h1": COAXIAL_LAG}, {"h1": Pose((0.0, 0.0, HEIGHT_M), 0.0)}, LABORATORY, seed)
-    plant = laboratory.plant("h1")
+    plant = laboratory.plants["h1"]
     bench = Bench(limits)
     bench.position = (0.0, 0.0, HEIGHT_M)
     bench.fly((0.0, 0.0, 0.55, 0.0))
@@ -32,9 +32,9 @@ def touchdown_m_s(seed: int, limits: ArbiterLimits) -> float:
         bench.run(PERIOD_S, (0.0, 0.0, hover + feedback, 0.0) if hovers else None)
         output = bench.outputs[-1]
         if output.state is State.CUT:
-            laboratory.stop_motors("h1")
+            laboratory.plants["h1"].stop_motors()
         else:
-            laboratory.set_input("h1", output.u)
+            laboratory.plants["h1"].set_input(output.u)
         if plant.on_floor:
             break
     assert plant.touchdown_speed_m_s is not None

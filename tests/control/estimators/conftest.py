@@ -38,7 +38,7 @@ class Flight:
         self.laboratory = Laboratory({"h1": model}, {"h1": start or Pose((0.0, 0.0, 1.0))}, conditions, seed)
         self.estimator = ESTIMATORS.build(estimator, model, self.frame_s, settings or {})
         self.estimator.reset(self.measurement())
-        self.motors_on = self.laboratory.plant("h1").motors_running
+        self.motors_on = self.laboratory.plants["h1"].motors_running
         self._under_way = model.hover_input if self.motors_on else np.zeros(4)
 
     def measurement(self) -> Measurement:
@@ -47,7 +47,7 @@ class Flight:
 
     @property
     def true_motion(self) -> Array:
-        return np.array(self.laboratory.plant("h1").motion)
+        return np.array(self.laboratory.plants["h1"].motion)
 
     @property
     def error(self) -> Array:
@@ -69,10 +69,10 @@ class Flight:
         """Fly one control period; `see` may falsify or hide (None) its poses. True if all were accepted."""
         if self.motors_on:
             sent = self.steer()
-            self.laboratory.set_input("h1", sent)
+            self.laboratory.plants["h1"].set_input(sent)
         else:
             sent = np.zeros(4)
-            self.laboratory.stop_motors("h1")
+            self.laboratory.plants["h1"].stop_motors()
         accepted = True
         for _ in range(self._frames):
             self.laboratory.advance(self.frame_s)

@@ -157,7 +157,7 @@ def test_vehicle_that_was_really_moved_is_found_again_after_the_gate_limit(
 ) -> None:
     flight = new_flight(name, settings={"gate_limit_s": 0.2})
     flight.fly(1.0)
-    flight.laboratory.plant("h1").place(Pose((1.0, -1.0, 0.5), 2.0))
+    flight.laboratory.plants["h1"].place(Pose((1.0, -1.0, 0.5), 2.0))
     accepted = [flight.step() for _ in range(12)]
     assert accepted == [False] * 10 + [True] * 2
     assert (flight.estimator.rejected, flight.estimator.restarts) == (11, 1)

@@ -71,7 +71,7 @@ def test_vehicle_without_lag_has_a_jacobian_too() -> None:
 def test_constant_disturbance_is_found(new_flight: NewFlight, axis: int) -> None:
     flight = new_flight(conditions=replace(LABORATORY, turbulence_rms=(0, 0, 0, 0), parameter_mismatch=0.0))
     flight.fly(4.0)
-    expected = flight.model.b * flight.laboratory.plant("h1").trim
+    expected = flight.model.b * flight.laboratory.plants["h1"].trim
     found = np.mean([flight.estimator.estimate.disturbance for _ in range(100) if flight.step()], axis=0)
     assert found[axis] == pytest.approx(expected[axis], abs=(0.03, 0.03, 0.05, 0.15)[axis])
 
@@ -79,7 +79,7 @@ def test_constant_disturbance_is_found(new_flight: NewFlight, axis: int) -> None
 def test_mismatch_of_the_thrust_gain_appears_as_vertical_disturbance(new_flight: NewFlight) -> None:
     flight = new_flight(conditions=replace(LABORATORY, turbulence_rms=(0, 0, 0, 0), trim_offset=0.0))
     flight.fly(3.0)
-    true_gain = flight.laboratory.plant("h1").model.input_gain[2]
+    true_gain = flight.laboratory.plants["h1"].model.input_gain[2]
     expected = 9.81 * (1 - COAXIAL_LAG.input_gain[2] / true_gain)
     assert flight.estimator.estimate.disturbance[2] == pytest.approx(expected, abs=0.15)
 
@@ -88,7 +88,7 @@ def test_turbulence_is_followed(new_flight: NewFlight) -> None:
     gusts = replace(IDEAL, turbulence_rms=(0.3, 0.3, 0.2, 1.0), turbulence_correlation_s=1.0)
     flight = new_flight(conditions=gusts)
     flight.fly(1.0)
-    plant = flight.laboratory.plant("h1")
+    plant = flight.laboratory.plants["h1"]
     errors = []
     for _ in range(300):
         flight.step()
@@ -116,7 +116,7 @@ def test_take_off_starts_with_an_unspoilt_estimate(new_flight: NewFlight, seed: 
     flight.fly(5.0)
     flight.motors_on = True
     errors = flight.fly(2.0)
-    assert not flight.laboratory.plant("h1").on_floor
+    assert not flight.laboratory.plants["h1"].on_floor
     assert np.all(np.abs(errors[:, :3]) < 0.02)
     assert np.all(np.abs(errors[:, 4:7]) < 0.35)
     assert np.all(np.abs(errors[50:, 4:7]) < 0.03)
@@ -132,7 +132,7 @@ def test_landing_is_recognised_by_the_estimator_itself(new_flight: NewFlight) ->
         flight.step()
     flight.motors_on = False
     flight.fly(1.0)
-    assert flight.laboratory.plant("h1").on_floor
+    assert flight.laboratory.plants["h1"].on_floor
     assert flight.estimator.standing
     assert np.array_equal(flight.estimator.estimate.disturbance, np.zeros(4))
     assert np.all(np.abs(flight.error) < 0.005)
@@ -159,7 +159,7 @@ def test_start_in_the_air_is_not_taken_for_standing(new_flight: NewFlight) -> No
 def test_vehicle_carried_to_its_place_by_hand_is_followed(new_flight: NewFlight) -> None:
     flight = new_flight(start=ON_FLOOR, conditions=IDEAL)
     flight.fly(0.5)
-    plant = flight.laboratory.plant("h1")
+    plant = flight.laboratory.plants["h1"]
     for i in range(100):
         plant.place(Pose((0.2 + 0.008 * i, -0.3, 0.0), 1.0))
         assert flight.step()
