@@ -13,7 +13,7 @@ from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter, command_message, plan_message, timing_of
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.bus import channels
-from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
+from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.messages import CommandTiming, LeaseBid
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import monotonic_s
@@ -233,10 +233,6 @@ class Agent:
         self.parts.tuning.wait()
         self.parts.requests.trajectories.wait()
 
-    def beat(self, heartbeat: Heartbeat) -> None:
-        """Show the supervisor that the loop has come round, and whether the rotor turns."""
-        heartbeat.beat(self._pilot.guidance.rotor_on)
-
     @property
     def rest_until_s(self) -> float:
         """Until when messages can wait, because control periods are left out [monotonic s]."""
@@ -295,7 +291,7 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
         heartbeat = own_heartbeat()
         prepare_loop()
         while not (signals or agent.lost):
-            agent.beat(heartbeat)
+            heartbeat.beat(pilot.guidance.rotor_on)
             time.sleep(max(0.0, agent.rest_until_s - session.clock()))
             wake.wait(min(agent.next_s() - session.clock(), LONGEST_WAIT_S))
             agent.step()

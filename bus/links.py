@@ -33,12 +33,10 @@ class LinkService:
         host: str,
         others: Sequence[str],
         clock: Callable[[], float] = time.monotonic,
-        time_of_day: Callable[[], float] = time.time,
     ) -> None:
         self._session = session
         self._others = others
         self._clock = clock
-        self._time_of_day = time_of_day
         self._watch = LinkWatch(host, str(session.zid()), clock())
         self._dials = Dials()
         self._links: set[RouterLink] = set()
@@ -95,7 +93,7 @@ class LinkService:
         complete = len(links) - len(broken) >= len(self._others)
         if not complete:
             self._dials.abandon_lost(now_s)
-        now_s, time_of_day_s = self._clock(), self._time_of_day()
+        now_s, time_of_day_s = self._clock(), time.time()
         self._beats.put(encode(self._watch.beat(now_s, time_of_day_s)))
         if now_s - self._published_s >= STATUS_S:
             self._published_s = now_s

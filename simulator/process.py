@@ -1,8 +1,9 @@
 """The simulator process: a Tracker on TCP, radio modules on pseudo-terminals, and plants in real time."""
 
-import math
 import select
 import signal
+
+import numpy as np
 
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import own_heartbeat
@@ -16,7 +17,7 @@ from rcopterx.simulator.room import Room
 from rcopterx.simulator.settings import SimulatedVehicle, SimulatorSettings
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.vehicle_faults import VehicleFaults
-from rcopterx.vehicles.state import XD_BODY, YAW, YD_BODY, ZD_BODY
+from rcopterx.vehicles.state import XD_BODY, YAW, ZD_BODY, turned_about_z
 
 TRUTH_BITS = 17
 """True motion is published to 2^-17 m, rad and m/s: further bits would only enlarge flight logs."""
@@ -106,13 +107,10 @@ class Simulator:
     def _vehicle(self, vehicle: SimulatedVehicle) -> LaboratoryVehicle:
         plant = self._room.laboratory.plants[vehicle.name]
         motion = plant.motion
-        c, s = math.cos(motion[YAW]), math.sin(motion[YAW])
-        xd, yd = motion[XD_BODY], motion[YD_BODY]
+        velocity_m_s = turned_about_z(np.array(motion[XD_BODY : ZD_BODY + 1]), motion[YAW])
         frames = self._room.radios[vehicle.name].reception.take_frames()
         x, y, z = all_rounded(plant.position_m, TRUTH_BITS)
-        speed_x, speed_y, speed_z = all_rounded(
-            (c * xd - s * yd, s * xd + c * yd, motion[ZD_BODY]), TRUTH_BITS
-        )
+        speed_x, speed_y, speed_z = all_rounded(velocity_m_s.tolist(), TRUTH_BITS)
         return LaboratoryVehicle(
             position_m=(x, y, z),
             yaw_rad=rounded(motion[YAW], TRUTH_BITS),

@@ -144,7 +144,6 @@ class DataStreamSession:
         self.offer: frozenset[int] | None = None
         self.selection: frozenset[int] = frozenset()
         self.period_s: float | None = None
-        self.unanswered_pings = 0
         self._connection = connection
         self._reader = PacketReader()
         self._carry_over = CarryOver()
@@ -205,7 +204,7 @@ class DataStreamSession:
         if (network := self.network_latency_s) is not None:
             samples = (*samples, (NETWORK_LATENCY, network))
         latency_s = sum((seconds for _, seconds in samples), 0.0)
-        subjects = self._subject_poses()
+        subjects = tuple([self._subject_pose(subject) for subject in self._subjects])
         return CapturedFrame(frame, self._connection, self.period_s, received_s, latency_s, samples, subjects)
 
     def _next_body(self) -> bytes | None:
@@ -314,9 +313,6 @@ class DataStreamSession:
         self._last_frame = frame
         self._pending = (frame, now_s)
 
-    def _subject_poses(self) -> tuple[SubjectPose, ...]:
-        return tuple([self._subject_pose(subject) for subject in self._subjects])
-
     def _root(self, subject: _Subject) -> RootNumbers | None:
         """Translation and rotation of the root segment of a subject, None where it is occluded."""
         for segment in self._segments.get(subject.id, ()):
@@ -337,7 +333,6 @@ class DataStreamSession:
     def _ping(self, now_s: float) -> None:
         if self.offer is None or ObjectType.PING not in self.offer or now_s < self._ping_due_s:
             return
-        self.unanswered_pings += self._ping_sent_s is not None
         self._ping_number += 1
         self._ping_sent_s, self._ping_due_s = now_s, now_s + PING_PERIOD_S
         self._outgoing += packet(Ping(self._ping_number))

@@ -31,6 +31,8 @@ LANDING_DEPTH_M = 0.3
 OFFSET_SPEED_M_S = 0.5
 SHORTEST_TRANSITION_S = 0.5
 """Shortest transition of an offset, unless a request says otherwise."""
+PLAN_LIMIT_S = 0.5
+"""A plan of a leader that is older is not followed; the vehicle holds its place."""
 RESTORED_PATIENCE_S = 0.3
 """After a restart, transitions of offsets go on for so long without a leader's plan."""
 
@@ -38,16 +40,10 @@ RESTORED_PATIENCE_S = 0.3
 class Guidance:
     """Phase and task of one vehicle.
 
-    A plan of a leader that is older than `plan_limit_s` is not followed; the vehicle holds its place. A
-    follower copies `deviation_share` of its leaders' deviations from their nominal references.
+    A follower copies `deviation_share` of its leaders' deviations from their nominal references.
     """
 
-    def __init__(
-        self,
-        links: Sequence[FollowedLeader] = (),
-        plan_limit_s: float = 0.5,
-        deviation_share: float = 0.5,
-    ) -> None:
+    def __init__(self, links: Sequence[FollowedLeader] = (), deviation_share: float = 0.5) -> None:
         self.phase = Phase.GROUND
         self.followed = tuple(links)
         """Leaders followed now."""
@@ -55,7 +51,6 @@ class Guidance:
         """Leaders by fleet file or request; others may replace them while they are lost."""
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
         self.events: Counter[str] = Counter()
-        self.plan_limit_s = plan_limit_s
         self.deviation_share = deviation_share
         self._touchdown = Touchdown()
         self._restored_at_s = -math.inf
@@ -249,13 +244,9 @@ class Guidance:
         self.source = SetPointReference(position_m, yaw_rad)
 
     def follow_instead(self, links: Sequence[FollowedLeader]) -> None:
-        """Follow others, or none and hold the place, while the assigned leaders are lost."""
+        """Follow others, or none and hold the place, while the assigned leaders are lost, or these again."""
         self.followed = tuple(links)
         self._joined = frozenset()
-
-    def rejoin(self) -> None:
-        """Follow the assigned leaders again, smoothly from the present place."""
-        self.follow_instead(self.assigned)
 
     def task(self) -> Task:
         """Return the task, for a successor."""
@@ -342,7 +333,7 @@ class Guidance:
         usable: dict[str, LeaderPlan] = {}
         for link in self.followed:
             plan = plans.get(link.leader)
-            if plan is not None and plan.followable and plan.ahead_s + delay_s <= self.plan_limit_s:
+            if plan is not None and plan.followable and plan.ahead_s + delay_s <= PLAN_LIMIT_S:
                 usable[link.leader] = plan
         if not usable:
             self.events["leader_plan_missing"] += 1

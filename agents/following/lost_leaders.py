@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 
+from rcopterx.agents.flight.guidance import PLAN_LIMIT_S
 from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader, target_link
 from rcopterx.agents.formation.succession import (
@@ -83,7 +84,7 @@ class LostLeaders:
         if ahead_s <= LATE_AFTER_S:
             self._here_s = now_s
             return Finding.HERE
-        if ahead_s + self._pilot.model.delay_s <= self._pilot.guidance.plan_limit_s:
+        if ahead_s + self._pilot.model.delay_s <= PLAN_LIMIT_S:
             return Finding.LATE
         if self._here_s is None or now_s - self._here_s <= self._succession.after_s:
             return Finding.GONE
@@ -124,6 +125,6 @@ class LostLeaders:
             guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
             return False
         if before in (FollowingMode.LEAD, FollowingMode.FOLLOW_SUCCESSOR):
-            guidance.rejoin()
+            guidance.follow_instead(guidance.assigned)
             return True
         return False
