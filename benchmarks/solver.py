@@ -233,11 +233,12 @@ def _figures(times_ms: Array) -> dict[str, Any]:
 
 
 def _hard_figures(times_ms: Array) -> dict[str, Any]:
-    table: dict[str, Any] = {"hard_steps": len(times_ms), "hard_mean_ms": None, "hard_max_ms": None}
-    if len(times_ms):
-        table["hard_mean_ms"] = round(float(times_ms.mean()), 4)
-        table["hard_max_ms"] = round(float(times_ms.max()), 4)
-    return table
+    figures = _figures(times_ms) if len(times_ms) else {}
+    return {
+        "hard_steps": len(times_ms),
+        "hard_mean_ms": figures.get("mean_ms"),
+        "hard_max_ms": figures.get("max_ms"),
+    }
 
 
 def _judged(contestant: Contestant, horizon: int, flight: Sequence[Moment]) -> dict[str, float | None]:

@@ -77,33 +77,38 @@ def fly(
     options = FlightOptions(fleet, start, record, report, as_json, vehicles)
     if faults and every:
         raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
-    if faults and show_list:
-        list_faults()
-        return
-    if faults or names == [CHAOS]:
-        if report is not None:
-            _make_directory(report)
-        if faults:
-            fly_faults(names or [], runs, options)
-        else:
-            fly_chaos(seconds, seed, busy, options)
-        return
-    from rcopterx.experiments.manoeuvres import MANOEUVRES
-
     if show_list:
-        for row in MANOEUVRES.values():
-            typer.echo(f"{row.name:24} {row.title}")
+        if faults:
+            list_faults()
+        else:
+            _list_manoeuvres()
         return
-    rows = _chosen(names or [], every)
+    chaos = names == [CHAOS] and not faults
+    rows = [] if faults or chaos else _chosen(names or [], every)
     if report is not None:
         _make_directory(report)
-    results = Results(report, several=every or len(rows) > 1)
+    if faults:
+        fly_faults(names or [], runs, options)
+    elif chaos:
+        fly_chaos(seconds, seed, busy, options)
+    else:
+        _fly_manoeuvres(rows, options, several=every or len(rows) > 1)
+
+
+def _list_manoeuvres() -> None:
+    for row in _chosen((), every=True):
+        typer.echo(f"{row.name:24} {row.title}")
+
+
+def _fly_manoeuvres(rows: Sequence["Manoeuvre"], options: FlightOptions, several: bool) -> None:
+    """Fly manoeuvres, print and write their reports; exit code 1 if a check failed."""
+    results = Results(options.report, several)
     with user_errors():
         try:
             _fly_rows(rows, options, results)
         finally:
             results.write_page()
-    results.print(as_json)
+    results.print(options.as_json)
     if not results.passed:
         raise typer.Exit(EXIT_FAILED)
 

@@ -12,7 +12,6 @@ from rcopterx.commands.parsing import three
 
 if TYPE_CHECKING:
     from rcopterx.deploy.new_laboratory import NewVehicle
-    from rcopterx.transmitter_gateway.adapters import Adapter
 
 T = TypeVar("T")
 
@@ -62,8 +61,9 @@ def _prompt_vehicles(address: str) -> "list[NewVehicle]":
     _print("serial adapters", [f"{one.port}  ({one.device}, {one.description})" for one in adapters])
     wanted = _prompt("Subjects that fly, separated by commas", ",".join(seen) or None, str)
     subjects = [text.strip() for text in wanted.split(",") if text.strip()]
+    ports = (one.port for one in adapters)
     return [
-        NewVehicle(f"h{number}", subject, _prompt_port(subject, adapters, number))
+        NewVehicle(f"h{number}", subject, _prompt(f"Serial device of {subject}", next(ports, None), str))
         for number, subject in enumerate(subjects, start=1)
     ]
 
@@ -91,11 +91,6 @@ def _address(text: str) -> str:
     if not host or not port.isdecimal():
         raise typer.BadParameter(f"{text!r} is not HOST:PORT")
     return text
-
-
-def _prompt_port(subject: str, adapters: "list[Adapter]", number: int) -> str:
-    default = adapters[number - 1].port if number <= len(adapters) else None
-    return _prompt(f"Serial device of {subject}", default, str)
 
 
 def _print(what: str, found: list[str]) -> None:
