@@ -163,7 +163,8 @@ class LinkWatch:
             if host is not None:
                 self._redials[host] = self._redials.get(host, 0) + 1
         self._opened_s = opened_s
-        gone = self._failures.keys() - {link.router for link in links} - self._routers()
+        known = {neighbour.beat.router for neighbour in self._neighbours.values()}
+        gone = self._failures.keys() - {link.router for link in links} - known
         for router in gone:
             del self._failures[router]
         return broken
@@ -205,6 +206,3 @@ class LinkWatch:
 
     def _host_of(self, router: str) -> str | None:
         return next((host for host, known in self._neighbours.items() if known.beat.router == router), None)
-
-    def _routers(self) -> set[str]:
-        return {known.beat.router for known in self._neighbours.values()}

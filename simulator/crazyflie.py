@@ -98,7 +98,7 @@ class Crazyflie(Reception):
             self._fed_s = now_s
             return []
         if packet == crtp.EMERGENCY_STOP:
-            self._lock()
+            self._lock(now_s)
             return []
         if packet.port == LOG and (logged := self._log.obey(packet, now_s)) is not None:
             return [logged]
@@ -127,15 +127,12 @@ class Crazyflie(Reception):
             can_be_armed=not armed and not locked, armed=armed, arms_itself=self._arms_itself, locked=locked
         )
 
-    def _lock(self) -> None:
-        self._change(armed=False, locked=True)
-
     def advance(self, now_s: float) -> None:
         """Apply the ages of the set point and of the watchdog until `now_s`."""
         timers = (
             (self._received_s + LEVEL_AFTER_S, self._note),
             (self._received_s + STOP_AFTER_S, self._stop),
-            (self._fed_s + WATCHDOG_S, self._lock_at),
+            (self._fed_s + WATCHDOG_S, self._lock),
         )
         for due_s, act in sorted(timers, key=lambda timer: timer[0]):
             if self.powered and self._advanced_s < due_s <= now_s:
@@ -147,10 +144,10 @@ class Crazyflie(Reception):
         """Lock a vehicle that flies without commands; any other waits for thrust 0."""
         self._unlocked = False
         if self._set_point.thrust >= LEAST_THRUST and self.state.armed:
-            self._lock_at(now_s)
+            self._lock(now_s)
 
-    def _lock_at(self, now_s: float) -> None:
-        self._lock()
+    def _lock(self, now_s: float) -> None:
+        self._change(armed=False, locked=True)
         self._note(now_s)
 
     def _note(self, now_s: float) -> None:

@@ -1,8 +1,5 @@
 """Emulated radio modules by the name of their protocol, and their faults."""
 
-from collections.abc import Callable
-from typing import Final
-
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.crazyflie_udp import CrazyflieUdp
 from rcopterx.simulator.radio import RadioLink, RadioPty
@@ -13,31 +10,27 @@ from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.simulator.settings import SimulatedRadio
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
+from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
 from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
 
 
-def _multi(radio: SimulatedRadio, start_s: float) -> RadioModule:
-    wired_inverted = not isinstance(radio.protocol, MultiProtocol) or radio.protocol.settings.inverted_line
-    return MultiModule(start_s, inverted_wiring=wired_inverted)
-
-
-def _trainer(radio: SimulatedRadio, start_s: float) -> RadioModule:
-    settings = radio.protocol.settings if isinstance(radio.protocol, PpmGenProtocol) else None
-    return TrainerTransmitter(settings, model_match=radio.model_match, powered_s=start_s)
-
-
-_MODULES: Final[dict[str, Callable[[SimulatedRadio, float], RadioModule]]] = {
-    "multi": _multi,
-    "dsm2_serial": lambda _, start_s: Dsm2Board(start_s),
-    "dsmp": lambda _, start_s: DsmpModule(start_s),
-    "ppm": _trainer,
-}
-
-
 def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
-    """Module for a vehicle's transmitter protocol, wired and set as it expects, switched on at `start_s`."""
-    return _MODULES[radio.protocol.name](radio, start_s)
+    """Module for a vehicle's transmitter protocol, wired and set as it expects, switched on at `start_s`.
+
+    Raises `ValueError` for a protocol whose module is not emulated.
+    """
+    match radio.protocol:
+        case MultiProtocol(settings=settings):
+            return MultiModule(start_s, inverted_wiring=settings.inverted_line)
+        case Dsm2SerialProtocol():
+            return Dsm2Board(start_s)
+        case DsmpProtocol():
+            return DsmpModule(start_s)
+        case PpmGenProtocol(settings=settings):
+            return TrainerTransmitter(settings, model_match=radio.model_match, powered_s=start_s)
+    raise ValueError(f"{radio.protocol.name}: no module is emulated")
 
 
 def radio_end_of(port: str, radio: SimulatedRadio, start_s: float) -> RadioEnd:

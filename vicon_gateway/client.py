@@ -10,6 +10,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Literal, NamedTuple, Self
 
 from msgspec.structs import replace
@@ -150,8 +151,7 @@ class FrameClient(ABC):
 class DataStreamClient(FrameClient):
     """Frames of a Tracker, newest first, for as long as the caller wants.
 
-    A host name is looked up in a thread of its own, because the look-up has no time limit. `record_raw`
-    writes a recording of all received bytes.
+    `record_raw` writes a recording of all received bytes.
     """
 
     def __init__(
@@ -168,7 +168,7 @@ class DataStreamClient(FrameClient):
         self._recorder = None if record_raw is None else RawRecorder(record_raw, clock)
         self._socket: socket.socket | None = None
         self._poller, self._events = select.poll(), 0
-        self._lookup: _Lookup | None = None
+        self._lookup: Future[tuple[str, int]] | None = None
         self._session = DataStreamSession()
         self._unsent = b""
         self._tries = 0
@@ -198,16 +198,17 @@ class DataStreamClient(FrameClient):
             time.sleep(pause_s)
         if self._clock() >= self._deadline_s:
             self._tries += 1
-            self._lookup = _Lookup(self._host, self._port)
+            self._lookup = _looked_up(self._host, self._port)
             self._name = "resolving"
             self._deadline_s = self._clock() + self._limits.connect_s
 
     def _resolve(self, timeout_s: float) -> None:
         assert self._lookup is not None
-        address = self._lookup.wait(timeout_s)
-        if address is None:
+        try:
+            address = self._lookup.result(timeout_s)
+        except TimeoutError:
             if self._clock() >= self._deadline_s:
-                raise _LinkError(f"host {self._host!r}: no answer to the look-up")
+                raise _LinkError(f"host {self._host!r}: no answer to the look-up") from None
             return
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setblocking(False)
@@ -324,28 +325,16 @@ class DataStreamClient(FrameClient):
         return text if recording_error is None else f"{text}; {recording_error}"
 
 
-class _Lookup:
-    """A host name look-up with a time limit, unlike getaddrinfo."""
+def _looked_up(host: str, port: int) -> Future[tuple[str, int]]:
+    """Look up a host in a thread of its own, because getaddrinfo has no time limit."""
+    found: Future[tuple[str, int]] = Future()
 
-    def __init__(self, host: str, port: int) -> None:
-        self._host, self._port = host, port
-        self._address: tuple[str, int] | None = None
-        self._error: OSError | UnicodeError | None = None
-        self._done = threading.Event()
-        threading.Thread(target=self._run, name="tracker-look-up", daemon=True).start()
-
-    def _run(self) -> None:
+    def run() -> None:
         try:
-            found = socket.getaddrinfo(self._host, self._port, socket.AF_INET, socket.SOCK_STREAM)
-            self._address = str(found[0][4][0]), self._port
+            addresses = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_STREAM)
+            found.set_result((str(addresses[0][4][0]), port))
         except (OSError, UnicodeError) as error:  # UnicodeError: a label of the name is empty or too long
-            self._error = error
-        self._done.set()
+            found.set_exception(_LinkError(f"host {host!r}: {error}"))
 
-    def wait(self, timeout_s: float) -> tuple[str, int] | None:
-        """Return the address, None when it is not known yet; raises `_LinkError` when there is none."""
-        if not self._done.wait(timeout_s):
-            return None
-        if self._error is not None:
-            raise _LinkError(f"host {self._host!r}: {self._error}")
-        return self._address
+    threading.Thread(target=run, name="tracker-look-up", daemon=True).start()
+    return found

@@ -90,7 +90,7 @@ def mapping(key: Layout, value: Layout) -> Layout:
 U32, F64 = number("I"), number("d")
 STRING = Layout(encode_string, PayloadReader.string, U32.least_bytes)
 U32_SET = Layout(encode_u32_set, lambda reader: frozenset(reader.u32_list()), U32.least_bytes)
-FLAG = Layout(number("?").write, lambda reader: reader.u8() == 1, 1)
+FLAG = Layout(number("?").write, lambda reader: number("B").read(reader) == 1, 1)
 
 
 class WireObject:

@@ -183,10 +183,6 @@ class PayloadReader:
         """Read the fields of `layout`; integer codes become ints."""
         return layout.unpack_from(self._payload, self._advance(layout.size))
 
-    def u8(self) -> int:
-        """Read one byte."""
-        return self._payload[self._advance(1)]
-
     def u32(self) -> int:
         """Read one unsigned 32-bit number."""
         value: int = _U32.unpack_from(self._payload, self._advance(4))[0]

@@ -132,19 +132,15 @@ class Traffic:
         """Return the vehicles whose plans are received, and the leaders, whose plans are known anyway."""
         if self._ellipsoid is None:
             return {}
-        found = {}
-        scales = self._scales
-        for name, plan in plans.items():
-            if plan.ahead_s < OLDEST_S and name in scales:
-                found[name] = Neighbour(plan, scales[name])
+        young = {name: plan for name, plan in plans.items() if plan.ahead_s < OLDEST_S}
         for name, inbox in self._inboxes.items():
-            received = None if name in found else inbox.latest()
-            if received is None or received.message.epoch != clock.epoch:
-                continue
-            plan = leader_plan(received.message, clock, with_nominal=False)
-            if plan.ahead_s < OLDEST_S and name in scales:
-                found[name] = Neighbour(plan, scales[name])
-        return found
+            received = None if name in young else inbox.latest()
+            if received is not None and received.message.epoch == clock.epoch:
+                plan = leader_plan(received.message, clock, with_nominal=False)
+                if plan.ahead_s < OLDEST_S:
+                    young[name] = plan
+        scales = self._scales
+        return {name: Neighbour(plan, scales[name]) for name, plan in young.items() if name in scales}
 
     @property
     def rejected(self) -> Mapping[str, int]:
