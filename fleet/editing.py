@@ -26,17 +26,13 @@ def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> lis
 
     Raises `FleetError`: the file cannot be used, or comes with the package; nothing was written.
     """
-    path = _own(path)
-    before = msgspec.to_builtins(calibration_of(load_fleet(path), vehicle))
-    after = msgspec.to_builtins(calibration)
 
-    def edit(table: Any) -> list[str]:
-        return _set_numbers(table, before, after, "", complete=True)
+    def present(file: FleetFile) -> dict[str, Any]:
+        plain: dict[str, Any] = msgspec.to_builtins(calibration_of(file, vehicle))
+        return plain
 
-    def reads_back(file: FleetFile) -> bool:
-        return calibration_of(file, vehicle) == calibration
-
-    return _rewrite(path, ("vehicles", vehicle, "transmitter", "calibration"), True, edit, reads_back)
+    keys = ("vehicles", vehicle, "transmitter", "calibration")
+    return _rewrite(path, keys, present, msgspec.to_builtins(calibration), inline=True)
 
 
 def fitted_parameters(model: Model) -> dict[str, Any]:
@@ -53,44 +49,36 @@ def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
 
     Raises `FleetError`: the file cannot be used, or comes with the package; nothing was written.
     """
-    path = _own(path)
-    before, after = fitted_parameters(model_of(load_fleet(path), vehicle)), fitted_parameters(model)
 
-    def edit(table: Any) -> list[str]:
-        new = not table
-        lines = _set_numbers(table, before, after, "")
-        if new:
-            table.add(tomlkit.nl())
-        return lines
+    def present(file: FleetFile) -> dict[str, Any]:
+        return fitted_parameters(model_of(file, vehicle))
 
-    def reads_back(file: FleetFile) -> bool:
-        return fitted_parameters(model_of(file, vehicle)) == after
-
-    return _rewrite(path, ("vehicles", vehicle, "model"), False, edit, reads_back)
+    return _rewrite(path, ("vehicles", vehicle, "model"), present, fitted_parameters(model), inline=False)
 
 
 def _rewrite(
     path: Path,
     keys: Sequence[str],
+    present: Callable[[FleetFile], Mapping[str, Any]],
+    after: Mapping[str, Any],
+    *,
     inline: bool,
-    edit: Callable[[Any], list[str]],
-    reads_back: Callable[[FleetFile], bool],
 ) -> list[str]:
-    """Edit one table of a fleet file, created (on one line if `inline`) if missing.
+    """Change what `present` reads from a fleet file to `after`, and return a line for each change.
 
-    Parameters
-    ----------
-    edit
-        Changes the table and returns a line for each change. Without changes nothing is written.
-    reads_back
-        Whether the changed file has the wanted values.
+    The table of these keys is created (on one line and with whole inner tables if `inline`) if missing.
     """
-    document = _document(path)
-    lines = edit(_table(document, keys, inline))
+    path = _own(path)
+    before, document = present(load_fleet(path)), _document(path)
+    table = _table(document, keys, inline)
+    new = not table
+    lines = _set_numbers(table, before, after, "", complete=inline)
     if not lines:
         return []
+    if new and not inline:
+        table.add(tomlkit.nl())
     changed = tomlkit.dumps(document)
-    if not reads_back(parse_fleet(changed, path.parent)):
+    if present(parse_fleet(changed, path.parent)) != after:
         raise FleetError(f"{path}: {'.'.join(keys)} cannot be changed by a program")
     _replace(path, changed)
     return lines
