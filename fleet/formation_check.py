@@ -7,6 +7,7 @@ import numpy as np
 from rcopterx.agents.formation.topology import places, roots
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.vehicles.state import Array
 
 TOLERANCE_M = 1e-6
 
@@ -16,13 +17,19 @@ def links_of(fleet: FleetFile) -> dict[str, tuple[LeaderLink, ...]]:
     return {name: tuple(vehicle.follow) for name, vehicle in fleet.vehicles.items()}
 
 
+def formation_places(fleet: FleetFile) -> dict[str, Array]:
+    """Return x, y, z [m] and yaw [rad] of every vehicle, in formations whose heads are at the origin."""
+    links = links_of(fleet)
+    return places(links, {name: np.zeros(4) for name, own in links.items() if not own})
+
+
 def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:
     """Check that each formation can be flown with its leader at heading zero.
 
     Raises `FleetError`: two vehicles would be too close to each other, or too far apart for the volume.
     """
     links = links_of(fleet)
-    where = places(links, {name: np.zeros(4) for name, own in links.items() if not own})
+    where = formation_places(fleet)
     for name, other in combinations(fleet.vehicles, 2):
         if roots(links, name) != roots(links, other):
             continue

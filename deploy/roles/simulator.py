@@ -3,12 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
-from rcopterx.bus.message import Four
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.ports import port_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.roles.tracker import tracker_address
+from rcopterx.fleet.formation_check import formation_places
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.reading import replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
@@ -65,7 +65,7 @@ def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:
 def _simulated(fleet: FleetFile, name: str, directory: Path) -> SimulatedVehicle:
     vehicle = fleet.vehicles[name]
     start = {} if fleet.simulator is None else fleet.simulator.start
-    x, y, _, yaw_rad = formation_place(fleet, name)
+    x, y, _, yaw_rad = formation_places(fleet)[name].tolist()
     place = start.get(name, (x, y, 0.0, yaw_rad))
     return SimulatedVehicle(
         name=name,
@@ -76,14 +76,3 @@ def _simulated(fleet: FleetFile, name: str, directory: Path) -> SimulatedVehicle
         radio=SimulatedRadio(protocol_of(fleet, name), vehicle.transmitter.model_match),
         calibration=calibration_of(fleet, name),
     )
-
-
-def formation_place(fleet: FleetFile, name: str) -> Four:
-    """Return x, y, z [m] and yaw [rad] of a vehicle in a formation whose first leader is at the origin."""
-    x = y = z = yaw = 0.0
-    while fleet.vehicles[name].follow:
-        link = fleet.vehicles[name].follow[0]
-        x, y, z = x + link.offset_m[0], y + link.offset_m[1], z + link.offset_m[2]
-        yaw += link.yaw_offset_rad
-        name = link.leader
-    return (x, y, z, yaw)

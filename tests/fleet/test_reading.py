@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.fleets import HARDWARE_PAIR, PAIR
 
-from rcopterx.deploy.roles.simulator import formation_place
+from rcopterx.fleet.formation_check import formation_places
 from rcopterx.fleet.reading import load_fleet, merged, parse_fleet
 from rcopterx.fleet.schema import FleetError
 
@@ -203,11 +203,8 @@ def test_a_file_is_refused_exactly_when_its_leaders_form_a_cycle(graph: dict[str
 
 def test_places_in_the_formation_add_up_along_the_line_of_leaders() -> None:
     fleet = parse_fleet(following(a="", b="a", c="b"))
-    assert [formation_place(fleet, name) for name in "abc"] == [
-        (0.0, 0.0, 0.0, 0.0),
-        (1.0, 0.0, 0.0, 0.0),
-        (2.0, 0.0, 0.0, 0.0),
-    ]
+    found = formation_places(fleet)
+    assert [found[name].tolist() for name in "abc"] == [[x, 0.0, 0.0, 0.0] for x in (0.0, 1.0, 2.0)]
 
 
 def test_simulated_radios_must_be_on_the_simulators_host() -> None:
