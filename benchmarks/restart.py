@@ -82,7 +82,7 @@ def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
 
 def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
     supervisor = launcher.supervisor
-    fleet.wait_until(lambda: supervisor.spare_ready, SPARE_LIMIT_S, "no spare process")
+    fleet.wait_until(lambda: supervisor.spares.ready() > 0, SPARE_LIMIT_S, "no spare process")
     recorder = Recorder(fleet.session)
     recorder.start()
     _wait(fleet, SETTLE_S)

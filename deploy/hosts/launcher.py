@@ -57,13 +57,8 @@ def call_in_realtime(priority: int, function: Callable[[], T]) -> T:
     priority
         SCHED_FIFO priority; 0 for none.
     """
-
-    def call() -> T:
-        request_realtime(priority)
-        return function()
-
-    with ThreadPoolExecutor(max_workers=1) as pool:
-        return pool.submit(call).result()
+    with ThreadPoolExecutor(1, initializer=request_realtime, initargs=(priority,)) as pool:
+        return pool.submit(function).result()
 
 
 class Launcher(AbstractContextManager["Launcher"]):
@@ -190,7 +185,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             lambda: RecallService(
                 address,
                 list(fleet.agents_on(host)),
-                lambda vehicle: supervisor.quick_deaths(agent_process(vehicle)),
+                lambda vehicle: supervisor.children[agent_process(vehicle)].quick_deaths,
                 self._guard.vehicles,
             ),
         )
@@ -231,11 +226,11 @@ class Launcher(AbstractContextManager["Launcher"]):
         if recall is None or membership is None or not membership.started:
             return []
         now_s, vehicles = time.monotonic(), guard.vehicles
-        orphans = guard.find_orphans(now_s, recall.frames(vehicles))
+        orphans = guard.find_orphans(now_s, recall.frames())
         lost = dict.fromkeys(orphans, "no agent commands it in flight")
         if vehicles and now_s >= self._floor_due_s:
             self._floor_due_s = now_s + FLOOR_S
-            on_floor = recall.on_floor(vehicles)
+            on_floor = recall.on_floor()
             for vehicle in guard.find_orphans_on_floor(now_s, on_floor):
                 lost[vehicle] = f"host {on_floor[vehicle].runner.host}, where its agent ran, is silent"
         lines = []
@@ -258,7 +253,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             return []
         self._measure_due_s = time.monotonic() + MEASURE_S
         flying = self.supervisor.flying
-        ready = self.supervisor.spare_ready and not flying
+        ready = self.supervisor.spares.ready() > 0 and not flying
         result = self._capacity.step(ready, membership.agents_are_late)
         children = self.supervisor.children.values()
         agents = sum(child.wanted and child.spec.role == AGENT for child in children)

@@ -214,7 +214,7 @@ class MembershipService:
             running=tuple(name for name, here in wanted.items() if here),
             absent=tuple(name for name, here in wanted.items() if not here and name in self._home),
             restarts={name: child.restarts for name, child in children.items()},
-            spare_ready=supervisor.spare_ready,
+            spare_ready=supervisor.spares.ready() > 0,
             watchdog=supervisor.watchdog_on,
             hung={name: child.hung for name, child in children.items() if child.hung}
             | ({"spare": supervisor.spares_hung} if supervisor.spares_hung else {}),

@@ -10,7 +10,7 @@ from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import BusAddress, Session
-from rcopterx.bus.subscription import Inbox, Received
+from rcopterx.bus.subscription import Inbox
 from rcopterx.deploy.hosts.guarding import FLYING, LastFrame, OnFloor, Runners
 
 M = TypeVar("M", bound=Message)
@@ -78,9 +78,9 @@ class RecallService:
         age_s = max(0.0, self._session.clock() - received.arrived_s)
         return RecallReply(accepted=True, intent=received.message, age_s=age_s, quick_deaths=deaths)
 
-    def frames(self, vehicles: Iterable[str]) -> dict[str, LastFrame]:
-        """Return the newest serial frame of each of these vehicles, as far as one has arrived."""
-        newest = {vehicle: _newest(self._applied.get(vehicle)) for vehicle in vehicles}
+    def frames(self) -> dict[str, LastFrame]:
+        """Return the newest serial frame of each guarded vehicle, as far as one has arrived."""
+        newest = {vehicle: inbox.latest() for vehicle, inbox in self._applied.items()}
         return {
             vehicle: LastFrame(
                 frame.message.state, (frame.message.lease, frame.message.sequence), frame.arrived_s
@@ -89,16 +89,15 @@ class RecallService:
             if frame is not None
         }
 
-    def on_floor(self, vehicles: Iterable[str]) -> dict[str, OnFloor]:
-        """Return those of these vehicles that a live gateway reports to be on the floor."""
+    def on_floor(self) -> dict[str, OnFloor]:
+        """Return the guarded vehicles that a live gateway reports to be on the floor."""
         for host, launcher in tuple(self._launchers.items()):
             status = launcher.latest()
             if status is not None:
                 self._runners.update(host, status.message.running, status.arrived_s)
         now_s, known = self._session.clock(), {}
-        for vehicle in vehicles:
-            inbox = self._transmitters.get(vehicle)
-            report = None if inbox is None or not inbox.alive(now_s) else inbox.latest()
+        for vehicle, inbox in self._transmitters.items():
+            report = inbox.latest() if inbox.alive(now_s) else None
             runner = self._runners.of(vehicle)
             if report is None or runner is None or report.message.state in FLYING:
                 continue
@@ -113,7 +112,3 @@ class RecallService:
         self._wake.set()
         self._thread.join()
         self._session.close()
-
-
-def _newest(inbox: Inbox[M] | None) -> Received[M] | None:
-    return None if inbox is None else inbox.latest()

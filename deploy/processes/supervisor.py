@@ -76,7 +76,7 @@ class Supervisor:
         self._snapshot = snapshot.resolve()
         self._logs = log_directory
         self._forks = forks
-        self._spares = spares or Spares(forks, (), (), log_directory / "spare.log")
+        self.spares = spares or Spares(forks, (), (), log_directory / "spare.log")
         self._clock = clock
         self._selector = selectors.DefaultSelector()
         self._attempt = Attempts(clock)
@@ -116,7 +116,7 @@ class Supervisor:
     def _launch(self, child: Child, log_path: Path) -> None:
         self._prepare_at_s = 0.0
         spec, take_over = child.spec, child.take_over
-        process = self._spares.take(spec.role, spec.unit, log_path, self._is_responsive, take_over=take_over)
+        process = self.spares.take(spec.role, spec.unit, log_path, self._is_responsive, take_over=take_over)
         if process is None:
             process = self._forks.start(spec.command(self._snapshot, take_over=take_over), log_path)
         child.take_over = False
@@ -178,7 +178,7 @@ class Supervisor:
         """Make sure of a fork server and spares, as long as any process is wanted."""
         if now_s < self._prepare_at_s or not any(child.wanted for child in self.children.values()):
             return []
-        self._prepare_at_s = now_s + PREPARE_S if self._spares.complete else now_s
+        self._prepare_at_s = now_s + PREPARE_S if self.spares.complete else now_s
         try:
             lines = ["fork server: had ended, started again"] if self._forks.ensure_running() else []
         except OSError as error:
@@ -186,7 +186,7 @@ class Supervisor:
         settled = all(now_s - child.started_s > SETTLED_S for child in self.children.values())
         if settled and now_s >= self._spare_at_s:
             try:
-                self._spares.prepare()
+                self.spares.prepare()
             except OSError:
                 self._spare_at_s = now_s + SPARE_RETRY_S
         return lines
@@ -195,7 +195,7 @@ class Supervisor:
         """Kill what makes no progress; the deaths of children are then noticed like any others."""
         if self.liveness is None:
             return []
-        processes = self._spares.processes
+        processes = self.spares.processes
         watched = {pid: Watched("spare", spare.page, Duty.STANDBY) for pid, spare in processes.items()}
         children = {}
         for name, process in self._processes().items():
@@ -276,29 +276,10 @@ class Supervisor:
             )
         return [f"{name}: {cause}; log: {self._logs / (name + '.log')}"]
 
-    def quick_deaths(self, name: str) -> int:
-        """Number of deaths of a process in a row that came shortly after its start."""
-        return self.children[name].quick_deaths
-
     @property
     def flying(self) -> bool:
         """Whether a vehicle is in the air, as far as a process of this host knows."""
         return any(process.page.phase is Phase.FLYING for process in self._processes().values())
-
-    @property
-    def spare_ready(self) -> bool:
-        """Whether a spare could replace a process now."""
-        return self._spares.ready() > 0
-
-    @property
-    def spares_complete(self) -> bool:
-        """Whether all spares could replace a process now."""
-        return self._spares.complete
-
-    @property
-    def spare_pids(self) -> tuple[int, ...]:
-        """Process ids of the spares, the one that is taken first at the beginning."""
-        return tuple(self._spares.processes)
 
     @property
     def watchdog_on(self) -> bool:
@@ -333,7 +314,7 @@ class Supervisor:
 
     def stop_all(self) -> None:
         """Send SIGTERM to every process, in stopping order, and kill those that do not end in time."""
-        self._spares.close()
+        self.spares.close()
         for child in self.children.values():
             child.wanted = False
         while self.running():

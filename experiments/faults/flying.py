@@ -146,7 +146,7 @@ class FaultRange:
 
         def calm() -> bool:
             youngest_s = max(child.started_s for child in supervisor.children.values())
-            return supervisor.spares_complete and time.monotonic() - youngest_s > RECOVERED_S
+            return supervisor.spares.complete and time.monotonic() - youngest_s > RECOVERED_S
 
         if not self.bench.wait_for(calm, CALM_S):
             raise NotReachedError("processes are started again and again, or there is no spare one")

@@ -16,7 +16,7 @@ def _processes(bench: Bench, without: Collection[str] = ()) -> list[int]:
     """Ids of all processes of the fleet except those of some roles, spares included."""
     supervisor = bench.supervisor
     names = [name for name, child in supervisor.children.items() if child.spec.role not in without]
-    pids = (*map(supervisor.pid, names), *supervisor.spare_pids)
+    pids = (*map(supervisor.pid, names), *supervisor.spares.processes)
     return [pid for pid in pids if pid is not None]
 
 

@@ -77,9 +77,7 @@ class OneProcess:
     def children(self) -> dict[str, SimpleNamespace]:
         return {"it": SimpleNamespace(spec=SimpleNamespace(role="agent"))}
 
-    @property
-    def spare_pids(self) -> tuple[int, ...]:
-        return ()
+    spares = SimpleNamespace(processes=())
 
     def close(self) -> None:
         self._over.set()

@@ -61,7 +61,7 @@ class Flying:
     def wait_for_spare(self, process: str) -> None:
         """Wait until a warm process could replace this one."""
         supervisor = self.launcher_of(process).supervisor
-        self.fleet.wait_until(lambda: supervisor.spare_ready, 60, "no spare process")
+        self.fleet.wait_until(lambda: supervisor.spares.ready() > 0, 60, "no spare process")
 
     def kill(self, process: str) -> int:
         """SIGKILL a process of the fleet; returns the pid it had."""

@@ -69,7 +69,7 @@ def wait_stable(flying: Flying) -> None:
     supervisor = flying.launcher_of("agent-h1").supervisor
     since_s = flying.started_s("agent-h1")
     flying.fleet.wait_until(
-        lambda: time.monotonic() - since_s > 3.0 and supervisor.spares_complete, 40, "no spare processes"
+        lambda: time.monotonic() - since_s > 3.0 and supervisor.spares.complete, 40, "no spare processes"
     )
 
 

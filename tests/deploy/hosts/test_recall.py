@@ -85,7 +85,7 @@ def test_vehicles_on_the_floor_are_known_by_their_gateway_and_their_launcher(
         )
         other.publish(channels.LAUNCHER, "home", launcher)
         other.publish(channels.TRANSMITTER_STATUS, "h1", status)
-        found = service.on_floor(["h1", "h2"])
+        found = service.on_floor()
         return found.keys() == {"h1"} and found["h1"].runner.host == "home"
 
     try:
@@ -104,10 +104,10 @@ def test_frames_of_guarded_vehicles_are_received_and_of_others_not(
     def received() -> bool:
         gateway.publish(channels.APPLIED, "h2", APPLIED)
         gateway.publish(channels.APPLIED, "h1", APPLIED)
-        return bool(service.frames(["h1", "h2"]))
+        return bool(service.frames())
 
     try:
         wait_for(received, "no frame is received")
-        assert service.frames(["h1", "h2"]).keys() == {"h1"}
+        assert service.frames().keys() == {"h1"}
     finally:
         service.close()

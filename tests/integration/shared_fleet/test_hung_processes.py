@@ -41,14 +41,14 @@ def hang(flying: Flying, process: str) -> None:
 def hang_spare(flying: Flying) -> None:
     """Stop a process that waits to replace others; it is replaced as well."""
     supervisor = flying.launcher_of("router").supervisor
-    flying.fleet.wait_until(lambda: supervisor.spares_complete, 30, "spare processes are missing")
-    spare, hung = supervisor.spare_pids[0], supervisor.spares_hung
+    flying.fleet.wait_until(lambda: supervisor.spares.complete, 30, "spare processes are missing")
+    spare, hung = next(iter(supervisor.spares.processes)), supervisor.spares_hung
     os.kill(spare, signal.SIGSTOP)
     flying.fleet.wait_until(
         lambda: (
             supervisor.spares_hung == hung + 1
-            and supervisor.spare_ready
-            and spare not in supervisor.spare_pids
+            and supervisor.spares.ready() > 0
+            and spare not in supervisor.spares.processes
         ),
         30,
         "the spare hangs on",
