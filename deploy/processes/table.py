@@ -42,11 +42,6 @@ class ProcessSpec:
         return [sys.executable, "-m", "rcopterx.deploy.roles", *filter(None, words)]
 
 
-def recording_host(fleet: FleetFile) -> str:
-    """Return the host that records the flight log."""
-    return fleet.log.host or next(iter(fleet.hosts))
-
-
 def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     """Return the processes of a host in starting order.
 
@@ -57,7 +52,7 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     from rcopterx.fleet.vehicle_models import longest_shutdown_s
 
     specs = [ProcessSpec(ROUTER, ROUTER, host, 5)]
-    if host == recording_host(fleet):
+    if host == (fleet.log.host or next(iter(fleet.hosts))):
         # Started before the processes whose first messages it records, stopped after them.
         specs.append(ProcessSpec(RECORDER, RECORDER, host, 4))
     if fleet.simulator is not None and fleet.simulator.host == host:

@@ -54,7 +54,7 @@ def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[Agen
 def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> AgentSettings:
     """Return the settings of a vehicle's agent on a host, by default that of the fleet file."""
     vehicle = fleet.vehicles[name]
-    control = vehicle.control
+    control, avoidance = vehicle.control, fleet.avoidance
     links = links_of(fleet)
     models = {other: model_of(fleet, other) for other in fleet.vehicles}
     return AgentSettings(
@@ -77,16 +77,12 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
         models=models,
         succession=succession_of(fleet, name),
         minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
-        separation=separation_of(fleet),
+        separation=SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m)
+        if avoidance.enabled
+        else None,
         hover_thrust_limits=hover_thrust_limits_of(fleet, name),
         realtime_priority=(Priority.FOLLOWER if vehicle.follow else Priority.LEADER).of(fleet),
     )
-
-
-def separation_of(fleet: FleetFile) -> SeparationEllipsoid | None:
-    """Return the ellipsoid that other vehicles keep clear of; None without avoidance."""
-    avoidance = fleet.avoidance
-    return SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m) if avoidance.enabled else None
 
 
 def hover_thrust_limits_of(fleet: FleetFile, name: str) -> HoverThrustLimits:

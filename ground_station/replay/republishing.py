@@ -6,8 +6,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-import msgspec
-
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.hosts.resources import check_router
 from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
@@ -15,8 +13,8 @@ from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec
 from rcopterx.deploy.roles.addresses import bus_address
-from rcopterx.fleet.reading import write_snapshot
-from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.reading import snapshot_of, write_snapshot
+from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
 from rcopterx.flights.mcap_reading import FlightLogError, contents_of, messages_of
 
@@ -28,8 +26,8 @@ NANO: Final = 1e9
 def fleet_of(parts: Sequence[Path]) -> FleetFile:
     """Fleet file of a flight; raises FlightLogError if this version does not understand it."""
     try:
-        return msgspec.json.decode(contents_of(parts[0]).attachments[FLEET_ATTACHMENT], type=FleetFile)
-    except (KeyError, msgspec.DecodeError) as error:
+        return snapshot_of(contents_of(parts[0]).attachments[FLEET_ATTACHMENT])
+    except (KeyError, FleetError) as error:
         raise FlightLogError(
             f"{parts[0]}: has no fleet file that this version understands: {error}"
         ) from None

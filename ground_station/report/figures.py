@@ -172,10 +172,6 @@ class FlightFigures:
         frames, errors_m = np.array(errors, dtype=float).reshape(-1, 2).T
         return frames, errors_m
 
-    def tracking_error_m(self, name: str) -> Array:
-        """Distance from the reference at every frame in which there was one, shape (n,)."""
-        return self.tracking_errors(name)[1]
-
     def settled_error_m(self, name: str) -> Array:
         """Distance from a reference that has been at rest for `SETTLED_S` of free flight, shape (n,)."""
         errors, since, place = [], None, np.full(3, np.inf)
@@ -239,7 +235,7 @@ class FlightFigures:
         status = [status.diagnostics for status in self.statuses[name]]
         table: dict[str, Any] = {
             "formation_error_mm": rms_and_max(self.formation_error_m(name)),
-            "tracking_error_mm": rms_and_max(self.tracking_error_m(name)),
+            "tracking_error_mm": rms_and_max(self.tracking_errors(name)[1]),
             "radio_frames": dict(Counter(applied.state for applied in self.applied[name])),
             "safety": self._safety_events(name),
         }

@@ -129,11 +129,9 @@ class Observer:
     def watch_latency(self) -> None:
         """Subscribe to every command that is written, so that states include latencies by stage."""
         if self._latency is None:
-
-            def offset(first: str, second: str) -> float | None:
-                return clock_offset(self._router_statuses(), first, second)
-
-            self._latency = LatencyWatch(self.session, offset)
+            self._latency = LatencyWatch(
+                self.session, lambda first, second: clock_offset(self._router_statuses(), first, second)
+            )
 
     def watch_motion(self) -> Motion:
         """Subscribe to every pose and plan, so that states include them: for pages that draw.

@@ -210,7 +210,7 @@ def test_tracking_error_is_taken_when_the_reference_was_to_be_reached() -> None:
     flight.plan("h1", 2, (0.3, 0.0, 1.0, 0.0))
     flight.plan("h1", 3, (0.4, 0.05, 1.0, 0.0))
     flight.plan("h1", 4, (0.0, 0.0, 0.0, 0.0))
-    assert flight.figures("h1").tracking_error_m("h1") == pytest.approx([0.0, 0.05])
+    assert flight.figures("h1").tracking_errors("h1")[1] == pytest.approx([0.0, 0.05])
 
 
 def test_pose_to_command_counts_commands_whose_way_is_known() -> None:
