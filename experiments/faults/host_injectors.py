@@ -32,14 +32,14 @@ class DiskFull(PassingFault):
 
 @dataclass(frozen=True)
 class NoDescriptors(Injector):
-    """A process can open no further descriptor; `process` None stands for the launcher."""
+    """A process can open no further descriptor."""
 
-    process: str | None
+    process: str
 
     @contextmanager
     def _inject(self, bench: Bench) -> Iterator[None]:
-        pid = os.getpid() if self.process is None else bench.pid(self.process)
-        bench.say(f"{self.process or 'launcher'}: no descriptors left")
+        pid = bench.pid(self.process)
+        bench.say(f"{self.process}: no descriptors left")
         before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
         resource.prlimit(pid, resource.RLIMIT_NOFILE, (_lowest_free(pid), before[1]))
         try:

@@ -16,8 +16,8 @@ Value = str | int | float | tuple[float, ...]
 class Inject(Injector):
     """A fault of the laboratory, of a kind in `rcopterx.simulator.faults.FAULTS`, with further fields.
 
-    `vehicle` is a name, also where the fault takes a subject. It begins after `after_s` and takes `seconds`;
-    None lasts until the flight is over.
+    `vehicle` is a name, also where the fault takes a subject. The fault takes `seconds`; None lasts until the
+    flight is over.
     """
 
     launched = False
@@ -26,7 +26,6 @@ class Inject(Injector):
     vehicle: str | None = None
     values: tuple[tuple[str, Value], ...] = ()
     seconds: float | None = None
-    after_s: float = 0.0
 
     def fault(self, file: FleetFile) -> Fault:
         """The fault with the subjects of a fleet."""
@@ -46,9 +45,9 @@ class Inject(Injector):
     def _inject(self, bench: Bench) -> Iterator[None]:
         fault = self.fault(bench.fleet.file)
         bench.say(f"laboratory: {fault_text(fault)}")
-        inject_faults(bench.fleet.session, [TimedFault(self.after_s, fault)])
+        inject_faults(bench.fleet.session, [TimedFault(0.0, fault)])
         if self.seconds is not None:
-            bench.wait(self.after_s + self.seconds)
+            bench.wait(self.seconds)
         try:
             yield
         finally:

@@ -65,9 +65,8 @@ class _Orders:
     def __init__(self) -> None:
         self._path = f"{DIRECTORY}/{os.getpid()}"
         self._read = 0
-
-    def announce(self) -> None:
-        """Create the file, which shows that this process accepts orders."""
+        signal.signal(signal.SIGUSR2, self)
+        # The file shows that this process accepts orders.
         open(self._path, "a", encoding="utf-8").close()
 
     def __call__(self, *_: object) -> None:
@@ -80,13 +79,7 @@ class _Orders:
             ORDERS[order.pop("order")](**order)
 
 
-def _take_orders() -> None:
-    orders = _Orders()
-    signal.signal(signal.SIGUSR2, orders)
-    orders.announce()
-
-
 if DIRECTORY is not None:
-    _take_orders()
+    _Orders()
     # Processes of a fleet are forked; each has orders of its own.
-    os.register_at_fork(after_in_child=_take_orders)
+    os.register_at_fork(after_in_child=_Orders)
