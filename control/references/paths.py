@@ -99,7 +99,7 @@ def path_problem(
             )
     rate, acceleration = samples[:, 4:8].copy(), samples[:, 8:12].copy()
     for horizontal in (rate, acceleration):
-        horizontal[:, :2] = _to_body(samples[:, YAW], horizontal[:, :2])
+        horizontal[:, :2] = in_frames(samples[:, YAW], horizontal[:, :2])
     allowed = np.minimum(-np.array(model.state_min)[3:7], np.array(model.state_max)[3:7])
     up, down = model.u_max - model.hover_input, model.hover_input - model.u_min
     reach = np.abs(model.b) * np.minimum(up, down)
@@ -121,8 +121,8 @@ def path_problem(
     return None
 
 
-def _to_body(yaw_rad: Array, inertial: Array) -> Array:
-    """Horizontal vectors, shape (k, 2), in the frames of their headings."""
+def in_frames(yaw_rad: Array, inertial: Array) -> Array:
+    """Return horizontal vectors, shape (k, 2), in the frames of their headings, shape (k,)."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     x, y = inertial.T
     return np.column_stack((c * x + s * y, c * y - s * x))

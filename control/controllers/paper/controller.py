@@ -23,6 +23,7 @@ from rcopterx.control.controllers.paper.model import (
 )
 from rcopterx.control.controllers.settings import ElevenWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate
+from rcopterx.control.references.paths import in_frames
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Solver, repeated
 from rcopterx.vehicles.model import Model
@@ -124,20 +125,14 @@ class PaperController(MpcController):
         samples = reference.samples
         states = np.zeros((self._horizon, STATE_SIZE))
         states[:, :MOTION_SIZE] = samples[:, :MOTION_SIZE]
-        c, s = np.cos(samples[:, YAW]), np.sin(samples[:, YAW])
-        vx, vy = samples[:, 4], samples[:, 5]
-        states[:, XD_BODY] = c * vx + s * vy
-        states[:, XD_BODY + 1] = c * vy - s * vx
+        states[:, XD_BODY : XD_BODY + 2] = in_frames(samples[:, YAW], samples[:, 4:6])
         return states
 
     def _plan(self, states: Array) -> Trajectory:
         """Plan in the inertial frame; velocities with the planned heading of their stage."""
         samples = np.empty((self._horizon, COLUMNS))
         samples[:, :MOTION_SIZE] = states[:, :MOTION_SIZE]
-        c, s = np.cos(states[:, YAW]), np.sin(states[:, YAW])
-        xd, yd = states[:, XD_BODY], states[:, XD_BODY + 1]
-        samples[:, 4] = c * xd - s * yd
-        samples[:, 5] = s * xd + c * yd
+        samples[:, 4:6] = in_frames(-states[:, YAW], states[:, XD_BODY : XD_BODY + 2])
         samples[:-1, 8:] = np.diff(samples[:, 4:8], axis=0) / self._period_s
         samples[-1, 8:] = samples[-2, 8:]
         return Trajectory(samples, self._period_s)
