@@ -40,21 +40,64 @@ class PageServer(viser.ViserServer):
     """
 
     def __init__(self, port: int, label: str, key: str) -> None:
-        self._guard = Guard(key)
+        self._key, self._guarded = key, False
         # The greeting of viser has an address without the secret.
-        with self._guard.in_front(), redirect_stdout(io.StringIO()):
+        with self._guard(), redirect_stdout(io.StringIO()):
             super().__init__(HOST, port, label=label, verbose=False)
-        if not self._guard.used:
+        if not self._guarded:
             self.stop()
             raise RuntimeError("this version of viser has a web server that cannot be protected")
 
     @property
     def address(self) -> str:
         """Address for browsers, which contains the secret."""
-        return f"http://{HOST}:{self.get_port()}/{self._guard.key}/"
+        return f"http://{HOST}:{self.get_port()}/{self._key}/"
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Refuse to open a public tunnel, for which every browser can send a message."""
+
+    def _refusal(self, path: str, hosts: list[str], origins: list[str]) -> str | None:
+        """Return why a request is refused, by its path and headers; None if it is accepted."""
+        if len(hosts) != 1 or hosts[0].rpartition(":")[0] not in NAMES:
+            return "the page has no such host name"
+        # Programs send no origin, browsers always do when they open a WebSocket.
+        if origins not in ([], [f"http://{hosts[0]}"]):
+            return "only the page itself may connect"
+        if not hmac.compare_digest(path.strip("/").encode(errors="replace"), self._key.encode()):
+            return "the address of the page is the one that `rcopterx ground` has printed"
+        return None
+
+    @contextmanager
+    def _guard(self) -> Iterator[None]:
+        """Check the requests of every server that the library `websockets` starts in the block."""
+        serve = websocket_server.serve
+
+        def guarded(*arguments: Any, process_request: Respond, **options: Any) -> Any:
+            self._guarded = True
+            return serve(*arguments, process_request=self._before(process_request), **options)
+
+        websocket_server.serve = guarded  # type: ignore[assignment, misc]
+        try:
+            yield
+        finally:
+            websocket_server.serve = serve  # type: ignore[misc]
+
+    def _before(self, respond: Respond) -> Respond:
+        def checked(connection: ServerConnection, request: Request) -> Response | None:
+            path = request.path.partition("?")[0]
+            headers = request.headers
+            refusal = self._refusal(path, headers.get_all("Host"), headers.get_all("Origin"))
+            if refusal is None:
+                return respond(connection, replace(request, path="/"))
+            body = f"{refusal}\n".encode()
+            return Response(
+                HTTPStatus.FORBIDDEN,
+                "Forbidden",
+                Headers({"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}),
+                body,
+            )
+
+        return checked
 
 
 def kept_key(path: Path) -> str:
@@ -68,65 +111,6 @@ def kept_key(path: Path) -> str:
         fresh.write_text(secrets.token_urlsafe(KEY_BYTES))
         fresh.replace(path)
     return path.read_text()
-
-
-class Guard:
-    """Decides which requests reach a web server."""
-
-    def __init__(self, key: str) -> None:
-        self.key = key
-        self.used = False
-
-    def refusal(self, path: str, hosts: list[str], origins: list[str]) -> str | None:
-        """Return why a request is refused, None if it is accepted.
-
-        Parameters
-        ----------
-        path
-            Path of the request, without its query.
-        hosts, origins
-            Values of its headers `Host` and `Origin`. Programs send no origin, browsers always do when they
-            open a WebSocket.
-        """
-        if len(hosts) != 1 or hosts[0].rpartition(":")[0] not in NAMES:
-            return "the page has no such host name"
-        if origins not in ([], [f"http://{hosts[0]}"]):
-            return "only the page itself may connect"
-        if not hmac.compare_digest(path.strip("/").encode(errors="replace"), self.key.encode()):
-            return "the address of the page is the one that `rcopterx ground` has printed"
-        return None
-
-    @contextmanager
-    def in_front(self) -> Iterator[None]:
-        """Check the requests of every server that the library `websockets` starts in the block."""
-        serve = websocket_server.serve
-
-        def guarded(*arguments: Any, process_request: Respond, **options: Any) -> Any:
-            self.used = True
-            return serve(*arguments, process_request=self._before(process_request), **options)
-
-        websocket_server.serve = guarded  # type: ignore[assignment, misc]
-        try:
-            yield
-        finally:
-            websocket_server.serve = serve  # type: ignore[misc]
-
-    def _before(self, respond: Respond) -> Respond:
-        def checked(connection: ServerConnection, request: Request) -> Response | None:
-            path = request.path.partition("?")[0]
-            headers = request.headers
-            refusal = self.refusal(path, headers.get_all("Host"), headers.get_all("Origin"))
-            if refusal is None:
-                return respond(connection, replace(request, path="/"))
-            body = f"{refusal}\n".encode()
-            return Response(
-                HTTPStatus.FORBIDDEN,
-                "Forbidden",
-                Headers({"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}),
-                body,
-            )
-
-        return checked
 
 
 def _no_failed_handshake(record: logging.LogRecord) -> bool:
