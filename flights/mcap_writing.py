@@ -94,21 +94,13 @@ class McapFile:
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a table of texts."""
-        builder = RecordBuilder()
-        Metadata(name, dict(values)).write(builder)
-        data, offset = builder.end(), self.written_bytes
-        self._write(data)
-        self._metadata.append(MetadataIndex(offset=offset, length=len(data), name=name))
+        offset, length = self._write_record(Metadata(name, dict(values)))
+        self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
 
     def add_attachment(self, name: str, data: bytes, time_ns: int) -> None:
         """Add a JSON document."""
-        builder, offset = RecordBuilder(), self.written_bytes
-        Attachment(time_ns, time_ns, name, JSON, data).write(builder)
-        record = builder.end()
-        self._write(record)
-        self._attachments.append(
-            AttachmentIndex(offset, len(record), time_ns, time_ns, len(data), name, JSON)
-        )
+        offset, length = self._write_record(Attachment(time_ns, time_ns, name, JSON, data))
+        self._attachments.append(AttachmentIndex(offset, length, time_ns, time_ns, len(data), name, JSON))
 
     def add_chunk(self, messages: Sequence[LoggedMessage]) -> None:
         """Write one compressed chunk; after an OSError `written_bytes` is the end of the whole records."""
@@ -145,20 +137,24 @@ class McapFile:
         return channel
 
     def _write_chunk(self, data: bytes, start_ns: int, end_ns: int) -> None:
-        builder = RecordBuilder()
         compressed = self._compressor.compress(data)
-        Chunk(COMPRESSION, compressed, end_ns, start_ns, zlib.crc32(data), len(data)).write(builder)
-        chunk, offset = builder.end(), self.written_bytes
-        self._write(chunk)
+        chunk = Chunk(COMPRESSION, compressed, end_ns, start_ns, zlib.crc32(data), len(data))
+        offset, length = self._write_record(chunk)
         self._start_ns = start_ns if self._start_ns is None else min(self._start_ns, start_ns)
         self._end_ns = max(self._end_ns, end_ns)
         self.chunks += 1
         ChunkIndex(
-            chunk_length=len(chunk), chunk_start_offset=offset, compression=COMPRESSION,
+            chunk_length=length, chunk_start_offset=offset, compression=COMPRESSION,
             compressed_size=len(compressed), message_end_time=end_ns,
             message_index_length=0, message_index_offsets={},
             message_start_time=start_ns, uncompressed_size=len(data),
         ).write(self._chunk_indexes)  # fmt: skip
+
+    def _write_record(self, record: McapRecord) -> tuple[int, int]:
+        """Write one record; return its offset and length."""
+        offset = self.written_bytes
+        self._write(_records([record]))
+        return offset, self.written_bytes - offset
 
     def _write(self, data: bytes) -> None:
         self._file.write(data)
@@ -167,9 +163,7 @@ class McapFile:
 
     def finish(self) -> None:
         """Write the summary, which completes the file."""
-        end = RecordBuilder()
-        DataEnd(0).write(end)
-        self._write(end.end())
+        self._write_record(DataEnd(0))
         start = self.written_bytes
         parts, offsets, length = [], RecordBuilder(), 0
         for opcode, records in self._summary():
