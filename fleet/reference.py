@@ -180,11 +180,7 @@ def _default(field: types.Field) -> str:
         return "none"
     if isinstance(value, msgspec.Struct) or is_dataclass(value) or _holds_tables(value):
         return "see below"
-    return f"`{json.dumps(_sorted(value))}`"
-
-
-def _sorted(value: Any) -> Any:
-    return sorted(value) if isinstance(value, frozenset) else msgspec.to_builtins(value)
+    return f"`{json.dumps(msgspec.to_builtins(value, order='deterministic'))}`"
 
 
 def _holds_tables(value: Any) -> bool:

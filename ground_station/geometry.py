@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from rcopterx.bus.messages import LeaderLink, Plan
-from rcopterx.vehicles.state import Array, heading_matrix
+from rcopterx.vehicles.state import Array, heading_matrix, three
 
 NOWHERE: Final = np.zeros((1, 2, 3))
 """An invisible line."""
@@ -44,8 +44,7 @@ def place_beside(
     link: LeaderLink, leader_m: Sequence[float], leader_yaw_rad: float
 ) -> tuple[float, float, float]:
     """Place of a follower in the inertial frame [m]."""
-    x, y, z = np.array(leader_m) + inertial_offset(link, leader_yaw_rad)
-    return float(x), float(y), float(z)
+    return three(np.array(leader_m) + inertial_offset(link, leader_yaw_rad))
 
 
 def link_to(

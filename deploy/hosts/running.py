@@ -77,12 +77,8 @@ def _locked(path: Path) -> int:
 
 def running_fleets(base: Path | None = None) -> list[RunningFleet]:
     """Return the fleets that are up, from their run directories in `base` (default `base_directory`)."""
-    found = []
-    for path in sorted((base or base_directory()).glob("*/up-*.json")):
-        running = _read(path)
-        if running is not None:
-            found.append(running)
-    return found
+    paths = sorted((base or base_directory()).glob("*/up-*.json"))
+    return [running for path in paths if (running := _read(path)) is not None]
 
 
 def _read(path: Path) -> RunningFleet | None:

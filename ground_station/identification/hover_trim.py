@@ -8,6 +8,7 @@ import numpy as np
 from rcopterx.bus import channels
 from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.observer import Observer
+from rcopterx.vehicles.state import four
 
 STEADY = 0.02
 """Mean input below which a vehicle counts as trimmed."""
@@ -48,5 +49,4 @@ def mean_of_hover(
     drift = float(np.abs(values[:half].mean(axis=0) - values[half:].mean(axis=0)).max())
     if drift > MOST_SPREAD:
         raise HoverError(f"no steady hover: the mean inputs changed by {drift:.2f} meanwhile")
-    pitch, roll, thrust, yaw = values.mean(axis=0).tolist()
-    return (pitch, roll, thrust, yaw)
+    return four(values.mean(axis=0))

@@ -3,6 +3,7 @@
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 from rcopterx.agents.guards.time_limit import Overtime
@@ -128,16 +129,12 @@ def _payloads(parts: Iterable[Path], own: _OwnMessages) -> dict[tuple[str, int],
     wanted = {pair for steps in own.steps for pair in zip(steps.keys, steps.checksums, strict=True)}
     keys = {key for key, _ in wanted}
     found = dict(own.requests)
-    for payload in _possible_leases(own):
-        pair = (own.lease_topic, zlib.crc32(payload))
+    leases = ((own.lease_topic, payload) for payload in _possible_leases(own))
+    recorded = (message[:2] for path in parts for message in messages_of(path) if message.topic in keys)
+    for key, payload in chain(leases, recorded):
+        pair = (key, zlib.crc32(payload))
         if pair in wanted:
             found[pair] = payload
-    for path in parts:
-        for message in messages_of(path):
-            if message.topic in keys:
-                pair = (message.topic, zlib.crc32(message.payload))
-                if pair in wanted:
-                    found[pair] = message.payload
     return found
 
 

@@ -105,11 +105,8 @@ class FlightFigures:
 
     def pose_to_command_ms(self) -> list[float]:
         """From the arrival of a frame at the Vicon gateway to that of its command at the transmitter's."""
-        values = []
-        for stages in self.stages.values():
-            for _, times in stages:
-                if times.keys() >= TO_COMMAND:
-                    values.append(sum(times[stage] for stage in TO_COMMAND))
+        commands = [times for stages in self.stages.values() for _, times in stages]
+        values = [sum(map(times.__getitem__, TO_COMMAND)) for times in commands if times.keys() >= TO_COMMAND]
         return [value for value in values if value < LONGEST_LATENCY_MS]
 
     def _stage_times(self, recording: Recording) -> dict[str, list[tuple[float, dict[str, float]]]]:

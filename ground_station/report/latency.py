@@ -85,12 +85,8 @@ class LatencyWindow:
 
     def figures(self) -> dict[str, Percentiles]:
         """Percentiles by stage, in the order of the stages, the total last."""
-        found: dict[str, Percentiles] = {}
-        for stage in (*STAGES, TOTAL):
-            figures = percentiles(tuple(self._values.get(stage, ())))
-            if figures is not None:
-                found[stage] = figures
-        return found
+        found = {stage: percentiles(tuple(self._values.get(stage, ()))) for stage in (*STAGES, TOTAL)}
+        return {stage: figures for stage, figures in found.items() if figures is not None}
 
 
 class LatencyWatch:
