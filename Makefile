@@ -7,7 +7,7 @@ ARGS ?=
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo test campaign fuzz mutation lint docs wheel clean
+.PHONY: help demo kernels test campaign fuzz mutation lint docs wheel clean
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
@@ -20,21 +20,33 @@ help:
 	@echo "make wheel     source archive and wheel in dist, checked, and flown from empty environments"
 	@echo "make clean     remove the virtual environment and caches"
 
+# uv installs in seconds what takes pip a minute; pip does it where uv, or a package for uv, cannot be had.
+define install
+	@echo "installing rcopterx$(patsubst .%,%,$(1)) into $(VENV) with uv"
+	@$(BIN)/python -m uv pip install --quiet --python $(BIN)/python -e '$(1)' 2> /dev/null \
+	|| { echo "uv failed: pip installs the same, which takes a minute"; \
+	     $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '$(1)'; }
+endef
+
 $(VENV)/.base: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] <= (3, 13) else "Python 3.11 to 3.13 is needed, this is %d.%d; try make PYTHON=python3.11" % sys.version_info[:2])'
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check uv || true
+	$(call install,.)
 	@touch $@
 
-$(VENV)/.test: $(VENV)/.base
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test]'
+EXTRAS := test ground browser fuzz mutation docs package
+$(EXTRAS:%=$(VENV)/.%): $(VENV)/.%: $(VENV)/.base
+	$(call install,.[$*])
 	@touch $@
 
-$(VENV)/.ground: $(VENV)/.base
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[ground]'
-	@touch $@
+$(VENV)/.browser $(VENV)/.fuzz $(VENV)/.mutation $(VENV)/.package: $(VENV)/.test
 
-demo: $(VENV)/.ground
+kernels: $(VENV)/.base
+	@$(BIN)/python -m rcopterx.compiling
+
+demo: $(VENV)/.base
+	@$(MAKE) --no-print-directory --jobs=2 kernels $(VENV)/.ground
 	@exec $(BIN)/rcopterx demo $(ARGS)
 
 test: $(VENV)/.test
@@ -44,24 +56,12 @@ else
 	$(BIN)/python -m pytest -m "not campaign" $(ARGS)
 endif
 
-$(VENV)/.browser: $(VENV)/.test
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[browser]'
-	@touch $@
-
 campaign: $(VENV)/.browser
 	$(BIN)/python -m pytest -m campaign $(ARGS)
 	$(BIN)/python -m pytest -n 2 -m "hypothesis and not integration" --hypothesis-profile=search
 
-$(VENV)/.fuzz: $(VENV)/.test
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[fuzz]'
-	@touch $@
-
 fuzz: $(VENV)/.fuzz
 	$(BIN)/python -m tests.fuzz.run_fuzz $(ARGS)
-
-$(VENV)/.mutation: $(VENV)/.test
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[mutation]'
-	@touch $@
 
 mutation: $(VENV)/.mutation
 	$(BIN)/python tests/mutation_score.py
@@ -72,17 +72,9 @@ lint: $(VENV)/.test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-$(VENV)/.docs: $(VENV)/.base
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
-	@touch $@
-
 docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "open build/site/index.html"
-
-$(VENV)/.package: $(VENV)/.test
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[package]'
-	@touch $@
 
 wheel: $(VENV)/.package
 	rm -rf build/lib dist
