@@ -8,19 +8,25 @@ import tomlkit
 
 from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.deploy.hosts.run_directory import run_directory
+from rcopterx.fleet.radios import MODEL_MATCH_OPTIONS
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.vehicle_types import vehicle_type
 
 FOLLOWER_OFFSETS_M = ((-0.5, 0.5, 0.0), (-0.5, -0.5, 0.0))
 """Offsets of the second and third vehicle; further ones fly in rows behind them."""
 
 
 class NewVehicle(NamedTuple):
-    """A vehicle: its name, its name in the Tracker, its serial device."""
+    """A vehicle."""
 
     name: str
     subject: str
+    """Its name in the Tracker."""
     port: str
+    """Serial device, or address of a radio."""
+    offset_m: tuple[float, float, float] | None = None
+    """Offset to the first vehicle in formation; None for a place in rows behind it."""
 
 
 class NewLaboratory(NamedTuple):
@@ -39,6 +45,16 @@ class NewLaboratory(NamedTuple):
     """Type of all vehicles."""
     vehicles: Sequence[NewVehicle]
     """The first one leads."""
+    brand: str = "vicon"
+    """Kind of the motion capture."""
+    rate_hz: float | None = None
+    """Capture rate; None where the motion capture reports it."""
+
+    @property
+    def binds(self) -> bool:
+        """Whether receivers are bound to radio modules and calibrated."""
+        protocol = self.protocol or vehicle_type(self.type).file.transmitter.protocol
+        return protocol in MODEL_MATCH_OPTIONS
 
 
 def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
@@ -58,14 +74,16 @@ def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
 
 def fleet_file_text(laboratory: NewLaboratory, path: Path) -> str:
     """Return the text of the file, with comments on the next steps."""
+    first = laboratory.vehicles[0].name
+    commands = ("bind", "range-check", "calibrate") if laboratory.binds else ()
+    steps = [f"{command} {first} -f {path}" for command in commands] + [f"up {path}"]
+    comments = "\n".join(f"#     rcopterx {step}" for step in steps)
+    rate = "" if laboratory.rate_hz is None else f"rate_hz = {laboratory.rate_hz:g}\n"
     parts = [
         f"""\
 # Fleet of our laboratory. Every key, its unit, its default and its limits: docs/fleet_file.md
 # Next steps, in this order, with the fleet down:
-#     rcopterx bind {laboratory.vehicles[0].name} -f {path}
-#     rcopterx range-check {laboratory.vehicles[0].name} -f {path}
-#     rcopterx calibrate {laboratory.vehicles[0].name} -f {path}
-#     rcopterx up {path}
+{comments}
 
 name = {quoted(laboratory.name)}
 
@@ -76,8 +94,9 @@ min_m = {list(laboratory.volume_min_m)}
 max_m = {list(laboratory.volume_max_m)}
 
 [tracker]
+brand = {quoted(laboratory.brand)}
 address = {quoted(laboratory.tracker)}
-"""
+{rate}"""
     ]
     parts += [
         _vehicle_text(vehicle, number, laboratory) for number, vehicle in enumerate(laboratory.vehicles)
@@ -99,7 +118,8 @@ def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -
     ]
     if number > 0:
         row, side = divmod(number - 1, len(FOLLOWER_OFFSETS_M))
-        offset_m = [value * (row + 1) for value in FOLLOWER_OFFSETS_M[side]]
+        in_rows = [value * (row + 1) for value in FOLLOWER_OFFSETS_M[side]]
+        offset_m = in_rows if vehicle.offset_m is None else list(vehicle.offset_m)
         leader = laboratory.vehicles[0].name
         lines += [
             "# In formation, once it has hovered alone; metres along the axes of the Tracker.",
@@ -110,8 +130,11 @@ def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -
         f"[vehicles.{key}.transmitter]",
         f"port = {quoted(vehicle.port)}",
         *([] if laboratory.protocol is None else [f"protocol = {quoted(laboratory.protocol)}"]),
-        f"model_match = {number + 1}    # binds the receiver to this transmitter: one for every vehicle",
-        "# low_power = true    # often enough indoors",
-        "",
     ]
+    if laboratory.binds:
+        lines += [
+            f"model_match = {number + 1}    # binds the receiver to this transmitter: one for every vehicle",
+            "# low_power = true    # often enough indoors",
+        ]
+    lines.append("")
     return "\n".join(lines)

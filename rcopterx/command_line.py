@@ -16,6 +16,7 @@ from rcopterx.commands import (
     fly,
     ground,
     identify,
+    import_fleet,
     laboratory,
     launch,
     logs,
@@ -93,3 +94,4 @@ for panel, commands in COMMANDS.items():
         settings = {"ignore_unknown_options": command in WITH_COORDINATES}
         app.command(rich_help_panel=panel, context_settings=settings)(command)
 app.add_typer(bench.app, name="bench", rich_help_panel="Experiment")
+app.add_typer(import_fleet.app, name="import", rich_help_panel="Prepare a laboratory")

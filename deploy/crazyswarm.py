@@ -1,0 +1,111 @@
+"""Reads the configuration of Crazyswarm2: its vehicles and its motion capture.
+
+Format: the package `crazyflie` of https://github.com/IMRCLab/crazyswarm2, files `config/crazyflies.yaml` and
+`config/motion_capture.yaml`.
+"""
+
+import re
+from pathlib import Path
+from typing import Annotated, NamedTuple, TypeVar
+
+import msgspec
+from msgspec import Meta, Struct, field
+
+from rcopterx.deploy.new_laboratory import NewVehicle
+from rcopterx.fleet.reading import text_of
+from rcopterx.fleet.schema import FleetError
+
+NEEDS_YAML = "YAML files need PyYAML: pip install 'rcopterx[crazyswarm]'"
+_PORTS = {"vicon": 801, "optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
+"""Ports that Crazyswarm2 leaves to the library, by motion capture that this package reads."""
+_UNKNOWN_SIGN = re.compile(r"[^a-z0-9_]")
+
+T = TypeVar("T")
+
+
+class Robot(Struct, frozen=True):
+    """A vehicle, as far as it concerns a fleet file."""
+
+    uri: str
+    enabled: bool = True
+    initial_position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class Robots(Struct, frozen=True):
+    """The file of vehicles."""
+
+    robots: Annotated[dict[str, Robot], Meta(min_length=1)]
+
+
+class MotionCapture(Struct, frozen=True):
+    """The parameters of the motion capture."""
+
+    type: str
+    hostname: str = ""
+
+
+class _Parameters(Struct, frozen=True):
+    ros__parameters: MotionCapture
+
+
+class _MotionCaptureFile(Struct, frozen=True):
+    node: _Parameters = field(name="/motion_capture_tracking")
+
+
+class Tracker(NamedTuple):
+    """A motion capture in the terms of a fleet file."""
+
+    brand: str
+    address: str
+
+
+def read_vehicles(path: Path) -> list[NewVehicle]:
+    """Return the enabled vehicles of a `crazyflies.yaml`, in its order.
+
+    The first one leads; the others keep the distances of the initial positions. A robot's name is that of its
+    rigid body; the vehicle's name has small letters.
+
+    Raises
+    ------
+    FleetError
+        The file cannot be read, PyYAML is not installed, or no vehicle can be used; says which file and why.
+    """
+    robots = {name: robot for name, robot in _decoded(path, Robots).robots.items() if robot.enabled}
+    if not robots:
+        raise FleetError(f"{path}: no robot is enabled")
+    head = next(iter(robots.values()))
+    vehicles = []
+    for name, robot in robots.items():
+        ahead, left, up = (
+            round(own - of_head, 4)
+            for own, of_head in zip(robot.initial_position, head.initial_position, strict=True)
+        )
+        vehicles.append(NewVehicle(_vehicle_name(name), name, robot.uri, (ahead, left, up)))
+    if len({vehicle.name for vehicle in vehicles}) < len(vehicles):
+        raise FleetError(f"{path}: names of robots differ only in capital letters or signs")
+    return vehicles
+
+
+def read_tracker(path: Path) -> Tracker:
+    """Return the motion capture of a `motion_capture.yaml`; raises `FleetError`: it cannot be used."""
+    parameters = _decoded(path, _MotionCaptureFile).node.ros__parameters
+    if parameters.type not in _PORTS:
+        raise FleetError(f"{path}: type {parameters.type!r}: allowed are {', '.join(_PORTS)}")
+    if not parameters.hostname:
+        raise FleetError(f"{path}: hostname: is missing")
+    return Tracker(parameters.type, f"{parameters.hostname}:{_PORTS[parameters.type]}")
+
+
+def _vehicle_name(robot: str) -> str:
+    """Name that a fleet file accepts."""
+    name = _UNKNOWN_SIGN.sub("_", robot.lower())
+    return name if name[:1].isalpha() else f"cf{name}"
+
+
+def _decoded(path: Path, kind: type[T]) -> T:
+    try:
+        return msgspec.yaml.decode(text_of(path), type=kind)
+    except ImportError:
+        raise FleetError(NEEDS_YAML) from None
+    except (FleetError, msgspec.DecodeError) as error:
+        raise FleetError(f"{path}: {' '.join(str(error).split())}") from None

@@ -1,0 +1,128 @@
+"""Promises of `rcopterx import`: what other software flew becomes a fleet file; none is overwritten."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from rcopterx.command_line import app
+from rcopterx.fleet.reading import load_fleet
+
+CRAZYFLIES = """
+robots:
+  C04: {enabled: false, uri: "radio://0/80/1M/E7E7E7E704", initial_position: [1, 0, 0], type: C10X}
+  C23:
+    enabled: true
+    uri: radio://0/80/2M/E7E7E7E717
+    initial_position: [0.2, 0.0, 0.0]
+    type: C10X
+    role: evader
+  24-b:
+    uri: radio://0/80/2M/E7E7E7E718
+    initial_position: [-0.3, 0.5, 0.0]
+robot_types: {C10X: {big_quad: false}}
+all: {firmware_params: {commander: {enHighLevel: 1}}}
+"""
+TRACKER = """
+/motion_capture_tracking:
+  ros__parameters:
+    type: "vicon"
+    hostname: "192.168.2.15"
+    topics: {poses: {qos: {mode: "sensor"}}}
+"""
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    """A configuration of Crazyswarm2."""
+    (tmp_path / "motion_capture.yaml").write_text(TRACKER)
+    path = tmp_path / "crazyflies.yaml"
+    path.write_text(CRAZYFLIES)
+    return path
+
+
+def imported(*arguments: str | Path) -> Result:
+    words = ["import", "crazyswarm2", *map(str, arguments)]
+    result = CliRunner().invoke(app, words, env={"COLUMNS": "300", "TERM": "dumb"})
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result
+
+
+def test_enabled_robots_become_a_fleet_with_the_same_radios_and_tracker(source: Path) -> None:
+    path = source.with_name("my-lab.toml")
+    result = imported(source, path)
+    assert result.exit_code == 0, result.stderr
+    fleet = load_fleet(path)
+    assert fleet.name == "my_lab"
+    assert (fleet.tracker.brand, fleet.tracker.address) == ("vicon", "192.168.2.15:801")
+    assert {name: (one.subject, one.type) for name, one in fleet.vehicles.items()} == {
+        "c23": ("C23", "crazyflie"),
+        "cf24_b": ("24-b", "crazyflie"),
+    }
+    assert fleet.vehicles["c23"].transmitter.port == "radio://0/80/2M/E7E7E7E717"
+
+
+def test_the_formation_keeps_the_distances_of_the_initial_positions(source: Path) -> None:
+    path = source.with_name("lab.toml")
+    imported(source, path)
+    path.write_text(path.read_text().replace("# follow", "follow"))
+    (link,) = load_fleet(path).vehicles["cf24_b"].follow
+    assert (link.leader, link.offset_m) == ("c23", (-0.5, 0.5, 0.0))
+
+
+def test_the_next_steps_name_no_binding_and_calibration(source: Path) -> None:
+    path = source.with_name("lab.toml")
+    imported(source, path)
+    assert f"rcopterx up {path}" in path.read_text()
+    assert "calibrate" not in path.read_text()
+
+
+def test_another_motion_capture_needs_its_rate(source: Path) -> None:
+    tracker = source.with_name("motive.yaml")
+    tracker.write_text(TRACKER.replace("vicon", "optitrack"))
+    path = source.with_name("lab.toml")
+    refused = imported(source, path, "--motion-capture", tracker)
+    assert refused.exit_code == 2
+    assert "tracker.rate_hz" in refused.stderr
+    assert not path.exists()
+    assert imported(source, path, "--motion-capture", tracker, "--rate", "120").exit_code == 0
+    assert load_fleet(path).tracker.rate_hz == 120.0
+    assert load_fleet(path).tracker.address == "192.168.2.15:1510"
+
+
+def test_existing_fleet_file_is_kept(source: Path) -> None:
+    path = source.with_name("lab.toml")
+    path.write_text("mine")
+    result = imported(source, path)
+    assert result.exit_code == 2
+    assert "exists already" in result.stderr
+    assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("crazyflies.yaml", "robots: [", "crazyflies.yaml"),
+        ("crazyflies.yaml", "robots: {C1: {enabled: true}}", "uri"),
+        ("crazyflies.yaml", "robots: {C1: {uri: 5}}", "Expected `str`, got `int` - at `$.robots"),
+        ("crazyflies.yaml", "robots: {C1: {uri: x, enabled: false}}", "no robot is enabled"),
+        ("crazyflies.yaml", "robots: {C1: {uri: x}, c1: {uri: y}}", "differ only in capital letters"),
+        ("crazyflies.yaml", "robots: {C1: {uri: radio}}", "vehicles.c1.transmitter"),
+        ("motion_capture.yaml", "{}", "/motion_capture_tracking"),
+        ("motion_capture.yaml", TRACKER.replace("vicon", "nokov"), "type 'nokov': allowed are vicon"),
+        ("motion_capture.yaml", TRACKER.replace("192.168.2.15", ""), "hostname: is missing"),
+        ("motion_capture.yaml", None, "motion_capture.yaml: cannot be read"),
+    ],
+)
+def test_what_cannot_be_used_is_named(source: Path, name: str, text: str | None, words: str) -> None:
+    changed = source.with_name(name)
+    changed.unlink()
+    if text is not None:
+        changed.write_text(text)
+    path = source.with_name("lab.toml")
+    result = imported(source, path)
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert not path.exists()
