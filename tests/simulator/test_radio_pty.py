@@ -98,8 +98,7 @@ def test_unplugging_hangs_up_and_replugging_boots_the_module(radio: RadioPty) ->
 
 def test_frames_that_piled_up_while_nobody_looked_are_told_apart(radio: RadioPty) -> None:
     descriptor = flying(radio)
-    os.write(descriptor, FRAME)
-    write_and_service(radio, descriptor, FRAME, 1.05)
+    write_and_service(radio, descriptor, FRAME + FRAME, 1.05)
     radio.service(1.06)
     assert len(radio.link.take_frames()) == 2
     assert radio.counters["late services"] == 1
