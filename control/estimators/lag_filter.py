@@ -29,7 +29,6 @@ from rcopterx.vehicles.state import (
     INPUT_SIZE,
     MOTION_SIZE,
     U_THRUST,
-    U_YAW,
     XD_BODY,
     YAW,
     YAW_RATE,
@@ -63,7 +62,8 @@ def jacobian_at_rest(model: Model, period_s: float) -> Array:
     continuous[velocity, actuator] = gain
     continuous[actuator, velocity] = -rate * model.rate_feedback
     continuous[actuator, actuator] = -rate
-    continuous[actuator[U_YAW], actuator[U_THRUST]] = -rate[U_YAW] * model.thrust_coupling
+    _, _, thrust, yaw = actuator
+    continuous[yaw, thrust] = -rate[-1] * model.thrust_coupling
     jacobian: Array = expm(period_s * continuous)
     jacobian[actuator[instant], actuator[instant]] = 0.0
     return jacobian
