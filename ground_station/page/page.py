@@ -18,7 +18,7 @@ from rcopterx.ground_station.page.history import History
 from rcopterx.ground_station.page.plots import Plots
 from rcopterx.ground_station.page.scene import FleetScene
 from rcopterx.ground_station.page.steering import Steering
-from rcopterx.ground_station.page.texts import banner, event_list
+from rcopterx.ground_station.page.texts import banner, event_list, suggestions
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 
@@ -54,6 +54,7 @@ class FleetPage:
         self._next_text_s = self._next_plot_s = 0.0
         if self.steering is not None:
             add_fleet_controls(server, self.steering)
+            server.gui.add_html(suggestions(fleet.file))
         self.scene = FleetScene(fleet, server, self.steering)
         self._add_tabs(server)
 

@@ -4,12 +4,14 @@ from collections.abc import Collection, Sequence
 from html import escape
 from typing import Final
 
+from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.events import Event
 from rcopterx.ground_station.quantities import QUANTITIES
 from rcopterx.ground_station.scripting.state import VehicleState
 
 EVENTS_SHOWN: Final = 30
 _ALARM: Final = "color:#fff;background:#c81e1e;border-radius:4px;padding:2px 6px;font-weight:600"
+_SMALL: Final = "font-size:0.85em;padding:0 0.5em"
 _TABLE: Final = "font-size:0.8em;line-height:1.45;border-spacing:0;width:100%;overflow-wrap:anywhere"
 _CELL: Final = "color:#777;padding:0 0.8em 0 0.6em;vertical-align:top"
 _NAME: Final = f"{_CELL};width:42%"
@@ -29,7 +31,17 @@ def banner(fleet_name: str, states: Collection[VehicleState], problems: Sequence
     ]
     lines = [f'<div style="{_ALARM};margin:3px 0">{escape(line)}</div>' for line in alarms]
     lines += [f'<div style="color:#b45309">{escape(line)}</div>' for line in problems if line not in alarms]
-    return f'<div style="font-size:0.85em;padding:0 0.5em"><b>{escape(fleet_name)}</b>{"".join(lines)}</div>'
+    return f'<div style="{_SMALL}"><b>{escape(fleet_name)}</b>{"".join(lines)}</div>'
+
+
+def suggestions(fleet: FleetFile) -> str:
+    """What to try in flight, in one sentence."""
+    leaders = [name for name, vehicle in fleet.vehicles.items() if not vehicle.follow]
+    ideas = [f"drag the handle of <b>{leaders[0]}</b>"]
+    if followers := [name for name in fleet.vehicles if name not in leaders]:
+        ideas.append(f"choose another leader in the tab of <b>{followers[-1]}</b>")
+    ideas.append(f"kill an agent: <code>pkill -9 -xf &quot;rcopterx agent {leaders[0]}&quot;</code>")
+    return f'<div style="{_SMALL}">In flight: {", ".join(ideas[:-1])}, or {ideas[-1]}</div>'
 
 
 def vehicle_table(state: VehicleState) -> str:

@@ -5,8 +5,9 @@ from dataclasses import replace
 from support.statuses import flying_status
 
 from rcopterx.bus.messages import TransmitterStatus
+from rcopterx.fleet.reading import parse_fleet
 from rcopterx.ground_station.events import Event
-from rcopterx.ground_station.page.texts import banner, event_list, vehicle_table
+from rcopterx.ground_station.page.texts import banner, event_list, suggestions, vehicle_table
 from rcopterx.ground_station.scripting.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="by h1", link="open", module="<b>", ready=True)
@@ -60,3 +61,15 @@ def test_a_table_tells_where_commands_spend_their_time() -> None:
     assert "latency solver, p50 / p99 / max" in table
     assert "latency total" in table
     assert "latency radio" not in table
+
+
+def test_suggestions_name_a_leader_and_a_follower_of_the_fleet() -> None:
+    alone = 'name = "lab"\n[vehicles.fox]\nsubject = "fox"\ntransmitter = { port = "/dev/ttyUSB0" }\n'
+    shown = suggestions(parse_fleet(alone))
+    assert "drag the handle of <b>fox</b>, or kill an agent" in shown
+    assert "another leader" not in shown
+    hen = (
+        '[vehicles.hen]\nsubject = "hen"\ntransmitter = { port = "/dev/ttyUSB1" }\n'
+        'follow = [{ leader = "fox", offset_m = [-0.5, 0.0, 0.0] }]\n'
+    )
+    assert "choose another leader in the tab of <b>hen</b>" in suggestions(parse_fleet(alone + hen))
