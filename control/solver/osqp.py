@@ -3,9 +3,11 @@
 from collections.abc import Callable
 from typing import Any, Final
 
+import numpy as np
 import osqp
 
-from rcopterx.control.solver.candidates import best_plan
+from rcopterx.control.solver.active_set import update_active_set
+from rcopterx.control.solver.candidates import best_plan, rated
 from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.vehicles.state import Array
@@ -68,5 +70,7 @@ class OsqpSolver:
         plan = qp.plan_of(result.x, p)
         if not optimal:
             plan = best_plan(p, plan.u, self._inputs)
+        active = np.zeros(plan.y.shape)
+        update_active_set(p, plan.y, active)
         self._inputs = plan.u
-        return Plan(*plan, int(result.info.iter), optimal)
+        return rated(p, plan, active, int(result.info.iter), optimal)

@@ -64,7 +64,7 @@ class Trajectories(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """Solution of a problem."""
+    """Solution of a problem, with its quality."""
 
     x: Array
     """Shape (N + 1, nx)."""
@@ -72,8 +72,14 @@ class Plan(NamedTuple):
     """Shape (N, nu)."""
     y: Array
     """Shape (N, ny)."""
+    active: Array
+    """Shape (N, ny): 1 where the upper bound is active, -1 where the lower one is, 0 elsewhere."""
     iterations: int
     """Number of sweeps, or iterations of OSQP."""
+    primal_residual: float
+    """Largest excess over a hard bound."""
+    dual_residual: float
+    """Largest derivative of the cost by an input, bounds included."""
     optimal: bool
     """Whether the solver converged; if not, the plan is the best one known."""
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem
 from rcopterx.vehicles.state import Array
 
 PERIOD_S = 0.02
@@ -48,24 +48,3 @@ def random_problem(stages: int, seed: int, stick: float = 0.5) -> OptimalControl
 def one_stage_on(p: OptimalControlProblem, u: Array) -> OptimalControlProblem:
     """The same problem one period later, after an input."""
     return p._replace(x_0=p.A[0] @ p.x_0 + p.B[0] @ u + p.c[0])
-
-
-def excess(p: OptimalControlProblem, plan: Plan) -> Array:
-    """Signed distances of the rows to their bounds, shape (N, ny)."""
-    return np.maximum(plan.y - p.high, 0.0) + np.minimum(plan.y - p.low, 0.0)
-
-
-def derivatives(p: OptimalControlProblem, plan: Plan, s: Array) -> Array:
-    """Derivatives of the cost by the inputs, with weights `s` of the bounds, shape (N, nu)."""
-    force = p.W * (plan.y - p.r) + s * excess(p, plan)
-    ahead, found = p.P @ (plan.x[-1] - p.x_end), np.empty(plan.u.shape)
-    for k in reversed(range(len(found))):
-        found[k] = p.B[k].T @ ahead + p.D[k].T @ force[k]
-        ahead = p.A[k].T @ ahead + p.C[k].T @ force[k]
-    return found
-
-
-def is_optimal(p: OptimalControlProblem, plan: Plan) -> bool:
-    """Whether hard bounds are kept and no input can lower the cost, against derivatives of up to 1e4."""
-    kept = np.abs(excess(p, plan)[p.s == HARD]).max() < 1e-4
-    return bool(kept and np.abs(derivatives(p, plan, p.s)).max() < 1.0)
