@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 from msgspec import Struct
 
@@ -39,6 +39,13 @@ LONGEST_GAP_S = 0.05
 """The module reports that it receives no frames when none has arrived for 70 ms."""
 FIRST_FRAME_S = 0.1
 """From the first frame until the module has certainly received one, on a busy computer."""
+
+T = TypeVar("T")
+
+
+def with_kill_channel(values: Sequence[T], value: T) -> list[T]:
+    """Values of all channels, with another one for channel 14."""
+    return [*values[:KILL_CHANNEL], value, *values[KILL_CHANNEL + 1 :]]
 
 
 def count_of(pulse_us: float) -> int:
@@ -239,9 +246,8 @@ class MultiProtocol(RadioProtocol):
     def check(self, pulses_us: Sequence[float]) -> list[float]:
         """See `RadioProtocol.check`; with DSM channel 14, which kills, rests in its centre."""
         pulses = super().check(pulses_us)
-        if self._radio.taer and len(pulses_us) <= KILL_CHANNEL:
-            pulses[KILL_CHANNEL] = CENTER_US
-        return pulses
+        rests = self._radio.taer and len(pulses_us) <= KILL_CHANNEL
+        return with_kill_channel(pulses, CENTER_US) if rests else pulses
 
     def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
         """Build a frame; with DSM channel 14 is -100 % for kill only."""
@@ -249,7 +255,7 @@ class MultiProtocol(RadioProtocol):
         if not self._radio.taer:
             counts[:3] = counts[1], counts[2], counts[0]
         elif flags.kill:
-            counts[KILL_CHANNEL] = KILL_COUNT
+            counts = with_kill_channel(counts, KILL_COUNT)
         return MultiFrame(
             counts=tuple(counts),
             protocol=self._radio.number,
