@@ -74,7 +74,8 @@ class Shaping:
                 value = min(max(wanted, last - most), last + most)
             limited.append(value)
         self.u = (limited[0], limited[1], limited[2], limited[3])
-        self._counters["steps slew limited"] += self.u != target
+        if self.u != target:
+            self._counters["steps slew limited"] += 1
 
     def learn_hover(self, elapsed_s: float, climb_m_s: float | None) -> None:
         """Use the climb rate after `elapsed_s` of the present inputs, None if not seen in the air."""

@@ -197,7 +197,12 @@ class Flight:
         """Replace the arbiter by a new one; meanwhile the receiver holds its outputs."""
         before, written_s = self.arbiter, self.now_s
         last = LastApplied(
-            before.state, self._last_u, written_s, before.lease, before.issued, before.hover_thrust
+            before.state,
+            self._last_u,
+            written_s,
+            before.leases.commanding,
+            before.leases.issued,
+            before.hover_thrust,
         )
         for _ in range(round(silence_s / STEP_S)):
             self._move()
