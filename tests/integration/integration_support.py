@@ -302,7 +302,8 @@ def in_formation(flying: Flying, truth: Truth, tolerance_m: float = 0.1) -> bool
 def fly_to(flying: Flying, truth: Truth, position_m: tuple[float, float, float]) -> None:
     """Send the leader to a set point and wait for the true formation there.
 
-    A transmitter gateway that holds the leader discards its set point, which is then repeated.
+    A transmitter gateway that holds the leader discards its set point, and its agent refuses one until then;
+    it is repeated.
     """
     leader = flying.fleet["h1"]
 
@@ -314,7 +315,6 @@ def fly_to(flying: Flying, truth: Truth, position_m: tuple[float, float, float])
                 leader.go_to(position_m)
         return at(truth, "h1", position_m)
 
-    leader.go_to(position_m)
     flying.fleet.wait_until(there, 40, f"h1 is not at {position_m}", ["h1"])
     flying.fleet.wait_until(lambda: in_formation(flying, truth), 40, "no formation", NAMES)
 

@@ -79,7 +79,12 @@ def test_crazyflies_fly_a_formation_survive_their_gateway_and_stop_when_they_are
     killed_s = time.monotonic()
     fleet["h3"].kill()
     fleet.wait_until(lambda: "locked" in module(flying, "h3"), 30, "not locked", ["h3"])
-    stopped_s = next(at_s for at_s, us in log.frames("h3") if at_s > killed_s and us < UNTHRUSTED_US)
+
+    def unthrusted() -> list[float]:
+        return [at_s for at_s, us in log.frames("h3") if at_s > killed_s and us < UNTHRUSTED_US]
+
+    fleet.wait_until(lambda: bool(unthrusted()), 30, "the motors turn", ["h3"])
+    stopped_s = unthrusted()[0]
     print(f"h3: motors stopped {1000 * (stopped_s - killed_s):.0f} ms after the request to kill")
     assert stopped_s - killed_s < STOPPED_S
     assert all(flown_by(flying, name) is not None for name in ("h1", "h2"))
