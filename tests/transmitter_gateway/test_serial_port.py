@@ -299,13 +299,16 @@ def test_closing_lets_another_user_open_the_port(device: Device, port: SerialPor
     second.close()
 
 
-def blocking(monkeypatch: pytest.MonkeyPatch, name: str) -> threading.Event:
-    """Let a call of the library block until the event is set."""
+def blocking(monkeypatch: pytest.MonkeyPatch, device: Device, name: str) -> threading.Event:
+    """Let a call of the library for a device block until the event is set.
+
+    Collected ports of other tests are closed, too.
+    """
     released = threading.Event()
     real = getattr(serial.Serial, name)
 
     def blocked(port: serial.Serial) -> None:
-        assert released.wait(60.0)
+        assert port.port != str(device.path) or released.wait(60.0)
         real(port)
 
     monkeypatch.setattr(serial.Serial, name, blocked)
@@ -315,7 +318,7 @@ def blocking(monkeypatch: pytest.MonkeyPatch, name: str) -> threading.Event:
 def test_opening_that_blocks_keeps_nothing_waiting_and_is_used_when_it_has_ended(
     device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    released = blocking(monkeypatch, "open")
+    released = blocking(monkeypatch, device, "open")
     port = SerialPort(str(device.path), LINE)
     assert not port.service(0.0)
     assert port.is_opening
@@ -338,7 +341,7 @@ def test_opening_that_blocks_keeps_nothing_waiting_and_is_used_when_it_has_ended
 def test_device_that_opens_after_its_port_was_closed_is_left_to_others(
     device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    released = blocking(monkeypatch, "open")
+    released = blocking(monkeypatch, device, "open")
     port = SerialPort(str(device.path), LINE)
     port.service(0.0)
     port.close()
@@ -350,7 +353,7 @@ def test_device_that_opens_after_its_port_was_closed_is_left_to_others(
 
 
 def test_closing_that_blocks_keeps_nothing_waiting(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    released = blocking(monkeypatch, "close")
+    released = blocking(monkeypatch, device, "close")
     port = SerialPort(str(device.path), LINE)
     wait_for(lambda: port.service(time.monotonic()), "it does not open")
     device.unplug()
