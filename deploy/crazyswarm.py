@@ -4,21 +4,19 @@ Format: the package `crazyflie` of https://github.com/IMRCLab/crazyswarm2, files
 `config/motion_capture.yaml`.
 """
 
-import re
 from pathlib import Path
 from typing import Annotated, NamedTuple, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct, field
 
-from rcopterx.deploy.new_laboratory import NewVehicle
+from rcopterx.deploy.new_laboratory import NewVehicle, name_of
 from rcopterx.fleet.reading import text_of
 from rcopterx.fleet.schema import FleetError
 
 NEEDS_YAML = "YAML files need PyYAML: pip install 'rcopterx[crazyswarm]'"
 _PORTS = {"vicon": 801, "optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
 """Ports that Crazyswarm2 leaves to the library, by motion capture that this package reads."""
-_UNKNOWN_SIGN = re.compile(r"[^a-z0-9_]")
 
 T = TypeVar("T")
 
@@ -98,7 +96,7 @@ def read_tracker(path: Path) -> Tracker:
 
 def _vehicle_name(robot: str) -> str:
     """Name that a fleet file accepts."""
-    name = _UNKNOWN_SIGN.sub("_", robot.lower())
+    name = name_of(robot)
     return name if name[:1].isalpha() else f"cf{name}"
 
 

@@ -1,5 +1,6 @@
 """Writes the first fleet file of a laboratory, with comments, from a few answers."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -102,6 +103,11 @@ address = {quoted(laboratory.tracker)}
         _vehicle_text(vehicle, number, laboratory) for number, vehicle in enumerate(laboratory.vehicles)
     ]
     return "\n".join(parts)
+
+
+def name_of(text: str) -> str:
+    """Return text with the letters and signs of names in a fleet file."""
+    return re.sub(r"[^a-z0-9_]", "_", text.lower())
 
 
 def quoted(text: str) -> str:

@@ -46,9 +46,8 @@ class Laboratory:
     """Plants that advance together.
 
     The same inputs lead to exactly the same flight. Order and number of the models do not change what happens
-    to each vehicle. A vehicle that starts on the
-    floor (z = 0) stands with motors stopped, else it hovers. Raises `ValueError` if models and
-    start poses differ in their vehicles, or for a negative seed.
+    to each vehicle. A vehicle that starts on the floor (z = 0) stands with motors stopped, else it hovers.
+    Raises `ValueError` if models and start poses differ in their vehicles, or for a negative seed.
 
     Attributes
     ----------

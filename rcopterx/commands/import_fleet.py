@@ -1,6 +1,5 @@
 """Fleet files from the configuration of other software: `import`."""
 
-import re
 from pathlib import Path
 from typing import Annotated
 
@@ -38,13 +37,13 @@ def crazyswarm2(
 ) -> None:
     """Write the fleet file of the enabled Crazyflies of Crazyswarm2, with their motion capture."""
     from rcopterx.deploy.crazyswarm import read_tracker, read_vehicles
-    from rcopterx.deploy.new_laboratory import NewLaboratory, write_fleet_file
+    from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
 
     with user_errors():
         vehicles = read_vehicles(source)
         brand, address = read_tracker(motion_capture or source.with_name(MOTION_CAPTURE))
         laboratory = NewLaboratory(
-            name=re.sub(r"[^a-z0-9_]", "_", file.stem.lower()),
+            name=name_of(file.stem),
             tracker=address,
             brand=brand,
             rate_hz=rate_hz,

@@ -1,6 +1,5 @@
 """The first fleet file of a laboratory, from questions, serial adapters and the Tracker."""
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -32,7 +31,7 @@ def new_lab(
     ] = None,
 ) -> None:
     """Write the fleet file of a laboratory with hardware; asks for addresses, vehicles and the volume."""
-    from rcopterx.deploy.new_laboratory import NewLaboratory, write_fleet_file
+    from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
     from rcopterx.fleet.schema import FleetError
     from rcopterx.fleet.vehicle_types import type_names
 
@@ -46,7 +45,7 @@ def new_lab(
             _prompt("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three),
             _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
         )
-        name = re.sub(r"[^a-z0-9_]", "_", file.stem.lower())
+        name = name_of(file.stem)
         write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicle_type, vehicles))
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
 

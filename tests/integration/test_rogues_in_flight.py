@@ -147,14 +147,14 @@ def test_client_without_valid_certificate_is_rejected_and_reported(laboratory: L
         ("operator.gone", file.endpoint("main")),
     ):
         assert laboratory.rogue("ground", certificate, endpoint=endpoint) == "refused"
-        told: list[LoggedLine] = []
+        logged: list[LoggedLine] = []
 
-        def is_told(told: list[LoggedLine] = told) -> bool:
-            told += logs.new_lines()
-            return bool(told)
+        def is_logged(logged: list[LoggedLine] = logged) -> bool:
+            logged += logs.new_lines()
+            return bool(logged)
 
-        laboratory.fleet.wait_until(is_told, 30, f"{certificate} at {endpoint}: the router tells nothing")
-        print(f"{certificate} at {endpoint}: {told[0].text}")
+        laboratory.fleet.wait_until(is_logged, 30, f"{certificate} at {endpoint}: the router logs nothing")
+        print(f"{certificate} at {endpoint}: {logged[0].text}")
     laboratory.assert_flies_on(now_s)
 
 

@@ -150,7 +150,7 @@ class RadioProtocol(ABC):
         It counts as ready until it reports otherwise, or has been silent for too long.
         """
 
-    def frame_written(self, now_s: float) -> None:  # noqa: B027 - most radios need not know
+    def frame_written(self, now_s: float) -> None:  # noqa: B027 - few radios use it
         """Note that a frame was written as a whole."""
 
     @abstractmethod
