@@ -1,5 +1,6 @@
 """The parts of an agent, and how they are connected."""
 
+import time
 from functools import partial
 from typing import Final
 
@@ -95,6 +96,7 @@ class AgentParts:
         )
         # Processes
         launcher = bus.subscribe(channels.LAUNCHER, host, waking=False) if host else None
-        self.relief = LoadRelief(bus, settings.period_s, self.pacing, self.traffic, launcher)
+        processor_clock = settings.bus.clock.scaled(time.process_time)
+        self.relief = LoadRelief(bus, settings.period_s, self.pacing, self.traffic, launcher, processor_clock)
         self.handover = Handover(bus, settings, self.lease, pilot, self.tuning)
         self.lease_answers = bus.subscribe(channels.LEASE, vehicle, depth=16)

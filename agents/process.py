@@ -13,10 +13,10 @@ from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter, command_message, plan_message, timing_of
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.bus import channels
+from rcopterx.bus.clock import Clock
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.messages import CommandTiming, LeaseBid
 from rcopterx.bus.realtime import prepare_loop, request_realtime
-from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import Session
 from rcopterx.bus.stepping import StepBus, SteppedSession
 
@@ -32,7 +32,8 @@ class Agent:
     Parameters
     ----------
     stopwatch
-        Monotonic clock [s] that goes on during a step, for the duration of control steps.
+        Clock of the fleet [s] that goes on during a step, for the duration of control steps; by default that
+        of the settings.
     limit
         Time limit of calls of controllers and estimators; None for none.
     """
@@ -43,11 +44,11 @@ class Agent:
         pilot: Pilot,
         bus: StepBus,
         realtime: bool,
-        stopwatch: Callable[[], float] = monotonic_s,
+        stopwatch: Callable[[], float] | None = None,
         limit: TimeLimit | None = None,
     ) -> None:
         self._settings, self._pilot, self._bus = settings, pilot, bus
-        self._stopwatch = stopwatch
+        self._stopwatch = stopwatch or settings.bus.clock.now
         self._limit = NotedTimeLimit(limit or TimeLimit())
         pilot.limit_time(self._limit)
         self.parts = AgentParts(settings, pilot, bus)
@@ -257,7 +258,8 @@ class Agent:
 class _WakeUp:
     """An event that is cleared by waiting for it; one lock costs less than `threading.Event`."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock) -> None:
+        self._real_s = clock.real_s
         self._calm = threading.Lock()
         self._calm.acquire()
 
@@ -266,7 +268,7 @@ class _WakeUp:
             self._calm.release()
 
     def wait(self, timeout_s: float) -> None:
-        self._calm.acquire(timeout=max(0.0, timeout_s))
+        self._calm.acquire(timeout=max(0.0, self._real_s(timeout_s)))
 
 
 def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
@@ -282,17 +284,18 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
     BusUnreachableError
         No router answers.
     """
-    signals, wake = list[int](), _WakeUp()
+    clock = settings.bus.clock
+    signals, wake = list[int](), _WakeUp(clock)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, _: signals.append(number))
     realtime = request_realtime(settings.realtime_priority)
     with Session(settings.bus, wake=wake.set) as session:
-        agent = Agent(settings, pilot, SteppedSession(session), realtime, limit=AlarmTimeLimit())
+        agent = Agent(settings, pilot, SteppedSession(session), realtime, limit=AlarmTimeLimit(clock.speed))
         heartbeat = own_heartbeat()
         prepare_loop()
         while not (signals or agent.lost):
             heartbeat.beat(pilot.guidance.rotor_on)
-            time.sleep(max(0.0, agent.rest_until_s - session.clock()))
+            time.sleep(max(0.0, clock.real_s(agent.rest_until_s - session.clock())))
             wake.wait(min(agent.next_s() - session.clock(), LONGEST_WAIT_S))
             agent.step()
         heartbeat.ending()

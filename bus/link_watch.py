@@ -100,10 +100,13 @@ class _Neighbour:
 
 
 class LinkWatch:
-    """Judges the links of one router; `now_s` is the monotonic clock in all methods."""
+    """Judges the links of one router; `now_s` is the monotonic clock in all methods.
 
-    def __init__(self, host: str, router: str, now_s: float) -> None:
-        self._host = host
+    The clocks of the fleet run at `speed` times the monotonic ones of their hosts.
+    """
+
+    def __init__(self, host: str, router: str, now_s: float, speed: float = 1.0) -> None:
+        self._host, self._speed = host, speed
         self._router = router
         self._judged_s = now_s
         self._neighbours: dict[str, _Neighbour] = {}
@@ -197,7 +200,7 @@ class LinkWatch:
             state,
             round_trip_s=clock.round_trip_s,
             clock_offset_s=theirs_s - (time_of_day_s - now_s),
-            monotonic_offset_s=clock.offset_s,
+            monotonic_offset_s=self._speed * clock.offset_s,
         )
 
     def _both_ways_s(self, host: str) -> float:

@@ -24,7 +24,7 @@ BEATS_KEPT: Final = 32
 
 
 class LinkService:
-    """Watches the links of a router in a thread of its own."""
+    """Watches the links of a router in a thread of its own, in real time; that of the fleet has a `speed`."""
 
     def __init__(
         self,
@@ -33,11 +33,12 @@ class LinkService:
         host: str,
         others: Sequence[str],
         clock: Callable[[], float] = time.monotonic,
+        speed: float = 1.0,
     ) -> None:
         self._session = session
         self._others = others
         self._clock = clock
-        self._watch = LinkWatch(host, str(session.zid()), clock())
+        self._watch = LinkWatch(host, str(session.zid()), clock(), speed)
         self._dials = Dials()
         self._links: set[RouterLink] = set()
         self._published_s = clock()

@@ -11,15 +11,9 @@ import zenoh
 from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
+from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.codec import encode
-from rcopterx.bus.endpoints import (
-    Credentials,
-    Protection,
-    client_config,
-    open_session,
-    reason_of,
-    router_config,
-)
+from rcopterx.bus.endpoints import Protection, client_config, open_session, reason_of, router_config
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.keys import probe_key
 from rcopterx.bus.links import LinkService
@@ -38,6 +32,7 @@ def run_router(
     identity: IdentifyReply | None = None,
     others: Sequence[str] = (),
     protection: Protection | None = None,
+    clock: Clock = REAL_TIME,
 ) -> None:
     """Route until SIGTERM or SIGINT; the heartbeat continues as long as messages pass through the router.
 
@@ -51,6 +46,8 @@ def run_router(
         Answer to the request `identify`; None for a router without identity and heartbeat.
     others
         Other hosts of the fleet, whose routers are linked to this one.
+    clock
+        Clock of the fleet; links between hosts are judged in real time.
 
     Raises
     ------
@@ -76,10 +73,11 @@ def run_router(
         if identity is not None:
             _identify(session, identity)
             fleet, host = identity.fleet, identity.host
-            links = LinkService(session, fleet, host, others) if others else None
+            links = LinkService(session, fleet, host, others, speed=clock.speed) if others else None
             if links is not None:
                 stack.callback(links.close)
-            probe_until(ended, listen[0], namespace, fleet, host, credentials)
+            ends = client_config([listen[0]], namespace, OPENING_LIMIT_S, credentials)
+            probe_until(ended, ends, probe_key(fleet, host), clock.real_s(PERIOD_S))
         else:
             os.read(ended, 1)
 
@@ -126,20 +124,12 @@ class Probe:
         return self._seen != seen
 
 
-def probe_until(
-    ended: int,
-    endpoint: str,
-    namespace: str | None,
-    fleet: str,
-    host: str,
-    credentials: Credentials | None = None,
-) -> None:
+def probe_until(ended: int, config: zenoh.Config, key: str, period_s: float) -> None:
     """Beat as long as the router of this process routes, until the descriptor `ended` becomes readable."""
-    config = client_config([endpoint], namespace, OPENING_LIMIT_S, credentials)
     sender, receiver = (open_session(config) for _ in range(2))
     with sender, receiver:
-        probe, heartbeat = Probe(sender, receiver, probe_key(fleet, host)), own_heartbeat()
-        while not select.select([ended], [], [], PERIOD_S)[0]:
+        probe, heartbeat = Probe(sender, receiver, key), own_heartbeat()
+        while not select.select([ended], [], [], period_s)[0]:
             if probe.came_back():
                 heartbeat.beat()
             probe.send()

@@ -15,12 +15,12 @@ from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
+from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.codec import RejectedError, decode, encode
 from rcopterx.bus.endpoints import Credentials, client_config, open_session, reason_of
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
-from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.subscription import Deliver, Inbox, OnArrival, Subscription, UnitSubscriptions, Waking
 
 _COUNTER: Final = Struct("<I")
@@ -80,7 +80,7 @@ class NotServedError(RequestFailedError):
 
 @dataclass(frozen=True)
 class BusAddress:
-    """Router endpoints, name of the fleet in the keys, and namespace (tests only).
+    """Router endpoints, name of the fleet in the keys, namespace (tests only), and the clock of the fleet.
 
     `host` is the name of this computer in the fleet file, empty without one; `credentials` are for endpoints
     that require a certificate. Messages of units that are not in `units` are discarded, so that strangers
@@ -93,6 +93,7 @@ class BusAddress:
     host: str = ""
     credentials: Credentials | None = None
     units: frozenset[str] = frozenset()
+    clock: Clock = REAL_TIME
 
 
 @dataclass(frozen=True)
@@ -155,18 +156,19 @@ def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
 class Session:
     """One open connection to the bus; raises `BusUnreachableError` if no router answers within `timeout_s`.
 
-    `wake` is called on receive threads when a message or request arrived, `clock` is a monotonic clock [s].
+    `wake` is called on receive threads when a message or request arrived; `clock` is monotonic [s], that of
+    the fleet by default.
     """
 
     def __init__(
         self,
         address: BusAddress,
         wake: Callable[[], None] = lambda: None,
-        clock: Callable[[], float] = monotonic_s,
+        clock: Callable[[], float] | None = None,
         timeout_s: float = 5.0,
     ) -> None:
         self.address = address
-        self.clock = clock
+        self.clock = clock or address.clock.now
         self.wake = wake
         self._publishers: dict[tuple[str, str], Publisher] = {}
         self._queryables: list[zenoh.Queryable[None]] = []
@@ -322,7 +324,7 @@ class Session:
         Parameters
         ----------
         timeout_s
-            For the reply of a process that serves the verb.
+            For the reply of a process that serves the verb, in the time of the fleet.
         patience_s
             For a process to serve it: one that has just been replaced is not found for a moment.
 
@@ -336,11 +338,12 @@ class Session:
         verb = verb_of(type(request))
         key = channels.request_key(self.address.fleet, unit, verb.name)
         payload = encode(request)
-        give_up_s = time.monotonic() + patience_s
+        limit_s = self.address.clock.real_s(timeout_s)
+        give_up_s = time.monotonic() + self.address.clock.real_s(patience_s)
         while True:
             sent_s = time.monotonic()
             try:
-                replies = self._zenoh.get(key, payload=payload, timeout=timeout_s)
+                replies = self._zenoh.get(key, payload=payload, timeout=limit_s)
             except zenoh.ZError as error:
                 raise RequestFailedError(f"{verb.name} was not sent to {unit}: {error}") from error
             for reply in replies:
@@ -350,7 +353,7 @@ class Session:
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: {text}")
             now_s = time.monotonic()
             # Some time-outs come without an error; without a server Zenoh answers at once.
-            if now_s - sent_s >= SILENT_SHARE * timeout_s:
+            if now_s - sent_s >= SILENT_SHARE * limit_s:
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: Timeout")
             if now_s >= give_up_s:
                 raise NotServedError(f"no process serves {verb.name} for {unit}")

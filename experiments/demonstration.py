@@ -2,7 +2,6 @@
 
 import math
 import threading
-import time
 from collections.abc import Callable, Sequence
 
 from rich.table import Table
@@ -37,11 +36,11 @@ class _Stopped(Exception):  # noqa: N818 - not an error, the way out of a sequen
 class Demonstration:
     """Flies a running fleet in a thread of its own.
 
-    `wait` waits a time [s] and returns whether the user has stopped the demonstration.
+    `wait` waits in real time [s] and returns whether the user has stopped the demonstration.
     """
 
     def __init__(self, fleet: Fleet, wait: Callable[[float], bool], say: Callable[[str], object]) -> None:
-        self._fleet = fleet
+        self._fleet, self._clock = fleet, fleet.session.clock
         self._wait = wait
         self._say = say
         self._leader = leader_of(fleet)
@@ -70,7 +69,7 @@ class Demonstration:
         try:
             self._fleet.wait_ready()
             self._fleet.take_off()
-            started_s = time.monotonic()
+            started_s = self._clock()
             if self._seconds is not None:
                 self._end_s = started_s + self._seconds
             self._recorder.start()
@@ -82,7 +81,7 @@ class Demonstration:
                     )
                     turns += 1
             finally:
-                self._flown_s = time.monotonic() - started_s
+                self._flown_s = self._clock() - started_s
         except _Stopped:
             return
         except FLIGHT_ERRORS as error:
@@ -92,8 +91,8 @@ class Demonstration:
         """Wait between two set points; once another program steers the leader, wait for the end."""
         self._pause(min(seconds, KNOWN_S))
         given = self._task()
-        until_s = time.monotonic() + seconds - KNOWN_S
-        while (left_s := until_s - time.monotonic()) > 0.0:
+        until_s = self._clock() + seconds - KNOWN_S
+        while (left_s := until_s - self._clock()) > 0.0:
             self._pause(min(POLL_S, left_s))
             now = self._task()
             if given is not None and now is not None and now != given:
@@ -102,8 +101,9 @@ class Demonstration:
                     self._pause(POLL_S)
 
     def _pause(self, seconds: float) -> None:
-        left_s = self._end_s - time.monotonic()
-        if self._wait(max(0.0, min(seconds, left_s))) or time.monotonic() >= self._end_s:
+        left_s = self._end_s - self._clock()
+        wait_s = self._fleet.file.clock.real_s(max(0.0, min(seconds, left_s)))
+        if self._wait(wait_s) or self._clock() >= self._end_s:
             raise _Stopped
 
     def _task(self) -> object:

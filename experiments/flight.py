@@ -2,9 +2,8 @@
 
 import json
 import threading
-import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -71,37 +70,38 @@ class Flown:
     problem: str | None = None
 
 
-@dataclass
 class _Journal:
-    say: Say
-    started_s: float = field(default_factory=time.monotonic)
-    lines: list[tuple[float, str]] = field(default_factory=list)
+    def __init__(self, say: Say, clock: Callable[[], float]) -> None:
+        self._say, self._clock, self._started_s = say, clock, clock()
+        self.lines: list[tuple[float, str]] = []
 
     def begin(self) -> None:
-        self.started_s = time.monotonic()
+        self._started_s = self._clock()
         self.lines.clear()
 
     def __call__(self, text: str) -> None:
-        self.lines.append((round(time.monotonic() - self.started_s, 2), text))
-        self.say(text)
+        self.lines.append((round(self._clock() - self._started_s, 2), text))
+        self._say(text)
 
 
 def fly(
     manoeuvre: Manoeuvre,
     fleet: Fleet,
     say: Say,
-    wait: Wait = time.sleep,
+    wait: Wait | None = None,
     stop: threading.Event | None = None,
 ) -> Flown:
     """Take off, fly and land; records the part in between.
+
+    `wait` waits in the time of the fleet, by default as `Fleet.wait`.
 
     Raises
     ------
     StoppedError
         `stop` was set; its owner lands the fleet.
     """
-    recorder, journal = Recorder(fleet.session), _Journal(say)
-    stop = stop or threading.Event()
+    recorder, journal = Recorder(fleet.session), _Journal(say, fleet.session.clock)
+    wait, stop = wait or fleet.wait, stop or threading.Event()
     problem = None
     try:
         with stopped_by(stop):

@@ -18,7 +18,7 @@ from msgspec import inspect, structs
 
 from rcopterx.bus.message import Name
 from rcopterx.fleet.consistency import check_consistency
-from rcopterx.fleet.schema import FleetError, FleetFile, GatewayConfig, HostConfig, VehicleConfig
+from rcopterx.fleet.schema import FleetError, FleetFile, GatewayConfig, HostConfig, Speed, VehicleConfig
 
 SUFFIX = ".json"
 
@@ -70,6 +70,22 @@ def digest_of(fleet: FleetFile) -> str:
         del vehicle["transmitter"]["calibration"]
         del vehicle["model"]
     return hashlib.sha256(msgspec.json.encode(plain, order="deterministic")).hexdigest()[:12]
+
+
+def at_speed(fleet: FleetFile, speed: float | None) -> FleetFile:
+    """Return a fleet whose time passes at a speed, None for that of its file.
+
+    Raises `FleetError`: the fleet flies hardware, or the speed is out of range.
+    """
+    if speed is None or speed == fleet.clock.speed:
+        return fleet
+    if fleet.simulator is None:
+        raise FleetError(f"speed {speed:g}: {fleet.name} flies hardware, which needs real time; leave it out")
+    try:
+        msgspec.convert(speed, Speed)
+    except msgspec.ValidationError:
+        raise FleetError(f"speed {speed:g}: allowed is 0.01 to 10") from None
+    return structs.replace(fleet, simulator=structs.replace(fleet.simulator, speed=speed))
 
 
 T = TypeVar("T")

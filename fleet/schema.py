@@ -10,10 +10,12 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta, Struct, field
 
 from rcopterx.bus import channels
+from rcopterx.bus.clock import Clock
 from rcopterx.bus.message import Four, Name, Period, Place, Three
 from rcopterx.bus.messages import LeaderLink
 
 Text = Annotated[str, Meta(min_length=1)]
+Speed = Annotated[float, Meta(ge=0.01, le=10)]
 ProtocolName = Literal["multi", "dsm2_serial", "dsmp", "ppm", "crazyflie"]
 
 DEFAULT_HOST = "main"
@@ -77,6 +79,8 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     """Emulated generation of the Tracker."""
     seed: Annotated[int, Meta(ge=0)] = 0
     """Seed of the random vehicles, noise and wind."""
+    speed: Speed = 1.0
+    """How fast the time of the fleet passes: 1 in real time, 0.2 five times slower, for slow computers."""
     conditions: str = "helicopter"
     """Preset: `ideal`, `laboratory`, `helicopter` or `helicopters`."""
     condition_overrides: dict[str, Any] = {}
@@ -309,6 +313,17 @@ class FleetFile(Table, frozen=True, kw_only=True):
     """Vehicle types of this fleet by name; see [vehicle_types.md](vehicle_types.md)."""
     vehicles: dict[Name, VehicleConfig]
     """Vehicles by name."""
+
+    @property
+    def clock(self) -> Clock:
+        """The clock of the fleet; hardware flies in real time."""
+        return Clock() if self.simulator is None else Clock(self.simulator.speed)
+
+    @property
+    def title(self) -> str:
+        """Name of the fleet, and how fast its time passes if that is not real time."""
+        speed = self.clock.speed
+        return self.name if speed == 1.0 else f"{self.name} ({speed:g} x real time)"
 
     def agent_hosts(self, vehicle: str) -> tuple[str, ...]:
         """Return the hosts that may run the agent of a vehicle, its own first."""

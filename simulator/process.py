@@ -30,10 +30,14 @@ class Simulator:
 
     def __init__(self, settings: SimulatorSettings, session: Session) -> None:
         self._session = session
-        self._clock = session.clock
+        self._clock, self._real_s = session.clock, settings.bus.clock.real_s
         self._period_s = 1 / settings.rate_hz
         self._tracker = TrackerServer(
-            settings.tracker_host, settings.tracker_port, profile=settings.profile, rate_hz=settings.rate_hz
+            settings.tracker_host,
+            settings.tracker_port,
+            profile=settings.profile,
+            rate_hz=settings.rate_hz,
+            clock=self._clock,
         )
         start_s = self._clock()
         self._room = Room(settings.vehicles, settings.conditions, settings.seed, start_s)
@@ -53,7 +57,8 @@ class Simulator:
         due_s = min(self._step_at_s, tracker_due_s)
         ports = {radio.fileno(): radio for radio in self._room.radios.values() if radio.is_open}
         waited_for = [self._tracker.fileno(), *ports]
-        readable, _, _ = select.select(waited_for, [], [], max(0.0, due_s - self._clock()))
+        wait_s = self._real_s(max(0.0, due_s - self._clock()))
+        readable, _, _ = select.select(waited_for, [], [], wait_s)
         now_s = self._clock()
         for descriptor in readable:
             if descriptor in ports:

@@ -10,7 +10,6 @@ from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
-from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import BusUnreachableError, Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.transmitter_gateway.inputs import Action, PoseInput
@@ -122,7 +121,8 @@ def run_gateway(settings: GatewaySettings) -> None:
     their commands are silent; the gateway sends throttle low and serves again when the bus is back. Raises
     `BusUnreachableError` if no router answers at the start.
     """
-    wakeup = Wakeup()
+    clock = settings.bus.clock
+    wakeup = Wakeup(clock)
     caught: set[int] = set()
 
     def catch(number: int, _frame: object) -> None:
@@ -134,7 +134,7 @@ def run_gateway(settings: GatewaySettings) -> None:
     realtime = request_realtime(settings.realtime_priority)
     heartbeat = own_heartbeat()
     with KillKeys(sys.stdin.fileno()) as keys:
-        radios = Radios(settings, wakeup, keys, heartbeat, monotonic_s)
+        radios = Radios(settings, wakeup, keys, heartbeat, clock.now)
         radios.serve()
         prepare_loop()
         with _joined_bus(settings, wakeup, radios, caught) as session:

@@ -4,11 +4,14 @@ import os
 import select
 from collections.abc import Iterable
 
+from rcopterx.bus.clock import REAL_TIME, Clock
+
 
 class Wakeup:
-    """An event that `wait` watches together with file descriptors."""
+    """An event that `wait` watches together with file descriptors; its time-outs are those of a clock."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock = REAL_TIME) -> None:
+        self._real_s = clock.real_s
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
 
     def notify(self) -> None:
@@ -18,7 +21,7 @@ class Wakeup:
     def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
         """Wait for a notification, for data or for the time-out; return readable or closed descriptors."""
         # `select` counts in microseconds; `poll` and `epoll` would round deadlines to milliseconds.
-        readable, _, _ = select.select([self._event, *descriptors], [], [], max(0.0, timeout_s))
+        readable, _, _ = select.select([self._event, *descriptors], [], [], max(0.0, self._real_s(timeout_s)))
         ready = set(readable)
         if self._event in ready:
             os.eventfd_read(self._event)

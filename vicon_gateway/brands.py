@@ -193,8 +193,9 @@ class BrandClient(FrameClient):
         settings: BrandSettings,
         clock: Callable[[], float] = time.monotonic,
         limits: ClientLimits = DEFAULT_LIMITS,
+        speed: float = 1.0,
     ) -> None:
-        super().__init__(clock, limits)
+        super().__init__(clock, limits, speed)
         self._settings = settings
         self._period_s = 1.0 / settings.rate_hz
         self._child: _Child | None = None
@@ -220,7 +221,7 @@ class BrandClient(FrameClient):
             return None
 
     def _wait(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
-        timeout_s = max(0.0, min(give_up_s, self._deadline_s) - now_s)
+        timeout_s = self._wait_s(give_up_s, now_s)
         if self._child is None:
             if timeout_s > 0.0:
                 time.sleep(timeout_s)

@@ -71,11 +71,12 @@ class _LinkError(Exception):
 class FrameClient(ABC):
     """A source of frames that connects and reconnects by itself.
 
-    `next_frame` never raises for trouble with the source; `state` describes it.
+    `next_frame` never raises for trouble with the source; `state` describes it. Times and limits are those of
+    the clock, which runs at `speed` times real time.
     """
 
-    def __init__(self, clock: Callable[[], float], limits: ClientLimits) -> None:
-        self._clock = clock
+    def __init__(self, clock: Callable[[], float], limits: ClientLimits, speed: float = 1.0) -> None:
+        self._clock, self._speed = clock, speed
         self._limits = limits
         self._counters = StreamCounters()
         self._name: StateName = "waiting"
@@ -117,6 +118,10 @@ class FrameClient(ABC):
             if now_s >= give_up_s:
                 return None
         return None
+
+    def _wait_s(self, give_up_s: float, now_s: float) -> float:
+        """Return how long to wait at most, in real time."""
+        return max(0.0, min(give_up_s, self._deadline_s) - now_s) / self._speed
 
     @abstractmethod
     def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
@@ -160,11 +165,12 @@ class DataStreamClient(FrameClient):
         port: int = DEFAULT_PORT,
         *,
         clock: Callable[[], float] = time.monotonic,
+        speed: float = 1.0,
         limits: ClientLimits | None = None,
         record_raw: Callable[[bytes], object] | None = None,
     ) -> None:
         self._host, self._port = host, port
-        super().__init__(clock, ClientLimits() if limits is None else limits)
+        super().__init__(clock, ClientLimits() if limits is None else limits, speed)
         self._recorder = None if record_raw is None else RawRecorder(record_raw, clock)
         self._socket: socket.socket | None = None
         self._poller, self._events = select.poll(), 0
@@ -179,7 +185,7 @@ class DataStreamClient(FrameClient):
         self._name = "closed"
 
     def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
-        timeout_s = max(0.0, min(give_up_s, self._deadline_s) - now_s)
+        timeout_s = self._wait_s(give_up_s, now_s)
         try:
             if self._socket is not None and self._name != "connecting":
                 return self._exchange(self._socket, timeout_s)

@@ -17,7 +17,7 @@ from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.host_messages import TrackerStatus
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
-from rcopterx.bus.rounding import TIME_BITS, monotonic_s, rounded
+from rcopterx.bus.rounding import TIME_BITS, rounded
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.subscription import UnitSubscriptions
 from rcopterx.vicon_gateway.brands import BrandClient, BrandSettings, check_library
@@ -231,10 +231,16 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
         session = stack.enter_context(Session(settings.bus))
         client: FrameClient
         if settings.brand is not None:
-            client = BrandClient(settings.brand, monotonic_s)
+            client = BrandClient(settings.brand, session.clock, speed=settings.bus.clock.speed)
         else:
             record_raw = None if file is None else file.write
-            client = DataStreamClient(settings.host, settings.port, record_raw=record_raw, clock=monotonic_s)
+            client = DataStreamClient(
+                settings.host,
+                settings.port,
+                clock=session.clock,
+                speed=settings.bus.clock.speed,
+                record_raw=record_raw,
+            )
         stack.callback(client.close)
         gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
         heartbeat = own_heartbeat()

@@ -11,7 +11,7 @@ SOLVER_SHARE: Final = 0.4
 STEP_SHARE: Final = 0.6
 """Share of the control period after which a step of any controller is given up; 12 ms of 20 ms."""
 LONGEST_WAIT_S: Final = 0.1
-"""Wall time of a call; shorter than what a watchdog takes for a hung process."""
+"""Longest duration of a call; shorter than what a watchdog takes for a hung process."""
 SHORTEST_ALARM_S: Final = 0.001
 
 
@@ -48,11 +48,12 @@ class AlarmTimeLimit(TimeLimit):
 
     Python code is interrupted at once, a call of a library when it returns. The limit counts the time that
     the processor works on the call, so that a busy machine without real-time priorities makes no call late;
-    a call that only waits is interrupted as well, after `LONGEST_WAIT_S` of wall time. A call that was
-    interrupted is over every limit.
+    a call that only waits is interrupted as well, after `LONGEST_WAIT_S`. A call that was interrupted is over
+    every limit. Limits are in the time of a fleet, which passes at `speed` times real time.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, speed: float = 1.0) -> None:
+        self._speed = speed
         self._limit_s = math.inf
         self._active = False
         self._begun_s = self._began_at_s = self._used_s = 0.0
@@ -60,11 +61,11 @@ class AlarmTimeLimit(TimeLimit):
 
     def begin(self, limit_s: float) -> None:
         """See `TimeLimit.begin`."""
-        self._limit_s = limit_s
+        self._limit_s = limit_s / self._speed
         self._began_at_s, self._begun_s = time.monotonic(), time.thread_time()
         self._active = True
         if limit_s < math.inf:
-            signal.setitimer(signal.ITIMER_REAL, limit_s)
+            signal.setitimer(signal.ITIMER_REAL, self._limit_s)
 
     def end(self, limit_s: float) -> bool:
         """See `TimeLimit.end`."""
@@ -73,21 +74,21 @@ class AlarmTimeLimit(TimeLimit):
             self._used_s = time.thread_time() - self._begun_s
             if self._limit_s < math.inf:
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
-        return self._used_s > limit_s
+        return self._used_s > limit_s / self._speed
 
     def over(self, limit_s: float) -> bool:
         """See `TimeLimit.over`."""
-        return (time.thread_time() - self._begun_s if self._active else self._used_s) > limit_s
+        return (time.thread_time() - self._begun_s if self._active else self._used_s) > limit_s / self._speed
 
     def _ring(self, *_: object) -> None:
         if not self._active:
             return
         left_s = self._limit_s - (time.thread_time() - self._begun_s)
-        waited_s = time.monotonic() - self._began_at_s
-        if left_s <= 0.0 or waited_s >= LONGEST_WAIT_S:
+        patience_s = LONGEST_WAIT_S / self._speed - (time.monotonic() - self._began_at_s)
+        if left_s <= 0.0 or patience_s <= 0.0:
             self._active, self._used_s = False, math.inf
             raise OutOfTimeError
-        signal.setitimer(signal.ITIMER_REAL, max(min(left_s, LONGEST_WAIT_S - waited_s), SHORTEST_ALARM_S))
+        signal.setitimer(signal.ITIMER_REAL, max(min(left_s, patience_s), SHORTEST_ALARM_S))
 
 
 Overtime = tuple[int, int]

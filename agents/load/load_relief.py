@@ -35,7 +35,7 @@ class LoadRelief:
     launcher
         Statuses of the launcher of this host; None without one.
     processor_clock
-        Processor time of this process [s].
+        Processor time of this process in the time of the fleet [s].
     """
 
     def __init__(

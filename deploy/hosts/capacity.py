@@ -67,7 +67,7 @@ class CapacityMeasurement:
     snapshot
         Snapshot of the fleet file.
     vehicle, period_s
-        Vehicle whose control periods are timed, and its control period.
+        Vehicle whose control periods are timed, and its control period in real time.
     forks
         Starts the process that times them.
     roles

@@ -10,6 +10,9 @@ from contextlib import AbstractContextManager, suppress
 from functools import partial
 from typing import Final, TypeVar
 
+from msgspec.structs import replace
+
+from rcopterx.bus.clock import Clock
 from rcopterx.bus.realtime import request_realtime, share_interpreter
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.compiling.cache import compile_all
@@ -19,7 +22,13 @@ from rcopterx.deploy.hosts.guarding import Guard
 from rcopterx.deploy.hosts.membership import MembershipService
 from rcopterx.deploy.hosts.recall import RecallService
 from rcopterx.deploy.hosts.resources import check_certificate, check_resources, check_without
-from rcopterx.deploy.hosts.run_directory import flight_path, run_directory, snapshot_path
+from rcopterx.deploy.hosts.run_directory import (
+    Begun,
+    flight_path,
+    run_directory,
+    snapshot_path,
+    write_flight,
+)
 from rcopterx.deploy.hosts.vehicle_states import begin_states, remove_states
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.forking import URGENT_NICE, ForkServer
@@ -31,7 +40,7 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.spares.spares import SPARES, Spares, spare_command
 from rcopterx.fleet.reading import write_snapshot
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile, WatchdogConfig
 from rcopterx.flights.flights import flight_name
 
 T = TypeVar("T")
@@ -59,6 +68,15 @@ def call_in_realtime(priority: int, function: Callable[[], T]) -> T:
     """
     with ThreadPoolExecutor(1, initializer=request_realtime, initargs=(priority,)) as pool:
         return pool.submit(function).result()
+
+
+def stretched(limits: WatchdogConfig, clock: Clock) -> WatchdogConfig:
+    """Return the limits of a watchdog in real time, which is never shorter than the time of the fleet.
+
+    Processes need real time to start and to end.
+    """
+    flight_s, floor_s = (max(limit_s, clock.real_s(limit_s)) for limit_s in (limits.flight_s, limits.floor_s))
+    return replace(limits, flight_s=flight_s, floor_s=floor_s)
 
 
 class Launcher(AbstractContextManager["Launcher"]):
@@ -94,6 +112,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         idle: bool = False,
     ) -> None:
         self._fleet, self._host, self._idle = fleet, host, idle
+        self._now = fleet.clock.now
         self.directory = directory = run_directory(fleet.name, fleet.bus.namespace)
         specs = [spec for spec in processes_of(fleet, host) if record or spec.role != RECORDER]
         check_without(fleet, without)
@@ -121,7 +140,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._forks,
             # Agents of another host may all have to be started at once.
             spares=self._make_spares(specs, SPARES + len(guests)),
-            watchdog=fleet.watchdog if watchdog and fleet.watchdog.enabled else None,
+            watchdog=stretched(fleet.watchdog, fleet.clock) if watchdog and fleet.watchdog.enabled else None,
             without=absent,
         )
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
@@ -143,7 +162,7 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def _measurement(self) -> CapacityMeasurement:
         vehicle = self._home[0]
-        period_s = self._fleet.vehicles[vehicle].control.period_s
+        period_s = self._fleet.clock.real_s(self._fleet.vehicles[vehicle].control.period_s)
         return CapacityMeasurement(self._snapshot, vehicle, period_s, self._forks, self._roles)
 
     def _make_spares(self, specs: Sequence[ProcessSpec], count: int) -> Spares:
@@ -196,8 +215,8 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def _begin_flight(self) -> None:
         """Name the flight log that recorders write from now on."""
-        flight = flight_name(self._fleet.name, time.time())
-        flight_path(self._host, self.directory).write_text(flight, encoding="utf-8")
+        flight = Begun.now(flight_name(self._fleet.name, time.time()), self._fleet.clock)
+        write_flight(flight_path(self._host, self.directory), flight)
 
     def _run(self) -> None:
         request_realtime(Priority.SUPERVISOR.of(self._fleet), children=False)
@@ -225,7 +244,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         recall, membership, guard = self._recall, self._membership, self._guard
         if recall is None or membership is None or not membership.started:
             return []
-        now_s, vehicles = time.monotonic(), guard.vehicles
+        now_s, vehicles = self._now(), guard.vehicles
         orphans = guard.find_orphans(now_s, recall.frames())
         lost = dict.fromkeys(orphans, "no agent commands it in flight")
         if vehicles and now_s >= self._floor_due_s:

@@ -93,7 +93,8 @@ class MembershipService:
         report_at_s = reported_s = 0.0
         attempt = Attempts(self._session.clock)
         while not self._stopping:
-            self._wake.wait(max(0.0, report_at_s - self._session.clock()))
+            wait_s = report_at_s - self._session.clock()
+            self._wake.wait(max(0.0, self._session.address.clock.real_s(wait_s)))
             self._wake.clear()
             for incoming in self._session.pending():
                 incoming.answer(self._answer_or_error(incoming.request))

@@ -5,9 +5,14 @@ import hashlib
 import os
 import stat
 import tempfile
+import time
 from pathlib import Path
+from typing import Final, NamedTuple
+
+from rcopterx.bus.clock import Clock
 
 LONGEST_SOCKET_PATH = 100
+NANO: Final = 1_000_000_000
 SHARED_MEMORY = Path("/dev/shm")
 """Files here are memory: writing to them never waits for a disk."""
 
@@ -69,9 +74,35 @@ def snapshot_path(host: str, directory: Path) -> Path:
     return directory / f"fleet-{host}.json"
 
 
+class Begun(NamedTuple):
+    """A flight of a host: its name, and the wall clock at zero of the fleet's clock [ns]."""
+
+    name: str
+    zero_ns: int
+
+    @classmethod
+    def now(cls, name: str, clock: Clock) -> "Begun":
+        """Return a flight that begins now."""
+        return cls(name, time.time_ns() - round(clock.now() * NANO))
+
+
 def flight_path(host: str, directory: Path) -> Path:
-    """Return the file with the name of the current flight, which a restarted recorder continues."""
+    """Return the file with the current flight, which a restarted recorder continues."""
     return directory / f"flight-{host}.txt"
+
+
+def write_flight(path: Path, flight: Begun) -> None:
+    """Write the file of the current flight."""
+    path.write_text(f"{flight.name} {flight.zero_ns}", encoding="utf-8")
+
+
+def read_flight(path: Path) -> Begun | None:
+    """Return the current flight; None if no launcher has begun one."""
+    try:
+        name, zero_ns = path.read_text(encoding="utf-8").split()
+        return Begun(name, int(zero_ns))
+    except (OSError, ValueError):
+        return None
 
 
 def states_directory(directory: Path) -> Path:

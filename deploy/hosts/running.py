@@ -39,6 +39,8 @@ class RunningFleet(NamedTuple):
     """Path of the snapshot of the fleet file."""
     credentials: list[str] | None = None
     """Fields of `rcopterx.bus.endpoints.Credentials`, for routers that require a certificate."""
+    speed: float = 1.0
+    """How fast the time of the fleet passes."""
 
 
 @contextmanager

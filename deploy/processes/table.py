@@ -34,7 +34,7 @@ class ProcessSpec:
     host: str = ""
     """Host of an agent; empty for that of the fleet file."""
     landing_s: float = 0.0
-    """How much longer it may take to end, because it lands vehicles."""
+    """How much longer it may take to end, because it lands vehicles, in real time."""
 
     def command(self, snapshot: Path, *, take_over: bool = False) -> list[str]:
         """Return the command line of the process; with `take_over` an agent takes over from another one."""
@@ -60,7 +60,9 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     if fleet.tracker.host == host:
         specs.append(ProcessSpec("tracker", "tracker", host, 2))
     specs += [
-        ProcessSpec(name, TRANSMITTERS, name, 1, landing_s=longest_shutdown_s(fleet, host))
+        ProcessSpec(
+            name, TRANSMITTERS, name, 1, landing_s=fleet.clock.real_s(longest_shutdown_s(fleet, host))
+        )
         for name, gateway in fleet.gateways.items()
         if gateway.host == host
         and any(vehicle.transmitter.gateway == name for vehicle in fleet.vehicles.values())

@@ -16,6 +16,7 @@ def bus_address(fleet: FleetFile, host: str) -> BusAddress:
         host=host,
         credentials=own_credentials(fleet, host),
         units=frozenset({*fleet.vehicles, *fleet.hosts, *FIXED_UNITS}),
+        clock=fleet.clock,
     )
 
 

@@ -59,7 +59,7 @@ def _wait_for_landing(pages: Sequence[int], fleet: FleetFile, host: str) -> None
     from rcopterx.fleet.vehicle_models import longest_shutdown_s
 
     ended_s = time.monotonic()
-    limit_s = ended_s + longest_shutdown_s(fleet, host) + ENDED_S
+    limit_s = ended_s + fleet.clock.real_s(longest_shutdown_s(fleet, host)) + ENDED_S
     while (now_s := time.monotonic()) < limit_s and now_s < ended_s + ENDED_S:
         if any(_in_use(page) for page in pages):
             ended_s = now_s

@@ -8,7 +8,7 @@ from typing import Final
 
 import msgspec
 
-from rcopterx.deploy.hosts.run_directory import flight_path, run_directory
+from rcopterx.deploy.hosts.run_directory import Begun, flight_path, read_flight, run_directory
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.reading import digest_of
@@ -16,7 +16,7 @@ from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import FlightSettings
 from rcopterx.flights.flights import default_directory, flight_name
 from rcopterx.flights.provenance import provenance
-from rcopterx.flights.recorder import NANO, RecorderSettings, run_recorder, schemas
+from rcopterx.flights.recorder import RecorderSettings, run_recorder, schemas
 
 MB: Final = 1_000_000
 GB: Final = 1_000_000_000
@@ -25,7 +25,7 @@ GB: Final = 1_000_000_000
 def run(fleet: FleetFile, host: str) -> None:
     """Record the messages on the bus."""
     run_recorder(
-        recorder_settings(fleet, host, time.time_ns(), time.monotonic()),
+        recorder_settings(fleet, host, time.time()),
         logging.getLogger(__name__).error,
     )
 
@@ -36,51 +36,45 @@ def log_directory(fleet: FleetFile) -> Path:
     return default_directory() if chosen is None else Path(chosen).expanduser()
 
 
-def recorder_settings(fleet: FleetFile, host: str, now_ns: int, now_s: float) -> RecorderSettings:
-    """Return the settings of the recorder, at the wall clock `now_ns` and the monotonic clock `now_s`."""
-    wall_ns = now_ns - round(now_s * NANO)
+def recorder_settings(fleet: FleetFile, host: str, started_s: float) -> RecorderSettings:
+    """Return the settings of a recorder that starts at a time of the wall clock."""
+    under_way = read_flight(flight_path(host, run_directory(fleet.name, fleet.bus.namespace)))
+    flight = under_way or Begun.now(flight_name(fleet.name, started_s), fleet.clock)
     return RecorderSettings(
         bus=bus_address(fleet, host),
         host=host,
-        flight=partial(flight_settings, fleet, host, now_ns / NANO, wall_ns),
-        wall_ns=wall_ns,
+        flight=partial(flight_settings, fleet, host, started_s, flight),
+        wall_ns=flight.zero_ns,
         realtime_priority=Priority.RECORDER.of(fleet),
     )
 
 
-def flight_settings(fleet: FleetFile, host: str, started_s: float, wall_ns: int) -> FlightSettings:
+def flight_settings(fleet: FleetFile, host: str, started_s: float, flight: Begun) -> FlightSettings:
     """Return where and how a flight is recorded, with its metadata.
 
     Parameters
     ----------
     started_s
-        Wall clock at the start [s].
-    wall_ns
-        Wall clock at the zero of the monotonic clock [ns].
+        Wall clock at the start of the recorder [s].
+    flight
+        The flight that it records.
     """
     metadata = {
         "fleet": fleet.name,
         "digest": digest_of(fleet),
         "host": host,
         "started": time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(started_s)),
-        "monotonic_zero_ns": str(wall_ns),
+        "monotonic_zero_ns": str(flight.zero_ns),
+        "speed": f"{fleet.clock.speed:g}",
         "seed": "" if fleet.simulator is None else str(fleet.simulator.seed),
         **provenance(),
     }
     return FlightSettings(
         directory=log_directory(fleet),
-        flight=_flight_under_way(fleet, host) or flight_name(fleet.name, started_s),
+        flight=flight.name,
         metadata=metadata,
         fleet=msgspec.json.encode(fleet),
         schemas=schemas(),
         part_bytes=round(fleet.log.part_mb * MB),
         keep_bytes=round(fleet.log.keep_gb * GB),
     )
-
-
-def _flight_under_way(fleet: FleetFile, host: str) -> str:
-    """Return the flight that the launcher of this host has begun; empty without a launcher."""
-    try:
-        return flight_path(host, run_directory(fleet.name, fleet.bus.namespace)).read_text(encoding="utf-8")
-    except OSError:
-        return ""

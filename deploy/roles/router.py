@@ -35,6 +35,7 @@ def run(fleet: FleetFile, host: str) -> None:
         vehicles=list(fleet.vehicles),
         snapshot=str(snapshot),
         credentials=shown(fleet, host),
+        speed=fleet.clock.speed,
     )
     identity = IdentifyReply(
         accepted=True,
@@ -55,6 +56,7 @@ def run(fleet: FleetFile, host: str) -> None:
             identity,
             others,
             protection_of(fleet, host),
+            fleet.clock,
         )
 
 

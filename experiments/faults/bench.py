@@ -24,7 +24,7 @@ class Bench:
     say
         Shows a line about what happens.
     wait
-        Waits a time [s].
+        Waits in the time of the fleet [s].
     fleet_file
         File it was started from, which faults may damage; None for a fleet that was up before.
     """
@@ -33,6 +33,10 @@ class Bench:
     say: Callable[[str], None]
     wait: Callable[[float], None]
     fleet_file: Path | None = None
+
+    def real_s(self, seconds: float) -> float:
+        """Return how long a time of the fleet takes in real time [s]."""
+        return self.fleet.file.clock.real_s(seconds)
 
     @property
     def launcher(self) -> Launcher:

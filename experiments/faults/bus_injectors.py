@@ -1,7 +1,6 @@
 """Faults of the bus: a bad network, old messages, a flood of random bytes."""
 
 import random
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
@@ -39,7 +38,12 @@ class Impaired(PassingFault):
             child.spec.name for child in children if child.spec.role in FLYING_ROLES
         ):
             give_order(
-                bench.pid(name), "impair", seconds=self.seconds, seed=number, **{self.how: self.figure}
+                bench.pid(name),
+                "impair",
+                seconds=bench.real_s(self.seconds),
+                speed=bench.fleet.file.clock.speed,
+                seed=number,
+                **{self.how: self.figure},
             )
         bench.wait(self.seconds)
 
@@ -99,7 +103,8 @@ class Flood(PassingFault):
 
 def _repeat(bench: Bench, send: Callable[[], None], period_s: float, seconds: float) -> None:
     """Send periodically for a time."""
-    until_s = time.monotonic() + seconds
-    while time.monotonic() < until_s:
+    clock = bench.fleet.session.clock
+    until_s = clock() + seconds
+    while clock() < until_s:
         send()
         bench.wait(period_s)

@@ -1,9 +1,8 @@
 """Chaos: one fault after the other, of those that vehicles are promised to survive."""
 
 import random
-import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -52,12 +51,16 @@ class Chaos:
     happened: list[tuple[float, str]] = field(default_factory=list)
     missed: Counter[str] = field(default_factory=Counter)
 
+    @property
+    def _clock(self) -> Callable[[], float]:
+        return self.place.fleet.session.clock
+
     def fly(self) -> dict[str, Any]:
         """Fly until the time is over or a vehicle touches the floor; returns the report."""
         place, problem = self.place, None
         place.hover()
         places_m = place.start()
-        started_s = time.monotonic()
+        started_s = self._clock()
         try:
             with loaded(self.busy, place.bench.say):
                 self._fly(started_s)
@@ -70,17 +73,17 @@ class Chaos:
         recording = place.stop()
         if problem is None and (broken := broken_in(recording)):
             problem = "; ".join(broken)
-        return chaos_report(self, seen_of(recording, places_m), problem, time.monotonic() - started_s)
+        return chaos_report(self, seen_of(recording, places_m), problem, self._clock() - started_s)
 
     def _fly(self, started_s: float) -> None:
         due_s = started_s
         for pause_s, row in chances(self.seed):
-            due_s = max(due_s + pause_s, time.monotonic())
+            due_s = max(due_s + pause_s, self._clock())
             if due_s - started_s > self.seconds:
                 self._wait_aloft(started_s + self.seconds)
                 return
             self._wait_aloft(due_s)
-            at_s = round(time.monotonic() - started_s, 1)
+            at_s = round(self._clock() - started_s, 1)
             self.place.bench.say(f"{at_s:.1f} s: {row.name}")
             try:
                 with ExitStack() as stack:
@@ -93,7 +96,7 @@ class Chaos:
 
     def _wait_aloft(self, until_s: float) -> None:
         """Wait, and check that no vehicle touches the floor meanwhile."""
-        while (left_s := until_s - time.monotonic()) > 0.0:
+        while (left_s := until_s - self._clock()) > 0.0:
             if down := self.place.on_floor():
                 last = ", ".join(name for _, name in self.happened[-LAST_FAULTS:])
                 raise NotReachedError(f"{', '.join(down)} on the floor after {last}")

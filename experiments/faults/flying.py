@@ -55,7 +55,7 @@ class FaultRange:
 
     def fly(self, row: FaultFlight) -> Report:
         """Fly a row; returns the report, also of a flight that ended early."""
-        started_s = time.monotonic()
+        started_s = self.fleet.session.clock()
         places_m: dict[str, Three] = {}
         problem = None
         try:
@@ -70,7 +70,7 @@ class FaultRange:
         except FLIGHT_ERRORS as error:
             problem = "; ".join(lines_of(error))
             self.bench.say(f"ended early: {problem}")
-        seconds = time.monotonic() - started_s
+        seconds = self.fleet.session.clock() - started_s
         recording = self.stop()
         return report_of(row, seen_of(recording, places_m), problem, seconds, broken_in(recording))
 

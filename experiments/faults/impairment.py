@@ -23,6 +23,8 @@ class Impairment:
         Delay of all messages.
     loss, duplicates, reordering
         Shares of the messages that are lost, sent twice, and overtaken by later ones.
+    speed
+        How fast the time of the fleet passes.
     """
 
     def __init__(
@@ -32,19 +34,20 @@ class Impairment:
         duplicates: float = 0.0,
         reordering: float = 0.0,
         seed: int = 0,
+        speed: float = 1.0,
     ) -> None:
-        self._delay_s = delay_s
+        self._delay_s, self._speed = delay_s, speed
         self._loss = loss
         self._duplicates = duplicates
         self._reordering = reordering
         self._chance = random.Random(seed).random
 
     def delays_s(self) -> list[float]:
-        """Delay of each copy of the next message; empty for a lost one."""
+        """Delay of each copy of the next message in real time; empty for a lost one."""
         if self._chance() < self._loss:
             return []
         late_s = self._delay_s + (OVERTAKEN_S if self._chance() < self._reordering else 0.0)
-        return [late_s] * (2 if self._chance() < self._duplicates else 1)
+        return [late_s / self._speed] * (2 if self._chance() < self._duplicates else 1)
 
 
 class LateSender:

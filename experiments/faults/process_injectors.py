@@ -3,7 +3,6 @@
 import os
 import signal
 import threading
-import time
 from collections.abc import Iterator, Set
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -116,7 +115,7 @@ class Spinning(ProcessFault):
     def _happen(self, bench: Bench) -> None:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: spins")
-        give_order(pid, "spin", seconds=REPLACED_S)
+        give_order(pid, "spin", seconds=bench.real_s(REPLACED_S))
         bench.wait_for(lambda: bench.supervisor.pid(self.process) != pid, REPLACED_S)
 
 
@@ -130,7 +129,7 @@ class Slow(ProcessFault):
     def _happen(self, bench: Bench) -> None:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: every turn {1000 * self.by_s:g} ms longer for {self.seconds:g} s")
-        give_order(pid, "slow", by_s=self.by_s, seconds=self.seconds)
+        give_order(pid, "slow", by_s=bench.real_s(self.by_s), seconds=bench.real_s(self.seconds))
         bench.wait(self.seconds)
 
 
@@ -145,9 +144,10 @@ class Halting(ProcessFault):
     def _happen(self, bench: Bench) -> None:
         pid = bench.pid(self.process)
         bench.say(f"{self.process}: stopped for {1000 * self.by_s:g} of {1000 * self.every_s:g} ms")
-        until_s = time.monotonic() + self.seconds
+        clock = bench.fleet.session.clock
+        until_s = clock() + self.seconds
         try:
-            while time.monotonic() < until_s and bench.supervisor.pid(self.process) == pid:
+            while clock() < until_s and bench.supervisor.pid(self.process) == pid:
                 os.kill(pid, signal.SIGSTOP)
                 bench.wait(self.by_s)
                 os.kill(pid, signal.SIGCONT)

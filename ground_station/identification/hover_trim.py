@@ -1,6 +1,5 @@
 """Mean inputs of a hover, from the inputs written to the radio, to trim a transmitter."""
 
-import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,7 +26,7 @@ def measured_hover(observer: Observer, vehicle: str, seconds: float) -> tuple[fl
         raise HoverError(f"hover first; it is {observer.state_of(vehicle).phase}")
     recorder = Recorder(observer.session, only=(channels.APPLIED,))
     recorder.start()
-    time.sleep(seconds)
+    observer.wait(seconds)
     applied = [message for message, _ in recorder.stop().messages(channels.APPLIED, vehicle)]
     return mean_of_hover([one.state for one in applied], [one.input for one in applied], seconds)
 

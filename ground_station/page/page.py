@@ -86,24 +86,25 @@ class FleetPage:
             )
 
     def update(self, now_s: float) -> None:
-        """Show the present state; `now_s` is monotonic."""
+        """Show the present state; `now_s` is the time of the fleet."""
+        speed = self._fleet.file.clock.speed
         states = {vehicle.name: vehicle.state for vehicle in self._fleet}
         for name, state in states.items():
             self.histories[name].add(now_s, state, self._sticks(name))
         self.timeline.compare(now_s, states)
         self.scene.update(states, self.histories)
         if now_s >= self._next_text_s:
-            self._next_text_s = now_s + TEXT_S
+            self._next_text_s = now_s + speed * TEXT_S
             self._update_text(now_s, states)
         if now_s >= self._next_plot_s:
-            self._next_plot_s = now_s + PLOT_S
+            self._next_plot_s = now_s + speed * PLOT_S
             self.plots.update(self.histories)
 
     def _update_text(self, now_s: float, states: Mapping[str, VehicleState]) -> None:
         grounded = not any(state.airborne for state in states.values())
         problems = self._fleet.problems() if grounded else []
         with self._server.atomic():
-            self.banner.content = banner(self._fleet.file.name, states.values(), problems)
+            self.banner.content = banner(self._fleet.file.title, states.values(), problems)
             for name, state in states.items():
                 self.vehicles[name].show(state)
             self.events.content = event_list(self.timeline.events, now_s)

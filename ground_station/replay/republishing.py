@@ -13,7 +13,7 @@ from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec
 from rcopterx.deploy.roles.addresses import bus_address
-from rcopterx.fleet.reading import snapshot_of, write_snapshot
+from rcopterx.fleet.reading import at_speed, snapshot_of, write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
 from rcopterx.flights.mcap_reading import FlightLogError, contents_of, messages_of
@@ -35,7 +35,8 @@ def fleet_of(parts: Sequence[Path]) -> FleetFile:
 
 @contextmanager
 def router_up(fleet: FleetFile) -> Iterator[BusAddress]:
-    """Run the router of a recorded fleet; raises FleetError if its address is in use."""
+    """Run the router of a recorded fleet, in real time; raises FleetError if its address is in use."""
+    fleet = at_speed(fleet, 1.0)
     host = next(iter(fleet.hosts))
     check_router(fleet, host)
     directory = run_directory(fleet.name, fleet.bus.namespace)

@@ -225,7 +225,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         """Wait a while until hosts know how many vehicles they can fly; refuse a take-off of more."""
         # A launcher that is late has not finished.
         self._notifier.wait_until(
-            lambda: not any(status.measuring for status in self.last_launchers().values()), MEASURING_S
+            lambda: not any(status.measuring for status in self.last_launchers().values()),
+            self._starting_s(MEASURING_S),
         )
         for host, status in self.last_launchers().items():
             if status.crowded or status.measuring:

@@ -5,7 +5,7 @@ from pathlib import Path
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.session import Session
 from rcopterx.deploy.hosts.running import running_fleets
-from rcopterx.fleet.reading import digest_of, read_snapshot
+from rcopterx.fleet.reading import at_speed, digest_of, read_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
 
 
@@ -29,6 +29,14 @@ def fleet_that_is_up() -> tuple[FleetFile, str]:
         listed = ", ".join(sorted({one.fleet for one in running}))
         raise FleetError(f"several fleets are up: {listed}; name the file of one (-f FLEET)")
     return read_snapshot(Path(running[0].snapshot)), running[0].host
+
+
+def as_running(file: FleetFile) -> FleetFile:
+    """Return a fleet at the speed at which it is up on this computer, if it is."""
+    for one in running_fleets():
+        if (one.fleet, one.namespace) == (file.name, file.bus.namespace) and file.simulator is not None:
+            return at_speed(file, one.speed)
+    return file
 
 
 def check_identity(session: Session, file: FleetFile) -> None:

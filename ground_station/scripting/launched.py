@@ -5,7 +5,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from rcopterx.deploy.hosts.launcher import Launcher
-from rcopterx.fleet.reading import fleet_path, load_fleet
+from rcopterx.fleet.reading import at_speed, fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.ground_station.scripting.fleet import Fleet
 
@@ -20,22 +20,26 @@ def launched(
     *,
     watchdog: bool = True,
     record: bool = True,
+    speed: float | None = None,
 ) -> Iterator[Fleet]:
     """Start the processes of a fleet on this computer and join it; at the end everything lands and stops.
 
     `path` is a fleet file, or the name of a shipped fleet, for instance `trio`. `host` is the host of the
     fleet file that this computer is, needed where there are several. Vehicles in `without` can join later
     (`Fleet.join`). The watchdog restarts processes that hang. `rcopterx flights` lists the recorded logs. The
-    fleet that is yielded is ready to take off; it lands at the end of the block and on any exception.
+    fleet that is yielded is ready to take off; it lands at the end of the block and on any exception. With
+    `speed` 0.2 the time of a simulated fleet passes five times slower than real time; None means as in its
+    file.
 
     Raises
     ------
     FleetError
-        The file is wrong, an address is in use, or a device is missing; nothing was started.
+        The file is wrong, an address is in use, a device is missing, or the fleet cannot fly at that speed;
+        nothing was started.
     NotReachedError
         The fleet did not become ready; says what is missing.
     """
-    file = load_fleet(fleet_path(str(path)))
+    file = at_speed(load_fleet(fleet_path(str(path))), speed)
     if host is None and len(file.hosts) > 1:
         raise FleetError(f"this fleet has several hosts, name one of {', '.join(file.hosts)}")
     with (

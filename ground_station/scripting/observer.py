@@ -9,13 +9,12 @@ from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus, RouterStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import AgentStatus, Plan, Pose
-from rcopterx.bus.rounding import monotonic_s
 from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import Inbox, UnitSubscriptions
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.report.latency import LatencyWatch, clock_offset
-from rcopterx.ground_station.scripting.joining import WrongFleetError, check_identity
+from rcopterx.ground_station.scripting.joining import WrongFleetError, as_running, check_identity
 from rcopterx.ground_station.scripting.notes import (
     capacity_notes,
     clock_differences,
@@ -49,7 +48,7 @@ class Observer:
     """Reads the messages of a fleet; poses and plans only after `watch_motion`.
 
     `host` is the host whose router is used, by default the first one of the file; `timeout_s` is how long to
-    look for the router; `clock` is monotonic [s], for ages and waits.
+    look for the router; `clock` is monotonic [s], for ages and waits, by default that of the fleet.
 
     Raises
     ------
@@ -64,15 +63,18 @@ class Observer:
         file: FleetFile,
         host: str | None = None,
         timeout_s: float = 3.0,
-        clock: Callable[[], float] = monotonic_s,
+        clock: Callable[[], float] | None = None,
     ) -> None:
-        self.file = file
-        self._notifier = Notifier(clock)
         self._host = host or next(iter(file.hosts))
-        address = bus_address(file, self._host)
-        self.session = Session(address, wake=self._notifier.notify, clock=clock, timeout_s=timeout_s)
+        self.file = as_running(file)
+        self._join(clock, timeout_s)
+        if self.file is not (running := as_running(self.file)):
+            # It was not up yet before its router answered.
+            self.session.close()
+            self.file = running
+            self._join(clock, timeout_s)
         try:
-            check_identity(self.session, file)
+            check_identity(self.session, self.file)
         except WrongFleetError:
             self.session.close()
             raise
@@ -86,6 +88,11 @@ class Observer:
         self._watching = threading.Lock()
         self._motion: Motion | None = None
 
+    def _join(self, clock: Callable[[], float] | None, timeout_s: float) -> None:
+        address = bus_address(self.file, self._host)
+        self._notifier = Notifier(clock or address.clock.now)
+        self.session = Session(address, wake=self._notifier.notify, clock=clock, timeout_s=timeout_s)
+
     def __str__(self) -> str:
         """The fleet, and a line about each of its vehicles."""
         return "\n".join(
@@ -95,6 +102,14 @@ class Observer:
     def __repr__(self) -> str:
         """Name of the fleet and of its vehicles."""
         return f"<{type(self).__name__} {self.file.name}: {', '.join(self.file.vehicles)}>"
+
+    def wait(self, seconds: float) -> None:
+        """Wait in the time of the fleet, which passes at another speed than real time in slow motion."""
+        self._notifier.wait_until(lambda: False, seconds)
+
+    def _starting_s(self, real_s: float) -> float:
+        """Return how long processes may take that need real time, however fast that of the fleet passes."""
+        return max(1.0, self.file.clock.speed) * real_s
 
     def close(self) -> None:
         """Leave the bus; the fleet flies on."""
@@ -296,9 +311,9 @@ class Observer:
             raise NotReachedError(f"after {timeout_s:g} s: {what}: {'; '.join(missing())}")
 
     def wait_ready(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
-        """Wait until nothing blocks take-off."""
+        """Wait until nothing blocks take-off, for processes that start never less than in real time."""
         vehicles = None if names is None else list(names)
-        self._wait_for_none(lambda: self.problems(vehicles), timeout_s, "not ready")
+        self._wait_for_none(lambda: self.problems(vehicles), self._starting_s(timeout_s), "not ready")
 
     def wait_for_phase(self, phase: str, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
         """Wait until vehicles, by default all, are in a flight phase.

@@ -53,9 +53,9 @@ def tracker_line(fleet: Fleet) -> str:
     """Name of the fleet and state of its motion capture."""
     received = fleet.tracker.latest()
     if received is None:
-        return f"{fleet.file.name}: Vicon gateway not responding yet"
+        return f"{fleet.file.title}: Vicon gateway not responding yet"
     status = received.message
     if status.state != "up":
-        return f"{fleet.file.name}: Tracker {status.trying}"
+        return f"{fleet.file.title}: Tracker {status.trying}"
     rate = 1 / status.period_s if status.period_s else 0.0
-    return f"{fleet.file.name}: Tracker {status.address}, frame {status.frame}, {rate:.0f} Hz"
+    return f"{fleet.file.title}: Tracker {status.address}, frame {status.frame}, {rate:.0f} Hz"

@@ -13,12 +13,13 @@ from rcopterx.ground_station.scripting.state import VehicleState
 def fleet_status(fleet: Fleet) -> dict[str, Any]:
     """Present state of a running fleet, best after `Fleet.wait_for_status`.
 
-    Keys are `fleet`, `ready`, `problems`, `notes`, `tracker`, `hosts` and `vehicles` by name; unknown values
-    are null.
+    Keys are `fleet`, `speed`, `ready`, `problems`, `notes`, `tracker`, `hosts` and `vehicles` by name;
+    unknown values are null.
     """
     problems = fleet.problems()
     return {
         "fleet": fleet.file.name,
+        "speed": fleet.file.clock.speed,
         "ready": not problems,
         "problems": problems,
         "notes": fleet.notes(),

@@ -5,16 +5,18 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, running_fleet, user_errors
+from rcopterx.commands.fleet_option import EXIT_FAILED, fleet_file, running_fleet, user_errors
 from rcopterx.commands.launch import Interrupts, interruptible
 from rcopterx.commands.output import Progress, print_document
 
 if TYPE_CHECKING:
+    from rcopterx.bus.clock import Clock
     from rcopterx.experiments.faults.fault_flight import FaultFlight
     from rcopterx.experiments.faults.flying import FaultRange
     from rcopterx.ground_station.scripting.fleet import Fleet
@@ -36,6 +38,8 @@ class FlightOptions:
     as_json: bool
     vehicles: int | None = None
     """Only the first vehicles of a fleet that is started; None for all."""
+    speed: float | None = None
+    """How fast the time of a fleet that is started passes; None for that of its file."""
 
 
 def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
@@ -76,22 +80,23 @@ class FleetHolder:
         if self._range is None:
             fleet = self._fleet()
             fleet.wait_ready(timeout_s=READY_S)
-            self._range = FaultRange(Bench(fleet, say, self.wait, self._path))
+            self._range = FaultRange(Bench(fleet, say, partial(self.wait, fleet.file.clock), self._path))
         return self._range
 
     def _fleet(self) -> "Fleet":
         if self._path is None:
             return self._stack.enter_context(running_fleet(self._options.fleet))
+        file = fleet_file(str(self._path), self._options.speed)
         fleet, self.interrupts = self._stack.enter_context(
-            interruptible(str(self._path), None, record=self._options.record)
+            interruptible(file, None, record=self._options.record)
         )
         return fleet
 
-    def wait(self, seconds: float) -> None:
-        """Wait a time; raises StoppedError after Ctrl-C."""
+    def wait(self, clock: "Clock", seconds: float) -> None:
+        """Wait in the time of a fleet; raises StoppedError after Ctrl-C."""
         from rcopterx.ground_station.scripting.waiting import StoppedError
 
-        if self.interrupts.wait(seconds):
+        if self.interrupts.wait(clock.real_s(seconds)):
             raise StoppedError("interrupted")
 
     def close(self) -> None:

@@ -52,6 +52,15 @@ FleetOption = Annotated[str, _fleet_option(FLEET_HELP)]
 RunningFleetOption = Annotated[
     str | None, _fleet_option(f"{FLEET_HELP} Default: the fleet that is up on this computer.")
 ]
+SpeedOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="FACTOR",
+        min=0.01,
+        max=10,
+        help="How fast the time of a simulated fleet passes: 0.2 is slow motion. Default: as in its file.",
+    ),
+]
 HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host of the fleet file this is.")]
 
 
@@ -74,11 +83,11 @@ def chosen_host(fleet: "FleetFile", host: str | None) -> str:
     return host
 
 
-def fleet_file(name: str) -> "FleetFile":
-    """Read a fleet file or a shipped one; raises FleetError."""
-    from rcopterx.fleet.reading import fleet_path, load_fleet
+def fleet_file(name: str, speed: float | None = None) -> "FleetFile":
+    """Read a fleet file or a shipped one, to be flown at a speed; raises FleetError."""
+    from rcopterx.fleet.reading import at_speed, fleet_path, load_fleet
 
-    return load_fleet(fleet_path(name))
+    return at_speed(load_fleet(fleet_path(name)), speed)
 
 
 @contextmanager

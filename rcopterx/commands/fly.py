@@ -3,7 +3,6 @@
 import json
 import os
 import threading
-import time
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,7 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rcopterx.commands.fault_flights import FlightOptions, fly_chaos, fly_faults, list_faults
-from rcopterx.commands.fleet_option import EXIT_FAILED, RunningFleetOption, running_fleet, user_errors
+from rcopterx.commands.fleet_option import (
+    EXIT_FAILED,
+    RunningFleetOption,
+    SpeedOption,
+    fleet_file,
+    running_fleet,
+    user_errors,
+)
 from rcopterx.commands.launch import RecordOption, interruptible
 from rcopterx.commands.output import JsonOption, Progress, print_document
 from rcopterx.commands.parsing import check_known
@@ -69,12 +75,15 @@ def fly(
         ),
     ] = 0,
     record: RecordOption = True,
+    speed: SpeedOption = None,
 ) -> None:
     """Fly manoeuvres or faults, check them, and write a report. Exit code 1 if a check failed. Ctrl-C lands.
 
     `rcopterx fly chaos --up` injects a random fault every 2 to 4 s, which all vehicles shall survive.
     """
-    options = FlightOptions(fleet, start, record, report, as_json, vehicles)
+    options = FlightOptions(fleet, start, record, report, as_json, vehicles, speed)
+    if speed is not None and not start:
+        raise typer.BadParameter("a running fleet keeps its speed; add --up", param_hint="--speed")
     if faults and every:
         raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
     if show_list:
@@ -140,8 +149,8 @@ def _fly_rows(rows: Sequence["Manoeuvre"], options: FlightOptions, results: "Res
     """Fly manoeuvres one after the other; with --up each has a fleet of its own."""
     if options.start:
         for number, row in enumerate(rows, 1):
-            fleet = options.fleet or row.fleet
-            with interruptible(fleet, None, record=options.record) as (running, interrupts):
+            file = fleet_file(options.fleet or row.fleet, options.speed)
+            with interruptible(file, None, record=options.record) as (running, interrupts):
                 _fly_row(row, running, interrupts.event, _progress(row, number, len(rows)), results)
         return
     with running_fleet(options.fleet) as running:
@@ -168,13 +177,14 @@ def _fly_row(
         return
 
     def wait(seconds: float) -> None:
-        end_s = time.monotonic() + seconds
-        while (left_s := end_s - time.monotonic()) > 0:
-            if stop.wait(min(left_s, SLICE_S)):
+        end_s = clock() + seconds
+        while (left_s := end_s - clock()) > 0:
+            if stop.wait(min(fleet.file.clock.real_s(left_s), SLICE_S)):
                 raise StoppedError("interrupted")
             progress.show(f"about {row.seconds:.0f} s")
 
-    started_s = time.monotonic()
+    clock = fleet.session.clock
+    started_s = clock()
     try:
         with stopped_by(stop):
             fleet.wait_ready()
@@ -187,7 +197,7 @@ def _fly_row(
         results.add(not_flown(row, "failed", str(error)))
         return
     names = list(fleet.file.vehicles)
-    report, figures = report_of(row, flown, names, time.monotonic() - started_s)
+    report, figures = report_of(row, flown, names, clock() - started_s)
     progress.say(report["verdict"])
     results.add(report, figures)
 

@@ -73,7 +73,9 @@ def ground(
                     _opened(server.address) if open_browser else nullcontext(),
                     joined_fleet(file, host, fleet, COMES_UP_S) as running,
                 ):
-                    _keep(FleetPage(running, frame, steers=not watch_only), interruption)
+                    _keep(
+                        FleetPage(running, frame, steers=not watch_only), running.session.clock, interruption
+                    )
         finally:
             server.stop()
 
@@ -88,11 +90,11 @@ def _opened(address: str) -> Iterator[None]:
         yield
 
 
-def _keep(page: "FleetPage", interruption: Interruption) -> None:
+def _keep(page: "FleetPage", clock: Callable[[], float], interruption: Interruption) -> None:
     """Update the page until Ctrl-C."""
     next_s = time.monotonic()
     while not interruption.pressed:
-        page.update(time.monotonic())
+        page.update(clock())
         # Late updates are not caught up.
         next_s = max(next_s + UPDATE_S, time.monotonic())
         time.sleep(max(0.0, next_s - time.monotonic()))

@@ -15,6 +15,7 @@ from rcopterx.commands.fleet_option import (
     FleetArgument,
     FleetOption,
     HostOption,
+    SpeedOption,
     chosen_host,
     failure,
     fleet_file,
@@ -27,6 +28,7 @@ from rcopterx.deploy.hosts.run_directory import run_directory
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from rcopterx.fleet.schema import FleetFile
     from rcopterx.ground_station.scripting.fleet import Fleet
 
 REFRESH_S = 0.2
@@ -64,12 +66,16 @@ def _interrupts() -> Interrupts:
 
 @contextmanager
 def interruptible(
-    name: str, host: str | None, without: Sequence[str] = (), *, watchdog: bool = True, record: bool = True
+    file: "FleetFile",
+    host: str | None,
+    without: Sequence[str] = (),
+    *,
+    watchdog: bool = True,
+    record: bool = True,
 ) -> Iterator[tuple["Fleet", Interrupts]]:
     """Start the processes of a host and join the fleet; at the end, or after Ctrl-C, it lands and stops."""
     from rcopterx.ground_station.scripting.launched import processes_up
 
-    file = fleet_file(name)
     this_host = chosen_host(file, host)
     warn_of_others(file.name)
     interrupts = _interrupts()
@@ -180,6 +186,7 @@ def up(
             help="Replace processes that hang. Without it they can be stopped and debugged.",
         ),
     ] = True,
+    speed: SpeedOption = None,
 ) -> None:
     """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors.
 
@@ -189,11 +196,12 @@ def up(
     from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
 
     with user_errors():
-        if host is None and _by_daemons(fleet, without or ()):
+        file = fleet_file(fleet, speed)
+        if host is None and _by_daemons(file, without or ()):
             return
     with (
         user_errors(),
-        interruptible(fleet, host, without or (), watchdog=watchdog, record=record) as (running, interrupts),
+        interruptible(file, host, without or (), watchdog=watchdog, record=record) as (running, interrupts),
     ):
         watch = Watch(running, interrupts)
 
@@ -206,13 +214,12 @@ def up(
         watch.until(lambda: False)
 
 
-def _by_daemons(name: str, without: Sequence[str]) -> bool:
+def _by_daemons(file: "FleetFile", without: Sequence[str]) -> bool:
     """Start a fleet through the daemons of its hosts and show it; False without daemons."""
     from rcopterx.deploy.hosts.running import running_fleets
     from rcopterx.fleet.schema import FleetError
     from rcopterx.ground_station.scripting.daemons import Daemons, joined_fleet
 
-    file = fleet_file(name)
     here = any(running.fleet == file.name for running in running_fleets())
     if len(file.hosts) == 1 and not here:
         return False
@@ -228,6 +235,8 @@ def _by_daemons(name: str, without: Sequence[str]) -> bool:
         interrupts = _interrupts()
         daemons = Daemons(fleet)
         warnings = daemons.find()
+        if fleet.file.clock != file.clock:
+            raise FleetError(f"--speed: {fleet.file.title} is up; its speed is that of its start")
         answers = daemons.start(without)
         if not answers:
             return False
@@ -275,6 +284,7 @@ def demo(
         bool, typer.Option("--browser/--no-browser", help="Show the fleet in the browser.")
     ] = True,
     record: RecordOption = True,
+    speed: SpeedOption = None,
 ) -> None:
     """Start a fleet, take off, and fly the paper's set-point sequence until Ctrl-C."""
     from rich.console import Console
@@ -283,12 +293,13 @@ def demo(
 
     with ExitStack() as stack:
         stack.enter_context(user_errors())
+        file = fleet_file(fleet, speed)
         lines: deque[str] = deque()
         if browser:
             # The page loads while the fleet starts; it would not wait as long as compiling takes.
             compile_all()
             stack.enter_context(page_of(fleet, lines.append))
-        running, interrupts = stack.enter_context(interruptible(fleet, None, record=record))
+        running, interrupts = stack.enter_context(interruptible(file, None, record=record))
         watch = Watch(running, interrupts, lines)
         demonstration = Demonstration(running, interrupts.wait, watch.say)
         demonstration.start(seconds)

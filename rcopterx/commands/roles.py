@@ -1,21 +1,31 @@
 """One command per process role, for hosts that start processes by hand or with systemd."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, fleet_file, user_errors
 
+if TYPE_CHECKING:
+    from rcopterx.fleet.schema import FleetFile
+
 Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet file.")]
 Gateway = Annotated[str, typer.Argument(metavar="GATEWAY", help="Gateway of the fleet file.")]
+
+
+def _file(fleet: str) -> "FleetFile":
+    """Read a fleet file, for a process that joins its fleet if that is up."""
+    from rcopterx.ground_station.scripting.joining import as_running
+
+    return as_running(fleet_file(fleet))
 
 
 def _run(role: str, unit: str, fleet: str) -> None:
     from rcopterx.deploy.roles.run import run_role
 
     with user_errors():
-        run_role(role, unit, fleet_file(fleet))
+        run_role(role, unit, _file(fleet))
 
 
 def router(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
@@ -45,7 +55,7 @@ def tracker(
     from rcopterx.deploy.roles.run import check_unit
 
     with user_errors():
-        file = fleet_file(fleet)
+        file = _file(fleet)
         check_unit(file, "tracker", host)
         # Only what a role needs is imported.
         from rcopterx.deploy.roles.tracker import run

@@ -65,7 +65,7 @@ def top(
         running.wait_for_status()
         if not console.is_terminal:
             if wide:
-                time.sleep(GATHER_S)
+                running.wait(GATHER_S)
                 console = Console(width=FULL_WIDTH)
             console.print(fleet_view(running, COLUMNS if wide else fitting(console.width)))
             return

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 import pytest
 from support.waiting import DEADLINE_S, wait_for
 
+from rcopterx.bus.clock import Clock
 from rcopterx.experiments.faults.bench import Bench
 from rcopterx.experiments.faults.host_injectors import (
     ClockStepped,
@@ -101,7 +102,8 @@ def start(tmp_path: Path) -> Iterator[Start]:
             supervisor = OneProcess(command)
             stack.callback(supervisor.close)
             launcher = SimpleNamespace(supervisor=supervisor, directory=tmp_path)
-            fleet = SimpleNamespace(launcher=launcher)
+            file, session = SimpleNamespace(clock=Clock()), SimpleNamespace(clock=time.monotonic)
+            fleet = SimpleNamespace(launcher=launcher, file=file, session=session)
             return Bench(fleet, lambda _: None, time.sleep, tmp_path / "lab.toml"), supervisor  # type: ignore[arg-type]  # a partial stand-in
 
         yield started

@@ -1,9 +1,11 @@
 import os
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
 
+from rcopterx.bus.clock import Clock
 from rcopterx.transmitter_gateway.wakeup import Wakeup
 
 LONG_S = 600.0
@@ -73,3 +75,11 @@ def test_notification_between_waking_up_and_reading_is_not_lost(
     wakeup.wait([], LONG_S)
     assert seen == [1, 2, 3]
     assert stored == [1, 2, 3, 4]
+
+
+def test_in_slow_motion_a_wait_takes_longer() -> None:
+    wakeup = Wakeup(Clock(0.1))
+    before_s = time.monotonic()
+    assert wakeup.wait([], 0.005) == set()
+    assert time.monotonic() - before_s >= 0.05
+    wakeup.close()

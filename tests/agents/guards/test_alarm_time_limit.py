@@ -78,3 +78,13 @@ def test_afterwards_nothing_rings(patient_limit: AlarmTimeLimit) -> None:
         pass
     compute_for(0.03)
     assert not patient_limit.over(0.005)
+
+
+@pytest.mark.usefixtures("limit")
+def test_in_slow_motion_a_call_may_use_more_processor_time() -> None:
+    slow = AlarmTimeLimit(speed=0.001)
+    with called(slow, 0.01):
+        compute_for(0.05)
+        assert not slow.over(0.01)
+    assert not slow.over(0.01)
+    assert slow.over(1e-5)

@@ -11,14 +11,15 @@ import pytest
 from support.bus import free_port
 from support.fleets import HARDWARE_PAIR, PAIR
 
+from rcopterx.bus.clock import Clock
 from rcopterx.bus.session import BusUnreachableError
-from rcopterx.deploy.hosts.launcher import Launcher, call_in_realtime
+from rcopterx.deploy.hosts.launcher import Launcher, call_in_realtime, stretched
 from rcopterx.deploy.hosts.resources import check_resources
 from rcopterx.deploy.hosts.run_directory import router_socket, run_directory, serial_path
 from rcopterx.deploy.hosts.running import RunningFleet, recorded
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.fleet.reading import parse_fleet
-from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.schema import FleetError, WatchdogConfig
 
 TWO_HOSTS = (
     PAIR
@@ -61,6 +62,21 @@ def test_every_process_runs_on_its_host_and_each_host_has_a_router() -> None:
         "router", "recorder", "simulator", "tracker", "transmitters", "agent-h1",
     ]  # fmt: skip
     assert names(TWO_HOSTS, "second") == ["router", "agent-h2"]
+
+
+def test_in_slow_motion_processes_may_be_silent_and_land_for_longer() -> None:
+    limits = WatchdogConfig()
+    assert stretched(limits, Clock()) == limits
+    slow = stretched(limits, Clock(0.2))
+    assert (slow.flight_s, slow.floor_s, slow.start_s) == (
+        pytest.approx(5 * limits.flight_s),
+        pytest.approx(5 * limits.floor_s),
+        limits.start_s,
+    )
+    assert stretched(limits, Clock(4.0)) == limits, "a process needs as much real time as ever"
+    (real,) = (spec.landing_s for spec in processes_of(parse_fleet(PAIR), "main") if spec.landing_s)
+    slower = parse_fleet(PAIR.replace("[simulator]", "[simulator]\nspeed = 0.2"))
+    assert max(spec.landing_s for spec in processes_of(slower, "main")) == pytest.approx(5 * real)
 
 
 def test_an_unknown_host_is_refused() -> None:

@@ -2,11 +2,19 @@
 
 import os
 import stat
+import time
 from pathlib import Path
 
 import pytest
 
-from rcopterx.deploy.hosts.run_directory import check_owner, run_directory
+from rcopterx.bus.clock import Clock
+from rcopterx.deploy.hosts.run_directory import (
+    Begun,
+    check_owner,
+    read_flight,
+    run_directory,
+    write_flight,
+)
 
 
 @pytest.fixture
@@ -40,3 +48,20 @@ def test_a_directory_of_another_user_is_refused(tmp_path: Path, monkeypatch: pyt
         os.chown(tmp_path, 12345, -1)
     with pytest.raises(OSError, match="belongs to another user"):
         check_owner(tmp_path)
+
+
+def test_a_restarted_recorder_continues_the_times_of_its_flight(tmp_path: Path) -> None:
+    path, clock = tmp_path / "flight-main.txt", Clock(0.2)
+    before_ns = time.time_ns()
+    flight = Begun.now("trio-20261122-141500", clock)
+    write_flight(path, flight)
+    assert read_flight(path) == flight
+    assert before_ns - 10**7 <= flight.zero_ns + clock.now() * 1e9 <= time.time_ns() + 10**7
+
+
+@pytest.mark.parametrize("content", [None, "", "trio", "trio x"])
+def test_without_a_launcher_no_flight_is_under_way(content: str | None, tmp_path: Path) -> None:
+    path = tmp_path / "flight-main.txt"
+    if content is not None:
+        path.write_text(content)
+    assert read_flight(path) is None

@@ -1,6 +1,7 @@
 """Promises of joining a fleet: it is the one that is up, and never another one than the one named."""
 
 import json
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -94,3 +95,27 @@ def test_the_record_of_a_fleet_can_be_read_by_other_programs(tmp_path: Path) -> 
     with router_of(written(tmp_path)):
         (record,) = (tmp_path / "run").glob("*/up-main.json")
         assert json.loads(record.read_text())["vehicles"] == ["h1", "h2"]
+
+
+def test_programs_that_join_a_fleet_use_its_clock(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    file = parse_fleet(path.read_text() + "[simulator]\n")
+    path.write_text(path.read_text() + "[simulator]\nspeed = 0.5\n")
+    with router_of(path), Fleet(file, timeout_s=DEADLINE_S) as by_name, Fleet.connect() as found:
+        assert by_name.file == found.file == load_fleet(path)
+        before_s = time.monotonic()
+        now_s = by_name.session.clock()
+        assert before_s - 0.01 <= now_s / 0.5 <= time.monotonic()
+
+
+def test_a_program_that_waits_for_a_fleet_to_come_up_uses_its_clock(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    file = parse_fleet(path.read_text() + "[simulator]\n")
+    path.write_text(path.read_text() + "[simulator]\nspeed = 0.5\n")
+    child = Child(ROLE, str(path))
+    try:
+        # It reads the record before the router has started, which takes longer than a second.
+        with Fleet(file, timeout_s=DEADLINE_S) as fleet:
+            assert fleet.file == load_fleet(path)
+    finally:
+        child.end()
