@@ -66,6 +66,7 @@ class RigVehicle:
     plant_type: Model | None = None
     deviation_share: float = 0.5
     as_published: bool = False
+    estimator: str = DEFAULT_ESTIMATOR
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,7 @@ class Rig:
             volume_max_m=(ROOM_M, ROOM_M, ROOM_M),
             configuration=Configuration(
                 vehicle.controller,
-                DEFAULT_ESTIMATOR,
+                vehicle.estimator,
                 {"horizon": vehicle.horizon, **vehicle.controller_settings},
                 vehicle.estimator_settings,
             ),

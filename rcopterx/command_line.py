@@ -22,6 +22,7 @@ from rcopterx.commands import (
     logs,
     margins,
     new_lab,
+    new_plugin,
     next_steps,
     radio,
     replay,
@@ -58,6 +59,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
     "Try out faults": (laboratory.inject, laboratory.replay_tracker),
     "Experiment": (experiment.experiment,),
+    "Extend": (new_plugin.new_plugin,),
     "Run one process": (
         roles.router, roles.recorder, roles.simulator, roles.tracker, roles.transmitters, roles.agent,
     ),

@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from reader_support import ROOT, cells_of, lines_of, reader
+from reader_support import ROOT, Reader, cells_of, lines_of, reader
 
 INSTALLS, RADIO = "installs what is in no copy of the repository", "wants a radio module and a hand on it"
 HOURS, DAEMON = "takes half an hour and more", "wants a container daemon"
@@ -109,8 +109,8 @@ NOT_TYPED = {
 }
 """Lines of pages that are not typed here: why, and what shows them instead or says that nothing does."""
 
-OWN_CONTROLLER = "pip install -e examples/own_controller"
-INTO_THE_COPY = "pip install --quiet --no-deps --no-build-isolation --target plugins examples/own_controller"
+OWN_CONTROLLER = "pip install -e mine pytest"
+INTO_THE_COPY = "pip install --quiet --no-deps --no-build-isolation --target plugins ./mine"
 UP, TAKE_OFF = "rcopterx up trio", "rcopterx takeoff"
 LAB = "cp deploy/fleets/trio.toml lab.toml"
 HOSTS = """cat >> lab.toml <<END
@@ -178,6 +178,10 @@ AT_LAST = {
 """What must work when everything has been typed."""
 
 
+SHOWN = {("tutorial.md", "rcopterx status"): "flown by mine"}
+"""What a line of a page prints."""
+
+
 def typed_of(page: Path) -> list[str]:
     """Everything that a page wants to be typed, in its order."""
     text = page.read_text(encoding="utf-8")
@@ -185,6 +189,9 @@ def typed_of(page: Path) -> list[str]:
 
 
 PAGES = [page for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))) if typed_of(page)]
+NEWCOMER = (ROOT / "README.md", ROOT / "docs" / "tutorial.md")
+"""Read one after the other, from the first flight to a controller of one's own."""
+READINGS = [NEWCOMER, *((page,) for page in PAGES if page not in NEWCOMER)]
 
 
 def test_whatever_is_not_typed_is_on_a_page_and_shown_elsewhere() -> None:
@@ -217,17 +224,24 @@ def meant(command: str, flights: list[str]) -> str:
 @pytest.mark.campaign
 @pytest.mark.integration
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_command_of_a_page_does_what_is_expected_of_it(page: Path, tmp_path: Path) -> None:
-    before = dict(BEFORE.get(page.name, {}))
+@pytest.mark.parametrize("pages", READINGS, ids=lambda pages: "+".join(page.name for page in pages))
+def test_every_command_of_pages_does_what_is_expected_of_it(pages: tuple[Path, ...], tmp_path: Path) -> None:
     with reader(tmp_path) as someone:
-        for command in typed_of(page):
-            for beginning in [beginning for beginning in before if command.startswith(beginning)]:
-                for line in before.pop(beginning):
-                    someone.type(line)
-            if "octave-cli" in command and shutil.which("octave-cli") is None:
-                continue
-            if command not in NOT_TYPED:
-                someone.type(meant(command, someone.flights()))
-        if page.name in AT_LAST:
-            someone.type(AT_LAST[page.name])
+        for page in pages:
+            type_page(page, someone)
+
+
+def type_page(page: Path, someone: Reader) -> None:
+    """Type what a page wants to be typed, and what its sentences say before."""
+    before = dict(BEFORE.get(page.name, {}))
+    for command in typed_of(page):
+        for beginning in [beginning for beginning in before if command.startswith(beginning)]:
+            for line in before.pop(beginning):
+                someone.type(line)
+        if "octave-cli" in command and shutil.which("octave-cli") is None:
+            continue
+        if command not in NOT_TYPED:
+            printed = someone.type(meant(command, someone.flights()))
+            assert SHOWN.get((page.name, command), "") in printed
+    if page.name in AT_LAST:
+        someone.type(AT_LAST[page.name])

@@ -1,4 +1,4 @@
-"""Promises of a fresh clone: `make` installs and flies, and builds the site."""
+"""Promises of a fresh clone: `make` installs and flies, an own controller flies, `make` builds the site."""
 
 import shutil
 import subprocess
@@ -37,6 +37,11 @@ def test_make_demo_flies_from_a_fresh_clone(clone: Path) -> None:
     flown = typed('make demo ARGS="--no-browser --seconds 40"', clone)
     assert "flown for 40 s" in flown
     assert "rcopterx 0" in typed(". .venv/bin/activate && rcopterx --version", clone)
+
+
+def test_an_own_controller_is_written_and_flies_in_a_fresh_clone(clone: Path) -> None:
+    written = ". .venv/bin/activate && rcopterx new-plugin controller mine"
+    typed(f"make kernels && {written} && pip install -e mine pytest && pytest mine", clone)
 
 
 @pytest.fixture(scope="module")

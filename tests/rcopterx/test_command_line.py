@@ -66,7 +66,7 @@ def test_the_help_names_all_commands() -> None:
 
 
 FLEETLESS = (
-    "experiment", "export", "flights", "recover", "replay", "replay-tracker", "report", "types",
+    "experiment", "export", "flights", "new-plugin", "recover", "replay", "replay-tracker", "report", "types",
     "udev-rules",
 )  # fmt: skip
 

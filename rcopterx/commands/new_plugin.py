@@ -1,0 +1,38 @@
+"""A package of one's own, from a template: `new-plugin`."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rcopterx.commands.fleet_option import user_errors
+
+
+class Kind(StrEnum):
+    """What a package can add."""
+
+    CONTROLLER = "controller"
+    ESTIMATOR = "estimator"
+    VEHICLE_TYPE = "vehicle-type"
+
+
+USED_BY = {
+    Kind.CONTROLLER: "rcopterx tune h2 --controller",
+    Kind.ESTIMATOR: "rcopterx tune h2 --estimator",
+    Kind.VEHICLE_TYPE: "rcopterx new-lab lab.toml --type",
+}
+
+
+def new_plugin(
+    kind: Annotated[Kind, typer.Argument(help="What the package adds.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Lower case letters, digits and _.")],
+) -> None:
+    """Write a package with a controller, estimator or vehicle type of your own, and a test that flies it."""
+    from rcopterx.deploy.new_package import write_package
+
+    with user_errors():
+        written = write_package(kind, name, Path())
+    for path in written:
+        typer.echo(path)
+    typer.echo(f"next:\n    pip install -e {name} pytest\n    pytest {name}\n    {USED_BY[kind]} {name}")
