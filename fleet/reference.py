@@ -31,11 +31,10 @@ from rcopterx.vehicles.tilt import TiltModel
 HEAD: Final = """\
 # The fleet file
 
-Generated from the types that read the file by `python -m rcopterx.fleet.reference`.
-
-A fleet is one TOML file. Only `name` and one vehicle with `subject` and `transmitter.port` are needed;
-everything else has a default. A file with a wrong or unknown key is refused as a whole, with the path of the
-key and what is allowed, and nothing is started. A complete file:
+Which keys does the file that describes a fleet have, and what may they contain? A fleet is one TOML file.
+Only `name` and one vehicle with `subject` and `transmitter.port` are needed; everything else has a default.
+A file with a wrong or unknown key is refused as a whole, with the path of the key and what is allowed, and
+nothing is started. A complete file:
 
 ```toml
 {example}```
@@ -44,6 +43,8 @@ key and what is allowed, and nothing is started. A complete file:
 - A *name* is `[a-z][a-z0-9_]{0,30}`. Every number is finite.
 - A table `[defaults]` holds keys that all vehicles share; those of a vehicle win, key by key.
 - Positions are in the inertial frame of the motion capture, z up.
+
+Generated from the types that read the file by `python -m rcopterx.fleet.reference`.
 """
 
 

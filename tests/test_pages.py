@@ -97,6 +97,20 @@ def test_every_anchor_that_a_page_outside_the_site_names_is_a_heading(name: str)
         assert anchor in anchors_of(ROOT / (path or name)), f"{path}#{anchor}"
 
 
+ANSWERS_NO_QUESTION = ("commands.md", "index.md")
+"""The usage of all commands, and the overview."""
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in PAGES if page.parent == ROOT / "docs" and page.name not in ANSWERS_NO_QUESTION],
+    ids=lambda page: page.name,
+)
+def test_the_first_sentence_of_a_page_is_the_question_that_it_answers(page: Path) -> None:
+    _, _, text = page.read_text(encoding="utf-8").partition("\n\n")
+    assert re.match(r"[^.?:|]+\?\s", text)
+
+
 def test_the_documentation_site_has_every_page_once() -> None:
     settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     named = re.findall(r"^ +- .*?([\w-]+(?:/[\w-]+)*\.md)$", settings, re.MULTILINE)
