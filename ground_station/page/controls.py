@@ -10,7 +10,6 @@ from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.geometry import on_level
-from rcopterx.ground_station.page.browser import add_kill_button
 from rcopterx.ground_station.page.formations import SHAPES
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.page.texts import vehicle_table
@@ -31,15 +30,6 @@ _STATES: Final[Mapping[str, tuple[int, ...]]] = {
 EFFORT: Final = "sticks"
 GROUPS: Final = (*_STATES, EFFORT)
 """Names of the factors on the weights of the cascade."""
-
-
-def add_fleet_controls(server: viser.ViserServer, steering: Steering) -> None:
-    """Add KILL and the buttons for all vehicles."""
-    add_kill_button(server, steering)
-    gui = server.gui
-    gui.add_button("Take off", icon=viser.Icon.PLANE_DEPARTURE).on_click(lambda _: steering.take_off())
-    gui.add_button("Land", icon=viser.Icon.PLANE_ARRIVAL).on_click(lambda _: steering.land())
-    gui.add_button("Reset killed vehicles", icon=viser.Icon.LOCK_OPEN).on_click(lambda _: steering.reset())
 
 
 def add_formation_controls(server: viser.ViserServer, fleet: Fleet, steering: Steering) -> None:

@@ -1,4 +1,4 @@
-// Limits how often a browser draws, so that it reacts to KILL however slowly it draws. Runs once.
+// Limits how often a browser draws, so that the panel reacts however slowly it draws. Runs once.
 if (!window.rcopterx) {
   // A browser without a graphics card draws on the processor, and handles no key meanwhile. After every picture
   // it therefore pauses for several times the drawing time, and it draws coarse pictures.

@@ -9,6 +9,7 @@ import io
 import logging
 import os
 import secrets
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
@@ -26,6 +27,10 @@ HOST: Final = "127.0.0.1"
 NAMES: Final = (HOST, "localhost")
 """Names under which this computer serves the page; a name that was rebound to its address is another one."""
 KEY_BYTES: Final = 32
+VIEW: Final = "view"
+"""Path of viser below the secret."""
+FROM_PAGE: Final = "X-Rcopterx"
+"""Header of requests, which only scripts of the page itself can send."""
 
 Respond = Callable[[ServerConnection, Request], Response | None]
 
@@ -36,10 +41,22 @@ class PageServer(viser.ViserServer):
     The path of the address is the secret, which the script of the page repeats for its WebSocket. Cookies
     would reach other servers of this computer, because browsers ignore the port.
 
-    Raises `RuntimeError`: viser does not use the guard.
+    Attributes
+    ----------
+    pages
+        Makes the HTML at each path below the secret; viser is at `VIEW`.
+    requests
+        Called in a thread of its own when the page requests a path.
+
+    Raises
+    ------
+    RuntimeError
+        viser does not use the guard.
     """
 
     def __init__(self, port: int, label: str, key: str) -> None:
+        self.pages: dict[str, Callable[[], str]] = {}
+        self.requests: dict[str, Callable[[], object]] = {}
         self._key, self._guarded = key, False
         # The greeting of viser has an address without the secret.
         with self._guard(), redirect_stdout(io.StringIO()):
@@ -63,7 +80,9 @@ class PageServer(viser.ViserServer):
         # Programs send no origin, browsers always do when they open a WebSocket.
         if origins not in ([], [f"http://{hosts[0]}"]):
             return "only the page itself may connect"
-        if not hmac.compare_digest(path.strip("/").encode(errors="replace"), self._key.encode()):
+        key, _, place = path.partition("/")
+        exists = place == VIEW or place in self.pages or place in self.requests
+        if not exists or not hmac.compare_digest(key.encode(errors="replace"), self._key.encode()):
             return "the address of the page is the one that `rcopterx ground` has printed"
         return None
 
@@ -84,20 +103,34 @@ class PageServer(viser.ViserServer):
 
     def _before(self, respond: Respond) -> Respond:
         def checked(connection: ServerConnection, request: Request) -> Response | None:
-            path = request.path.partition("?")[0]
+            path = request.path.partition("?")[0].strip("/")
             headers = request.headers
             refusal = self._refusal(path, headers.get_all("Host"), headers.get_all("Origin"))
-            if refusal is None:
+            place = path.partition("/")[2]
+            if refusal is not None:
+                return _response(HTTPStatus.FORBIDDEN, f"{refusal}\n")
+            if place == VIEW:
                 return respond(connection, replace(request, path="/"))
-            body = f"{refusal}\n".encode()
-            return Response(
-                HTTPStatus.FORBIDDEN,
-                "Forbidden",
-                Headers({"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}),
-                body,
-            )
+            if place in self.pages:
+                return _response(HTTPStatus.OK, self.pages[place]())
+            if FROM_PAGE not in headers:
+                return _response(HTTPStatus.FORBIDDEN, "only the page itself may request this\n")
+            threading.Thread(target=self.requests[place], name=place).start()
+            return _response(HTTPStatus.ACCEPTED, "")
 
         return checked
+
+
+def _response(status: HTTPStatus, text: str) -> Response:
+    body = text.encode()
+    kind = "text/html" if status == HTTPStatus.OK else "text/plain"
+    headers = {
+        "Cache-Control": "no-store",
+        "Connection": "close",
+        "Content-Length": str(len(body)),
+        "Content-Type": f"{kind}; charset=utf-8",
+    }
+    return Response(status, status.phrase, Headers(headers), body)
 
 
 def kept_key(path: Path) -> str:

@@ -3,17 +3,16 @@
 from collections.abc import Mapping
 from typing import Final
 
-import viser
-
 from rcopterx.bus import channels
 from rcopterx.ground_station.events import Timeline
-from rcopterx.ground_station.page.browser import limit_drawing
+from rcopterx.ground_station.page.browser import limit_drawing, run_once
 from rcopterx.ground_station.page.controls import (
     VehicleControls,
     Waypoints,
-    add_fleet_controls,
     add_formation_controls,
 )
+from rcopterx.ground_station.page.guard import PageServer
+from rcopterx.ground_station.page.header import Header
 from rcopterx.ground_station.page.history import History
 from rcopterx.ground_station.page.plots import Plots
 from rcopterx.ground_station.page.scene import FleetScene
@@ -28,37 +27,43 @@ NOTICE_S: Final = 6.0
 
 
 class PageFrame:
-    """The part of the page that browsers load while the fleet is still starting; `FleetPage` fills it."""
+    """The part of the page that browsers load while the fleet is still starting; `FleetPage` fills it.
 
-    def __init__(self, server: viser.ViserServer, name: str) -> None:
-        self.server = server
+    `steers` is False for a page that only watches.
+    """
+
+    def __init__(self, server: PageServer, name: str, steers: bool = True) -> None:
+        self.server, self.steers = server, steers
+        self.header = Header(server, name, steers, banner(name, (), ["waiting for the fleet to come up"]))
+        if steers:
+            run_once(server, "space.js")
         limit_drawing(server)
         server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         server.gui.set_panel_label(f"rcopterx {name}")
-        self.banner = server.gui.add_html(banner(name, (), ["waiting for the fleet to come up"]))
 
 
 class FleetPage:
-    """A running fleet in the browser; `steers` is False for a page that only watches."""
+    """A running fleet in the browser."""
 
-    def __init__(self, fleet: Fleet, frame: PageFrame, steers: bool = True) -> None:
+    def __init__(self, fleet: Fleet, frame: PageFrame) -> None:
         self._fleet = fleet
         self._server = server = frame.server
-        self.banner = frame.banner
+        self._header = frame.header
         self._applied = fleet.session.subscribe_all(channels.APPLIED)
         fleet.watch_latency()
         fleet.watch_motion()
         self.histories = {name: History() for name in fleet.file.vehicles}
         self.timeline = Timeline()
-        self.steering = Steering(fleet, self.notify) if steers else None
+        self.steering = Steering(fleet, self.notify) if frame.steers else None
         self._next_text_s = self._next_plot_s = 0.0
         if self.steering is not None:
-            add_fleet_controls(server, self.steering)
+            frame.header.connect(self.steering)
             server.gui.add_html(suggestions(fleet.file))
-        self.scene = FleetScene(fleet, server, self.steering)
+        # Browsers build what they receive first: the panel before the scene.
         self._add_tabs(server)
+        self.scene = FleetScene(fleet, server, self.steering)
 
-    def _add_tabs(self, server: viser.ViserServer) -> None:
+    def _add_tabs(self, server: PageServer) -> None:
         names = list(self._fleet.file.vehicles)
         tabs = server.gui.add_tab_group()
         self.vehicles = {}
@@ -103,8 +108,8 @@ class FleetPage:
     def _update_text(self, now_s: float, states: Mapping[str, VehicleState]) -> None:
         grounded = not any(state.airborne for state in states.values())
         problems = self._fleet.problems() if grounded else []
+        self._header.state = banner(self._fleet.file.title, states.values(), problems)
         with self._server.atomic():
-            self.banner.content = banner(self._fleet.file.title, states.values(), problems)
             for name, state in states.items():
                 self.vehicles[name].show(state)
             self.events.content = event_list(self.timeline.events, now_s)

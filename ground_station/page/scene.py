@@ -24,6 +24,8 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.vehicles.state import Array
 
+AMBIENT: Final = 1.2
+"""Intensity of the light that has no direction."""
 GREY: Final = (150, 150, 150)
 DARK: Final = (60, 60, 60)
 FUSELAGE_M: Final = (0.075, 0.035, 0.04)
@@ -48,14 +50,6 @@ class FleetScene:
     def __init__(self, fleet: Fleet, server: viser.ViserServer, steering: Steering | None) -> None:
         self._server = server
         self._pictures = 0
-        volume = fleet.file.volume
-        low, high = np.array(volume.min_m), np.array(volume.max_m)
-        width, depth, _ = (float(value) for value in high - low)
-        server.scene.add_grid("/floor", width=width, height=depth, cell_size=0.2, section_size=1.0)
-        server.scene.add_line_segments("/volume", box_edges(low, high), GREY, thickness=0.006)
-        middle = (low + high) / 2
-        server.initial_camera.look_at = tuple(middle)
-        server.initial_camera.position = tuple(middle + width * np.array([-0.85, -0.6, 0.4]))
         self.wind = server.gui.add_checkbox(
             "wind arrows", False, hint="acceleration by wind as estimated: 1 m long for 1 m/s²"
         )
@@ -64,6 +58,15 @@ class FleetScene:
             False,
             hint=f"{DEVIATIONS:g} standard deviations of the positions, {ENLARGED:g} times enlarged",
         )
+        server.scene.add_light_ambient("/light", intensity=AMBIENT)
+        volume = fleet.file.volume
+        low, high = np.array(volume.min_m), np.array(volume.max_m)
+        width, depth, _ = (float(value) for value in high - low)
+        server.scene.add_grid("/floor", width=width, height=depth, cell_size=0.2, section_size=1.0)
+        server.scene.add_line_segments("/volume", box_edges(low, high), GREY, thickness=0.006)
+        middle = (low + high) / 2
+        server.initial_camera.look_at = tuple(middle)
+        server.initial_camera.position = tuple(middle + width * np.array([-0.85, -0.6, 0.4]))
         self.links = server.scene.add_line_segments("/links", NOWHERE, GREY, thickness=0.006)
         self._vehicles = {
             vehicle.name: VehicleShape(server, vehicle.name, rgb_colour(index), steering)

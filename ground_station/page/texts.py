@@ -19,7 +19,7 @@ _SHORT: Final = f"{_CELL};white-space:nowrap;width:1%"
 
 
 def banner(fleet_name: str, states: Collection[VehicleState], problems: Sequence[str]) -> str:
-    """Name of the fleet, and below it alarms and the problems that block take-off."""
+    """Fleet and phases of its vehicles, and below them alarms and the problems that block take-off."""
     alarms = [
         f"{state.name}: {state.transmitter_state}: {state.reason}" for state in states if state.alarming
     ]
@@ -31,7 +31,8 @@ def banner(fleet_name: str, states: Collection[VehicleState], problems: Sequence
     ]
     lines = [f'<div style="{_ALARM};margin:3px 0">{escape(line)}</div>' for line in alarms]
     lines += [f'<div style="color:#b45309">{escape(line)}</div>' for line in problems if line not in alarms]
-    return f'<div style="{_SMALL}"><b>{escape(fleet_name)}</b>{"".join(lines)}</div>'
+    phases = " · ".join(f"{escape(state.name)} {escape(state.phase)}" for state in states)
+    return f'<div style="{_SMALL}"><b>{escape(fleet_name)}</b> {phases}{"".join(lines)}</div>'
 
 
 def suggestions(fleet: FleetFile) -> str:

@@ -67,15 +67,13 @@ def ground(
         try:
             with until_ctrl_c() as interruption:
                 # Browsers load the page while a fleet that has just been started comes up.
-                frame = PageFrame(server, file.name)
+                frame = PageFrame(server, file.name, steers=not watch_only)
                 typer.echo(f"{server.address}  (Ctrl-C ends the page, the fleet goes on)")
                 with (
                     _opened(server.address) if open_browser else nullcontext(),
                     joined_fleet(file, host, fleet, COMES_UP_S) as running,
                 ):
-                    _keep(
-                        FleetPage(running, frame, steers=not watch_only), running.session.clock, interruption
-                    )
+                    _keep(FleetPage(running, frame), running.session.clock, interruption)
         finally:
             server.stop()
 

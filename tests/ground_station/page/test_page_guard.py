@@ -23,7 +23,20 @@ from rcopterx.ground_station.page.guard import PageServer, kept_key
 from rcopterx.ground_station.page.page import FleetPage, PageFrame
 from rcopterx.ground_station.scripting.fleet import Fleet
 
-FORBIDDEN = 403
+ACCEPTED, FORBIDDEN = 202, 403
+FROM_PAGE = {"X-Rcopterx": "page"}
+PANEL = {
+    "GuiHtmlMessage", "GuiTabGroupMessage", "GuiDropdownMessage", "GuiButtonMessage", "GuiSliderMessage",
+    "GuiCheckboxMessage", "GuiUplotMessage",
+}  # fmt: skip
+SCENE = {
+    "FrameMessage",
+    "GridMessage",
+    "IcosphereMessage",
+    "LabelMessage",
+    "LineSegmentsMessage",
+    "BoxMessage",
+}
 KEY = "Zm9yIHRlc3RzIG9ubHksIG5vdCByYW5kb20"
 QUIET_S = 0.3
 
@@ -42,7 +55,7 @@ def connected(
     """A WebSocket as the script of the page opens it, with some of the request replaced."""
     port = server.get_port()
     with connect(
-        f"ws://{f'127.0.0.1:{port}' if host is None else host}/{KEY if path is None else path}",
+        f"ws://{f'127.0.0.1:{port}' if host is None else host}/{f'{KEY}/view' if path is None else path}",
         sock=socket.create_connection(("127.0.0.1", port)),
         origin=None if origin is None else Origin(origin),
         subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
@@ -51,10 +64,10 @@ def connected(
         yield client
 
 
-def fetched(server: PageServer, path: str, host: str | None = None) -> tuple[int, bytes]:
-    """Status and body of a page; without `host`, with the header that browsers send."""
+def fetched(server: PageServer, path: str, **headers: str) -> tuple[int, bytes]:
+    """Status and body of a page; without `Host`, with the header that browsers send."""
     client = http.client.HTTPConnection("127.0.0.1", server.get_port(), timeout=60)
-    client.request("GET", path, headers={} if host is None else {"Host": host})
+    client.request("GET", path, headers=headers)
     answer = client.getresponse()
     body = answer.read()
     client.close()
@@ -62,11 +75,21 @@ def fetched(server: PageServer, path: str, host: str | None = None) -> tuple[int
 
 
 def test_the_page_opens_at_its_address_and_nowhere_else(server: PageServer) -> None:
-    status, body = fetched(server, f"/{KEY}/")
-    assert status == 200
-    assert b"<html" in body
+    PageFrame(server, "lab")
+    for path in (f"/{KEY}/", f"/{KEY}/view/"):
+        status, body = fetched(server, path)
+        assert status == 200
+        assert b"<html" in body
     assert server.address == f"http://127.0.0.1:{server.get_port()}/{KEY}/"
-    for path in ("/", "/index.html", f"/?key={KEY}", f"/{KEY[:-1]}/", f"/{KEY}/../index.html", "/%ff"):
+    for path in (
+        "/",
+        "/index.html",
+        f"/?key={KEY}",
+        f"/{KEY[:-1]}/",
+        f"/{KEY}/index.html",
+        f"/{KEY}/../index.html",
+        "/%ff",
+    ):
         status, body = fetched(server, path)
         assert status == FORBIDDEN
         assert b"rcopterx ground" in body
@@ -82,7 +105,7 @@ def test_a_secret_is_long_random_private_and_kept_for_the_next_page(tmp_path: Pa
     assert kept_key(tmp_path / "watch.key") != key
 
 
-@pytest.mark.parametrize("path", ["", "?key=x", "wrong"])
+@pytest.mark.parametrize("path", ["", "?key=x", "wrong", "wrong/view", f"{KEY}/other"])
 def test_a_websocket_without_the_secret_is_refused(server: PageServer, path: str) -> None:
     with pytest.raises(InvalidStatus) as refused, connected(server, path):
         pass
@@ -109,7 +132,7 @@ def test_pages_of_the_server_itself_connect(server: PageServer, name: str) -> No
 @pytest.mark.parametrize("host", ["evil.example:{port}", "127.0.0.1.evil.example:{port}", "evil.example"])
 def test_a_name_that_was_rebound_to_this_computer_is_refused(server: PageServer, host: str) -> None:
     named = host.format(port=server.get_port())
-    assert fetched(server, f"/{KEY}/", named)[0] == FORBIDDEN
+    assert fetched(server, f"/{KEY}/view", Host=named)[0] == FORBIDDEN
     with pytest.raises(InvalidStatus) as refused, connected(server, host=named, origin=f"http://{named}"):
         pass
     assert refused.value.response.status_code == FORBIDDEN
@@ -169,18 +192,12 @@ def messages_of(client: ClientConnection) -> list[dict[str, Any]]:
 
 
 def press_everything(client: ClientConnection) -> int:
-    """Trigger every command and press every button that a browser has received; return how many."""
-    pressed = 0
-    for message in messages_of(client):
-        if message["type"] == "RegisterCommandMessage":
-            press: dict[str, object] = {"type": "CommandTriggerMessage"}
-        elif message["type"] == "GuiButtonMessage":
-            press = {"type": "GuiUpdateMessage", "updates": {"value": True}}
-        else:
-            continue
-        client.send(msgpack.packb(press | {"uuid": message["uuid"]}))
-        pressed += 1
-    return pressed
+    """Press every button that a browser has received from viser; return how many."""
+    buttons = [message for message in messages_of(client) if message["type"] == "GuiButtonMessage"]
+    for button in buttons:
+        press = {"type": "GuiUpdateMessage", "updates": {"value": True}, "uuid": button["uuid"]}
+        client.send(msgpack.packb(press))
+    return len(buttons)
 
 
 @pytest.mark.parametrize("steers", [True, False], ids=["control", "watch-only"])
@@ -190,17 +207,47 @@ def test_a_page_that_only_watches_has_nothing_to_press(
     vehicles: dict[str, ScriptedVehicle],
     steers: bool,
 ) -> None:
-    FleetPage(fleet, PageFrame(server, "lab"), steers=steers)
+    FleetPage(fleet, PageFrame(server, "lab", steers=steers))
+    assert (b"<button" in fetched(server, f"/{KEY}/")[1]) is steers
     with connected(server) as client:
         client.send(msgpack.packb(CAMERA))
         pressed = press_everything(client)
+        asked = [fetched(server, f"/{KEY}/{what}", **FROM_PAGE)[0] for what in ("land", "kill")]
         if steers:
-            assert pressed > 5
+            assert pressed > 3
+            assert asked == [ACCEPTED, ACCEPTED]
             wait_for(lambda: all(one.state == "killed" for one in vehicles.values()), "not killed")
         else:
-            assert pressed == 0
+            assert (pressed, asked) == (0, [FORBIDDEN, FORBIDDEN])
             time.sleep(QUIET_S)
             assert all(one.kills == [] and one.requests == [] for one in vehicles.values())
+
+
+def test_a_link_to_a_request_does_nothing(
+    server: PageServer, fleet: Fleet, vehicles: dict[str, ScriptedVehicle]
+) -> None:
+    FleetPage(fleet, PageFrame(server, "lab"))
+    assert fetched(server, f"/{KEY}/kill")[0] == FORBIDDEN
+    time.sleep(QUIET_S)
+    assert all(one.kills == [] for one in vehicles.values())
+
+
+def test_browsers_receive_state_and_kill_first_then_the_panel_and_then_the_scene(
+    server: PageServer, fleet: Fleet
+) -> None:
+    FleetPage(fleet, PageFrame(server, "lab")).update(time.monotonic())
+    header = fetched(server, f"/{KEY}/")[1].decode()
+    assert (
+        header.index("KILL") < header.index("Take off") < header.index("h1 ground") < header.index("<iframe")
+    )
+    with connected(server) as client:
+        # viser draws the axes of the world by itself.
+        messages = [message for message in messages_of(client) if message.get("name") != "/WorldAxes"]
+    panel = [at for at, message in enumerate(messages) if message["type"] in PANEL]
+    scene = [at for at, message in enumerate(messages) if message["type"] in SCENE]
+    assert len(panel) > 20
+    assert len(scene) > 10
+    assert panel[-1] < scene[0]
 
 
 CAMERA = {

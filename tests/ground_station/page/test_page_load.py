@@ -58,7 +58,9 @@ def test_the_page_of_twelve_vehicles_takes_little_of_a_processor(
         assert page.stdout is not None
         address = next(line.split()[0] for line in page.stdout if line.startswith("http"))
         with client.connect(
-            address.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"], max_size=None
+            address.replace("http", "ws") + "view",
+            subprotocols=[f"viser-v{viser.__version__}"],
+            max_size=None,
         ) as browser:
             received = [0]
 

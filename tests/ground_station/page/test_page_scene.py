@@ -6,13 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import viser
 from support.bus import free_port
 from support.scripted import ScriptedVehicle
 from support.waiting import wait_for
 
 from rcopterx.bus.messages import LeaderLink, SetPoint
 from rcopterx.bus.requests import Follow, GoTo, Tune
+from rcopterx.ground_station.page.guard import PageServer
 from rcopterx.ground_station.page.page import FleetPage, PageFrame
 from rcopterx.ground_station.scripting.fleet import Fleet
 
@@ -23,11 +23,11 @@ BY_HAND = SimpleNamespace(client=object())
 @pytest.fixture
 def opened(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., FleetPage]]:
     """Open pages; answers to their users are in `notices`."""
-    server = viser.ViserServer("127.0.0.1", free_port(), verbose=False)
+    server = PageServer(free_port(), "lab", "key-of-this-test")
     monkeypatch.setattr(FleetPage, "notify", lambda page, text, refused: notices.append((text, refused)))
     notices.clear()
     try:
-        yield lambda **options: FleetPage(fleet, PageFrame(server, fleet.file.name), **options)
+        yield lambda **options: FleetPage(fleet, PageFrame(server, fleet.file.name, **options))
     finally:
         server.stop()
 
@@ -41,12 +41,12 @@ notices: list[tuple[str, bool]] = []
 
 
 def test_browsers_are_told_to_wait_until_the_fleet_is_there(fleet: Fleet) -> None:
-    server = viser.ViserServer("127.0.0.1", free_port(), verbose=False)
+    server = PageServer(free_port(), "lab", "key-of-this-test")
     try:
         frame = PageFrame(server, fleet.file.name)
-        assert "waiting for the fleet" in frame.banner.content
+        assert "waiting for the fleet" in server.pages[""]()
         FleetPage(fleet, frame).update(time.monotonic())
-        assert "waiting for the fleet" not in frame.banner.content
+        assert "waiting for the fleet" not in server.pages[""]()
     finally:
         server.stop()
 

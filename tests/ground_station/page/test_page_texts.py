@@ -38,7 +38,8 @@ def test_a_banner_tells_who_is_not_flown_by_its_agent_and_what_blocks_take_off()
     shown = banner("lab", [STATE, replace(STATE, name="h2", transmitter=held)], ["h3: <no> pose"])
     assert "h2: land: no command" in shown
     assert "h3: &lt;no&gt; pose" in shown
-    assert "h1" not in shown
+    assert "h1 flying · h2 flying" in shown
+    assert "h1:" not in shown
 
 
 def test_what_people_should_know_of_a_vehicle_catches_the_eye() -> None:
