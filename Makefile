@@ -7,7 +7,7 @@ ARGS ?=
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo kernels test campaign fuzz mutation lint docs wheel clean
+.PHONY: help demo kernels test campaign fuzz measure mutation lint docs wheel clean
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
@@ -15,6 +15,7 @@ help:
 	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
 	@echo "make fuzz      coverage-guided fuzzing of what reads bytes from outside, 5 minutes each; ARGS=\"codec 60\""
 	@echo "make mutation  how many changes of arbiter, landing, watchdog and transmitter the unit tests notice (90 minutes)"
+	@echo "make measure   size, cost and latency of this commit, added to those of earlier ones (2 minutes, idle computer)"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make docs      the documentation site, in build/site"
 	@echo "make wheel     source archive and wheel in dist, checked, and flown from empty environments"
@@ -65,6 +66,9 @@ fuzz: $(VENV)/.fuzz
 
 mutation: $(VENV)/.mutation
 	$(BIN)/python tests/mutation_score.py
+
+measure: $(VENV)/.test
+	$(BIN)/python docs/figures/measure_commit.py
 
 lint: $(VENV)/.test
 	$(BIN)/ruff format --check .

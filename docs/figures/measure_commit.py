@@ -1,0 +1,101 @@
+"""Measure this commit, append its figures to docs/figures/commits.jsonl, and draw all lines of that file.
+
+`make measure` flies three vehicles for half a minute; nothing else should run on the computer. Figures of two
+computers do not compare, so each line names the processor; those that were not measured are missing.
+"""
+
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from rcopterx.benchmarks.cost import TRIALS, measured
+
+ROOT = Path(__file__).parents[2]
+DATA = Path(__file__).with_name("commits.jsonl")
+PLOT = Path(__file__).with_name("commits.svg")
+PLOTS = {
+    "size of the code [lines of Python]": ("product_lines", "test_lines"),
+    "compiling all kernels, processor time [s]": ("kernels_s",),
+    "three vehicles: processors in use, all processes": ("processors",),
+    "three vehicles: from pose to command [ms]": ("pose_to_command_p50_ms", "pose_to_command_p99_ms"),
+    "three vehicles: memory of all processes [MB]": ("memory_mb",),
+    "control step, N = 110, mean [ms]": ("step_mean_ms",),
+}
+"""Quantities of each plot."""
+VEHICLES = 3
+COUNTED = re.compile(r"^HEAD:(.+):(\d+)$", re.MULTILINE)
+
+
+def _git(*arguments: str) -> str:
+    done = subprocess.run(["git", *arguments], cwd=ROOT, check=True, capture_output=True, text=True)
+    return done.stdout.strip()
+
+
+def _lines() -> dict[str, int]:
+    lines = {"product_lines": 0, "test_lines": 0}
+    for path, count in COUNTED.findall(_git("grep", "--count", "", "HEAD", "--", "*.py")):
+        lines["test_lines" if path.startswith("tests/") else "product_lines"] += int(count)
+    return lines
+
+
+def _kernels_s() -> float:
+    """Processor time of compiling all kernels into an empty directory."""
+    before = os.times()
+    with tempfile.TemporaryDirectory() as kernels:
+        environment = os.environ | {"RCOPTERX_KERNELS": kernels}
+        subprocess.run([sys.executable, "-m", "rcopterx.compiling"], env=environment, cwd=ROOT, check=True)
+    after = os.times()
+    return sum(after[2:4]) - sum(before[2:4])
+
+
+def measure() -> dict[str, Any]:
+    """Figures of the commit that is checked out."""
+    trio, step = (measured(TRIALS[name], ROOT) for name in ("trio", "step"))
+    commit, date = _git("log", "-1", "--format=%h %cs").split()
+    return {
+        "commit": commit,
+        "date": date,
+        "processor": f"{os.cpu_count()} x {platform.processor() or platform.machine()}",
+        **_lines(),
+        "kernels_s": round(_kernels_s(), 1),
+        "processors": round(VEHICLES * trio["total_share"], 3),
+        "pose_to_command_p50_ms": trio["pose_to_command_p50_ms"],
+        "pose_to_command_p99_ms": trio["pose_to_command_p99_ms"],
+        "memory_mb": round(trio["memory_mb"]),
+        "step_mean_ms": step["mean_ms"],
+    }
+
+
+def draw(rows: list[dict[str, Any]]) -> None:
+    """Draw one plot for each entry of `PLOTS` that was measured, commits from left to right."""
+    plots = [(title, names) for title, names in PLOTS.items() if any(names[0] in row for row in rows)]
+    figure = Figure(figsize=(8, 2.5 * len(plots)), layout="constrained")
+    commits = [f"{row['commit']}\n{row['date'][5:]}" for row in rows]
+    for axes, (title, names) in zip(figure.subplots(len(plots), squeeze=False).flat, plots, strict=True):
+        for name in names:
+            axes.plot(commits, [row.get(name, float("nan")) for row in rows], marker="o", label=name)
+        axes.set_title(title, fontsize="small")
+        axes.tick_params(labelsize=6)
+        axes.set_ylim(bottom=0.0)
+        if len(names) > 1:
+            axes.legend(fontsize="x-small")
+    figure.savefig(PLOT, metadata={"Date": None})
+
+
+def main() -> None:
+    """Append a line, and draw all."""
+    with DATA.open("a", encoding="utf-8") as data:
+        data.write(json.dumps(measure()) + "\n")
+    draw([json.loads(line) for line in DATA.read_text(encoding="utf-8").splitlines()])
+
+
+if __name__ == "__main__":
+    main()
