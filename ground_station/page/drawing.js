@@ -40,7 +40,13 @@ if (!window.rcopterx) {
     busy = false;
     schedule();
   };
+  // Drawing requests every frame with the same function; animations of the panel have new ones and do not wait.
+  const known = new WeakSet();
   window.requestAnimationFrame = (callback) => {
+    if (!known.has(callback)) {
+      known.add(callback);
+      return draw(callback);
+    }
     waiting.set(++number, callback);
     schedule();
     return number;

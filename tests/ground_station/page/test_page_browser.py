@@ -137,6 +137,12 @@ def test_kill_state_take_off_and_landing_need_no_scrolling(browse: Browse, size:
         assert box["y"] + box["height"] <= size[1] / 3
 
 
+def test_the_panel_is_in_the_window_as_soon_as_it_is_there(browse: Browse) -> None:
+    tab = view_of(browse(DESKTOP)).get_by_role("tab", name="Events")
+    tab.wait_for(state="visible", timeout=60_000)
+    wait_for(lambda: (box := tab.bounding_box()) and box["y"] < DESKTOP[1] / 2, "outside", 5.0)
+
+
 def test_kill_is_obeyed_in_the_same_moment_as_other_buttons(browse: Browse, vehicles: Vehicles) -> None:
     window = browse(DESKTOP)
     window.evaluate(

@@ -15,11 +15,25 @@ WINDOW = """
 globalThis.document = { createElement: () => ({ getContext: () => null }) };
 globalThis.window = { requestAnimationFrame: draw => setTimeout(draw, 1), cancelAnimationFrame: () => {} };
 """
-DRAW_TWICE = """
-window.requestAnimationFrame(() => window.requestAnimationFrame(() => setTimeout(() => {
-  console.log(window.rcopterx.frames);
-  process.exit();
-}, 50)));
+DRAW_THREE_TIMES = """
+let drawn = 0;
+const draw = () => {
+  drawn += 1;
+  if (drawn < 3) { window.requestAnimationFrame(draw); return; }
+  setTimeout(() => { console.log(drawn, window.rcopterx.frames); process.exit(); }, 50);
+};
+window.requestAnimationFrame(draw);
+"""
+ANIMATE = """
+const slow = () => {
+  for (const from = Date.now(); Date.now() - from < 50;);
+  window.requestAnimationFrame(slow);
+};
+window.requestAnimationFrame(slow);
+let steps = 0;
+const step = () => { steps += 1; if (steps < 10) window.requestAnimationFrame(() => step()); };
+step();
+setTimeout(() => { console.log(steps > 2 * window.rcopterx.frames); process.exit(); }, 500);
 """
 
 
@@ -35,5 +49,12 @@ def test_every_script_is_javascript(script: Path) -> None:
 
 def test_drawing_goes_on_and_is_counted() -> None:
     script = next(path for path in SCRIPTS if path.name == "drawing.js").read_text(encoding="utf-8")
-    done = run("-e", WINDOW + script + DRAW_TWICE)
-    assert (done.stdout.strip(), done.stderr) == ("2", "")
+    done = run("-e", WINDOW + script + DRAW_THREE_TIMES)
+    # The first picture cannot be distinguished from an animation.
+    assert (done.stdout.strip(), done.stderr) == ("3 2", "")
+
+
+def test_animations_of_the_panel_do_not_wait_for_drawing() -> None:
+    script = next(path for path in SCRIPTS if path.name == "drawing.js").read_text(encoding="utf-8")
+    done = run("-e", WINDOW + script + ANIMATE)
+    assert (done.stdout.strip(), done.stderr) == ("true", "")
