@@ -2,6 +2,7 @@
 
 import http.client
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -217,6 +218,9 @@ def test_a_page_that_only_watches_has_nothing_to_press(
             assert pressed > 3
             assert asked == [ACCEPTED, ACCEPTED]
             wait_for(lambda: all(one.state == "killed" for one in vehicles.values()), "not killed")
+            wait_for(
+                lambda: not {"land", "kill"} & {one.name for one in threading.enumerate()}, "requests last"
+            )
         else:
             assert (pressed, asked) == (0, [FORBIDDEN, FORBIDDEN])
             time.sleep(QUIET_S)
