@@ -17,7 +17,7 @@ from rcopterx.agents.formation.topology import ancestors, places
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.events import Event, GoTo
 from rcopterx.experiments.figures import finish_figure
-from rcopterx.experiments.knowledge import Knowledge, flies_helicopters
+from rcopterx.experiments.knowledge import Knowledge, beyond_equation_1
 from rcopterx.experiments.record import rms, rms_and_max_mm
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
@@ -161,10 +161,10 @@ def fly_helicopters(
 
 def cases(options: Options) -> Cases[Any]:
     """Every formation; chains of helicopters in their conditions."""
-    if not flies_helicopters(options.conditions):
+    if not beyond_equation_1(options.conditions):
         return {name: partial(fly_shape, links, options.quick) for name, links in SHAPES.items()}
     return {
-        f"{length} helicopters / {knowledge} / copies {share:g}": partial(
+        f"{length} vehicles / {knowledge} / copies {share:g}": partial(
             fly_helicopters, length, knowledge, share, options.quick
         )
         for length in LENGTHS[: 1 if options.quick else None]
@@ -211,7 +211,7 @@ def generation(links: FormationGraph, name: str) -> int:
 
 def draw_chain(result: Result[Any], figure: Any) -> None:
     """Draw errors against the generation, in chains of helicopters of the longest one."""
-    if flies_helicopters(result.options.conditions):
+    if beyond_equation_1(result.options.conditions):
         draw_depth(list(result.document.values())[-1], figure)
         return
     figure.set_size_inches(8, 4.5)

@@ -1,4 +1,4 @@
-"""Helicopters drawn from the family, each flown through hover, steps, yaw steps and a figure-eight.
+"""Vehicles drawn from a family, each flown through hover, steps, yaw steps and a figure-eight.
 
 What a laboratory may expect of an untuned vehicle: a distribution over many vehicles, at several levels of
 knowledge of the vehicle, with the tilt measured and without.
@@ -16,7 +16,7 @@ import numpy as np
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments.events import Event, Fly, GoTo
 from rcopterx.experiments.figures import finish_figure
-from rcopterx.experiments.knowledge import Knowledge
+from rcopterx.experiments.knowledge import COAXIAL, Knowledge, plant_type
 from rcopterx.experiments.record import VehicleRecord, rms
 from rcopterx.experiments.rig import GUARDED, Progress, Rig
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
@@ -45,7 +45,7 @@ TARGETS_MM: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(
         "exact / positions only": (11.0, 20.0),
     }
 )
-"""Targets of hover by level: median and worst vehicle."""
+"""Targets of hover of helicopters by level: median and worst vehicle."""
 PANELS: Final = MappingProxyType(
     {
         "hover_mm": "hover: rms error of the worse horizontal axis [mm]",
@@ -200,7 +200,7 @@ def draw_family(result: Result[Flown], figure: Any) -> None:
             ordered = np.sort([getattr(one, name) for one in flown.values()])
             share = np.arange(1, len(ordered) + 1) / len(ordered)
             axes.step(ordered, share, where="post", color=colour, label=title)
-            if name == "hover_mm":
+            if name == "hover_mm" and plant_type(result.options.conditions) is COAXIAL:
                 axes.plot(TARGETS_MM[level], (0.5, 1.0), "o", color=colour, fillstyle="none", clip_on=False)
         axes.set_xlabel(label)
         axes.set_xlim(left=0.0)
@@ -211,7 +211,7 @@ def draw_family(result: Result[Flown], figure: Any) -> None:
 
 EXPERIMENT: Final = Experiment(
     "family",
-    "Fifty drawn helicopters hover, step, turn and fly an eight",
+    "Fifty drawn vehicles hover, step, turn and fly an eight",
     {"helicopters": 50},
     cases,
     lambda _, flights: distribution(flights),

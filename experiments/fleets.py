@@ -1,4 +1,4 @@
-"""Formations of three helicopters drawn from the family: five minutes of set points, distances and yaw steps.
+"""Formations of three vehicles drawn from a family: five minutes of set points, distances and yaw steps.
 
 The sequence of `formation`, flown with the default configuration; every seed draws three other vehicles.
 """
@@ -71,7 +71,7 @@ def figures(_: str, fleets: Mapping[int, Flown]) -> dict[str, Any]:
 
 EXPERIMENT: Final = Experiment(
     "fleets",
-    "Formations of ten fleets of drawn helicopters",
+    "Formations of ten fleets of drawn vehicles",
     {"helicopters": 10},
     cases,
     figures,

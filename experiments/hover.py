@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.experiments.figures import finish_figure
-from rcopterx.experiments.knowledge import flies_helicopters
+from rcopterx.experiments.knowledge import beyond_equation_1
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result, median_and_worst
 from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, KUNZ, PAPER, Scheme
@@ -34,7 +34,7 @@ LAG_SCHEMES: Final = (
 
 def schemes_in(conditions: Conditions) -> tuple[Scheme, ...]:
     """Schemes of these conditions; on helicopters also the cascade without each of its parts."""
-    if flies_helicopters(conditions):
+    if beyond_equation_1(conditions):
         return (*HELICOPTER_SCHEMES.values(), *ABLATIONS.values())
     return LAG_SCHEMES
 
@@ -50,7 +50,7 @@ def fly_hover(
 
 def cases(options: Options) -> Cases[Array]:
     """Every scheme of these conditions."""
-    drawn = flies_helicopters(options.conditions)
+    drawn = beyond_equation_1(options.conditions)
     flight_s = QUICK_FLIGHT_S if options.quick else HELICOPTER_FLIGHT_S if drawn else FLIGHT_S
     return {scheme.name: partial(fly_hover, scheme, flight_s) for scheme in schemes_in(options.conditions)}
 

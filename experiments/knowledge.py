@@ -1,9 +1,10 @@
 """Models that pilots get of their vehicles: of the type only, the true parameters, or wrong ones.
 
-In conditions with first-order plants there is one model, their nominal parameters. Helicopters are flown at
-several levels of knowledge, so that experiments can compare them.
+In conditions with first-order plants there is one model, their nominal parameters. Helicopters and Crazyflies
+are flown at several levels of knowledge, so that experiments can compare them.
 """
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from typing import Final, Literal
@@ -18,14 +19,22 @@ from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.helicopter import helicopter_of
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.simulator.identified_crazyflie import (
+    FULL_THRUST_SHARE,
+    FULL_TILT_RAD,
+    FULL_YAW_RATE_RAD_S,
+    IdentifiedCrazyflie,
+    crazyflie_of,
+)
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import IDENTIFIED, Model
-from rcopterx.vehicles.state import GRAVITY_M_S2
+from rcopterx.vehicles.state import GRAVITY_M_S2, four
 from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.tuples import Three
 
 COAXIAL: Final = vehicle_type("coaxial").model
 COAXIAL_LAG: Final = vehicle_type("coaxial_lag").model
+CRAZYFLIE: Final = vehicle_type("crazyflie").model
 
 Knowledge = Literal["default", "identified", "exact", "lag", "late"]
 """`default`: the type. `identified`: fitted to a flight of the vehicle; the type where the fit was refused.
@@ -35,6 +44,8 @@ with a transport delay that is one period too short."""
 LEVELS: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
 """Levels of knowledge that a laboratory may have of its vehicles; the others are for comparisons."""
 LATE_S: Final = 0.02
+PROMPT_S: Final = 0.005
+"""Servo lag of a vehicle without servos."""
 EXCITED_S: Final = 70.0
 SETTLING_S: Final = 6.0
 REACH_M: Final = 0.4
@@ -46,20 +57,22 @@ class NotIdentifiedError(ValueError):
     """The excitation ended early; the message says why."""
 
 
-def flies_helicopters(conditions: Conditions) -> bool:
-    """Whether coaxial vehicles are helicopters in these conditions."""
-    return conditions.coaxial_plant != "first_order"
-
-
 def plant_type(conditions: Conditions) -> Model:
-    """Vehicle type that flies in these conditions."""
-    return COAXIAL if flies_helicopters(conditions) else COAXIAL_LAG
+    """Vehicle type that experiments fly in these conditions."""
+    if conditions.attitude_plant != "first_order":
+        return CRAZYFLIE
+    return COAXIAL if conditions.coaxial_plant != "first_order" else COAXIAL_LAG
+
+
+def beyond_equation_1(conditions: Conditions) -> bool:
+    """Whether vehicles differ from equation (1), so that pilots may know more or less of them."""
+    return plant_type(conditions) is not COAXIAL_LAG
 
 
 def known_model(
     knowledge: Knowledge, conditions: Conditions, name: str, seed: int, measured_tilt: bool = True
 ) -> Model:
-    """Model of a coaxial vehicle that a pilot gets.
+    """Model that a pilot gets of a vehicle of the conditions' type.
 
     Parameters
     ----------
@@ -69,23 +82,24 @@ def known_model(
     Raises
     ------
     ValueError
-        Knowledge of a helicopter in conditions with first-order plants.
+        Knowledge of first-order plants.
     """
-    if not flies_helicopters(conditions):
+    nominal = plant_type(conditions)
+    if nominal is COAXIAL_LAG:
         if knowledge != "default":
-            raise ValueError(
-                f"knowledge {knowledge!r} is about helicopters, and these are first-order plants"
-            )
-        return COAXIAL_LAG
+            raise ValueError(f"knowledge {knowledge!r}: first-order plants are known by default only")
+        return nominal
     if knowledge == "identified":
         return identified_model(conditions, name, seed, measured_tilt)
+    if knowledge == "exact" and nominal is CRAZYFLIE:
+        return exact_crazyflie(crazyflie_of(name, conditions, seed))
     if knowledge == "exact":
         return exact_model(helicopter_of(name, conditions, seed))
     if knowledge == "lag":
-        return replace(COAXIAL, tilt=None)
+        return replace(nominal, tilt=None)
     if knowledge == "late":
-        return replace(COAXIAL, delay_s=COAXIAL.delay_s - LATE_S)
-    return COAXIAL
+        return replace(nominal, delay_s=nominal.delay_s - LATE_S)
+    return nominal
 
 
 def exact_model(parameters: HelicopterParameters) -> Model:
@@ -142,6 +156,25 @@ def exact_model(parameters: HelicopterParameters) -> Model:
     )
 
 
+def exact_crazyflie(vehicle: IdentifiedCrazyflie) -> Model:
+    """The model that a perfect identification of a Crazyflie of `drone-models` would find."""
+    true = vehicle.parameters()
+    stiffness, rate_damping, pull = -true["rpy_coef"], -true["rpy_rates_coef"], true["cmd_rpy_coef"]
+    tilt_gain = GRAVITY_M_S2 * FULL_TILT_RAD * pull[0] / stiffness[0]
+    thrust_gain = FULL_THRUST_SHARE * true["thrust_max"] * true["cmd_f_coef"] / true["mass"]
+    yaw_damping, tilt_lag_s = pull[2] / rate_damping[2], rate_damping[0] / stiffness[0]
+    frequency_rad_s = math.sqrt(stiffness[0])
+    return replace(
+        CRAZYFLIE,
+        input_gain=four(np.array((tilt_gain, tilt_gain, thrust_gain, FULL_YAW_RATE_RAD_S * yaw_damping))),
+        damping=four(np.array((*np.diag(true["drag_matrix"]) / true["mass"], -yaw_damping))),
+        lag_s=four(np.array((tilt_lag_s, tilt_lag_s, true["thrust_time_coef"], 1 / rate_damping[2]))),
+        hover_thrust=float(GRAVITY_M_S2 / thrust_gain),
+        tilt=TiltModel(frequency_rad_s, float(rate_damping[0]) / frequency_rad_s / 2, PROMPT_S),
+        uncertainty=IDENTIFIED,
+    )
+
+
 def excited_flight(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> FlightRecording:
     """Hover a vehicle of which only the type is known, and excite its sticks; returns the excited part.
 
@@ -150,12 +183,12 @@ def excited_flight(conditions: Conditions, name: str, seed: int, measured_tilt: 
     NotIdentifiedError
         The excitation ended early.
     """
-    estimator_settings = {"measured_tilt": measured_tilt}
-    vehicle = RigVehicle(name, COAXIAL, Pose(PLACE_M), "cascade", estimator_settings=estimator_settings)
+    estimator_settings, nominal = {"measured_tilt": measured_tilt}, plant_type(conditions)
+    vehicle = RigVehicle(name, nominal, Pose(PLACE_M), "cascade", estimator_settings=estimator_settings)
     rig = Rig([vehicle], conditions, seed)
     rig.fly(SETTLING_S)
     pilot, log = rig.pilots[name], rig.log(name)
-    excitation = excitation_for(COAXIAL, EXCITED_S)
+    excitation = excitation_for(nominal, EXCITED_S)
     pilot.exciter.begin(excitation, np.array(PLACE_M), REACH_M, pilot.clock.time_s)
     rig.fly(EXCITED_S)
     if pilot.exciter.outcome not in (UNDER_WAY, DONE):
@@ -166,7 +199,7 @@ def excited_flight(conditions: Conditions, name: str, seed: int, measured_tilt: 
 
 def identification(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> Identification:
     """Identify a vehicle; arguments and errors of `excited_flight`."""
-    return identify(excited_flight(conditions, name, seed, measured_tilt), COAXIAL)
+    return identify(excited_flight(conditions, name, seed, measured_tilt), plant_type(conditions))
 
 
 @lru_cache(maxsize=256)
@@ -175,5 +208,5 @@ def identified_model(conditions: Conditions, name: str, seed: int, measured_tilt
     try:
         found = identification(conditions, name, seed, measured_tilt)
     except NotIdentifiedError:
-        return COAXIAL
-    return COAXIAL if found.problems else found.model
+        return plant_type(conditions)
+    return plant_type(conditions) if found.problems else found.model

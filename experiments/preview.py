@@ -14,7 +14,7 @@ import numpy as np
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments.events import Event, Fly, GoTo
 from rcopterx.experiments.figures import finish_figure
-from rcopterx.experiments.knowledge import flies_helicopters
+from rcopterx.experiments.knowledge import beyond_equation_1
 from rcopterx.experiments.record import rms, rms_and_max_mm
 from rcopterx.experiments.rig import Progress, Rig
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
@@ -71,7 +71,7 @@ HELICOPTER_SETTINGS: Final = (
 
 def settings_in(conditions: Conditions) -> tuple[Setting, ...]:
     """Settings that are flown in these conditions."""
-    return HELICOPTER_SETTINGS if flies_helicopters(conditions) else SETTINGS
+    return HELICOPTER_SETTINGS if beyond_equation_1(conditions) else SETTINGS
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from rcopterx.deploy.roles.run import end_with
 from rcopterx.experiments.kept import KeptFlights
-from rcopterx.experiments.knowledge import LEVELS, Knowledge, flies_helicopters
+from rcopterx.experiments.knowledge import LEVELS, Knowledge, beyond_equation_1
 from rcopterx.simulator.conditions import PRESETS, Conditions
 
 T = TypeVar("T")
@@ -113,7 +113,7 @@ class Experiment(Generic[T]):
 
     def presets(self, options: Options) -> dict[str, tuple[int, ...]]:
         """Seeds by preset; ideal conditions involve no chance, so they are flown once."""
-        ideal = self.beside_ideal and not flies_helicopters(options.conditions)
+        ideal = self.beside_ideal and not beyond_equation_1(options.conditions)
         return ({"ideal": options.seeds[:1]} if ideal else {}) | (
             {} if ideal and options.preset == "ideal" else {options.preset: options.seeds}
         )

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Final
 
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.experiments.knowledge import Knowledge, flies_helicopters, known_model, plant_type
+from rcopterx.experiments.knowledge import Knowledge, beyond_equation_1, known_model, plant_type
 from rcopterx.experiments.rig import RigVehicle
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
@@ -151,4 +151,4 @@ ABLATIONS: Final = by_name(
 
 def compared(conditions: Conditions) -> Mapping[str, Scheme]:
     """Schemes that are compared in these conditions, by name."""
-    return HELICOPTER_SCHEMES if flies_helicopters(conditions) else SCHEMES
+    return HELICOPTER_SCHEMES if beyond_equation_1(conditions) else SCHEMES

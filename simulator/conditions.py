@@ -7,6 +7,10 @@ from typing import Final
 from rcopterx.vehicles.tuples import Four, Three
 
 COAXIAL_PLANTS: Final = ("first_order", "helicopter", "drawn_helicopter")
+IDENTIFIED: Final = ("cf2x_L250", "cf2x_P250", "cf2x_T350", "cf21B_500")
+"""Types that the package `drone-models` has identified."""
+DRONE_MODELS: Final = "drone_models:"
+ATTITUDE_PLANTS: Final = ("first_order", *(DRONE_MODELS + kind for kind in (*IDENTIFIED, "drawn")))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +53,11 @@ class Conditions:
     """Plant of a coaxial vehicle, of `COAXIAL_PLANTS`: equation (1) with its mismatches; the helicopter with
     stabilizer bar in the middle of its family; or one drawn from the family for each vehicle. The latter
     two ignore `actuator_lag`, `lag_mismatch`, `parameter_mismatch` and `trim_offset`."""
+    attitude_plant: str = "first_order"
+    """Plant of a vehicle with a closed attitude loop, of `ATTITUDE_PLANTS`: equation (1), with its tilt; a
+    Crazyflie that the package `drone-models` identified; or one drawn around these for each vehicle. The
+    latter need the extra `physics`, have the full sticks of the type `crazyflie`, and ignore `actuator_lag`,
+    `lag_mismatch` and `parameter_mismatch`."""
     downwash_m_s2: float = 0.0
     """Downward acceleration of a vehicle that flies 0.3 m or less below another; above that it falls with
     1 / distance, and to the sides within 0.15 m."""
@@ -64,9 +73,9 @@ class Conditions:
         _require_between("battery_endurance_s", self.battery_endurance_s, 1.0, 1e6)
         _require_between("substep_s", self.substep_s, 1e-5, 0.004)
         _require_between("downwash_m_s2", self.downwash_m_s2, 0.0, 10.0)
-        if self.coaxial_plant not in COAXIAL_PLANTS:
-            allowed = ", ".join(COAXIAL_PLANTS)
-            raise ValueError(f"coaxial_plant: unknown plant {self.coaxial_plant!r}; allowed: {allowed}")
+        for name, plants in (("coaxial_plant", COAXIAL_PLANTS), ("attitude_plant", ATTITUDE_PLANTS)):
+            if (plant := getattr(self, name)) not in plants:
+                raise ValueError(f"{name}: unknown plant {plant!r}; allowed: {', '.join(plants)}")
         if self.transport_delay_s is not None:
             _require_between("transport_delay_s", self.transport_delay_s, 0.0, 1.0)
         for axis, rms in enumerate(self.turbulence_rms):
@@ -109,7 +118,16 @@ HELICOPTER: Final = replace(
 HELICOPTERS: Final = replace(HELICOPTER, coaxial_plant="drawn_helicopter")
 """The same with coaxial vehicles drawn from the family, by seed and name."""
 
+CRAZYFLIES: Final = replace(HELICOPTERS, attitude_plant="drone_models:drawn")
+"""The same with Crazyflies drawn around the identified ones."""
+
 PRESETS: Final = MappingProxyType(
-    {"ideal": IDEAL, "laboratory": LABORATORY, "helicopter": HELICOPTER, "helicopters": HELICOPTERS}
+    {
+        "ideal": IDEAL,
+        "laboratory": LABORATORY,
+        "helicopter": HELICOPTER,
+        "helicopters": HELICOPTERS,
+        "crazyflies": CRAZYFLIES,
+    }
 )
 """Conditions by name."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import PARAMETERS, random_stream
-from rcopterx.simulator.plant import CALM, Plant, Pose, four
+from rcopterx.simulator.plant import CALM, Pose, SteppedPlant, four
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tilt import TiltModel
@@ -81,7 +81,7 @@ def specimen(model: Model, conditions: Conditions, generator: np.random.Generato
     return true, four(conditions.trim_offset * trim)
 
 
-class FirstOrderPlant(Plant):
+class FirstOrderPlant(SteppedPlant):
     """A vehicle that obeys equation (1), with parameters drawn around those of its model.
 
     Public besides the members of every plant: `model` and `trim`, the true parameters.
@@ -171,24 +171,6 @@ class FirstOrderPlant(Plant):
         if self._loop is not None:
             self._loop.rest(self._actuator)
         return self.model.input_gain[2] * self._thrust_factor * self._actuator[2]
-
-    def _fly_on(self, count: int, step_s: float) -> int:  # noqa: ARG002 - one at a time is as good
-        self._use_battery(step_s * self._load)
-        x, y, z, yaw = CALM if self._weather is None else self._weather.at(self._time_s + step_s / 2)
-        self._fly(step_s, (x, y, z - self.downwash_m_s2, yaw))
-        self._meet_room()
-        self._time_s += step_s
-        return 1
-
-    def _meet_room(self) -> None:
-        """Land if the floor is reached, flag the flight volume."""
-        x, y, z, climb_m_s = self._whereabouts()
-        if z <= 0.0 and climb_m_s < 0.0:
-            self._touch_down(-climb_m_s)
-        low, high = self._conditions.volume_min_m, self._conditions.volume_max_m
-        inside = low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]
-        if not inside:
-            self.left_volume = True
 
     def _fly(self, step_s: float, weather: Four) -> None:
         """Explicit midpoint rule for the motion under the exact response of the actuators."""

@@ -12,6 +12,7 @@ from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.disturbance import NOISE, random_stream
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
+from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, crazyflie_of
 from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.vehicles.model import Model
 
@@ -32,13 +33,15 @@ def downwash_m_s2(below_m: float, aside_m: float, strength_m_s2: float) -> float
 
 
 def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> Plant:
-    """Plant of a vehicle at time 0: a helicopter if it is coaxial and the conditions require it, else
-    equation (1).
+    """Plant of a vehicle at time 0: equation (1), or what the conditions require for its airframe.
 
-    Raises `ValueError` for a start pose that is not finite or below the floor.
+    Raises `ValueError` for a start pose that is not finite or below the floor, and `ModuleNotFoundError` for
+    a Crazyflie without the package `drone-models`.
     """
     if model.airframe == "coaxial" and conditions.coaxial_plant != "first_order":
         return Helicopter(name, model, conditions, seed, start, helicopter_of(name, conditions, seed))
+    if model.airframe == "attitude" and conditions.attitude_plant != "first_order":
+        return CrazyfliePlant(name, model, conditions, seed, start, crazyflie_of(name, conditions, seed))
     return FirstOrderPlant(name, model, conditions, seed, start)
 
 

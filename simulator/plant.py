@@ -260,6 +260,32 @@ class Plant(ABC):
         """Return x, y, z and the climb rate."""
 
 
+class SteppedPlant(Plant):
+    """A plant that flies one substep after the other."""
+
+    def _fly_on(self, count: int, step_s: float) -> int:  # noqa: ARG002 - one at a time is as good
+        self._use_battery(step_s * self._load)
+        x, y, z, yaw = CALM if self._weather is None else self._weather.at(self._time_s + step_s / 2)
+        self._fly(step_s, (x, y, z - self.downwash_m_s2, yaw))
+        self._meet_room()
+        self._time_s += step_s
+        return 1
+
+    def _meet_room(self) -> None:
+        """Land if the floor is reached, flag the flight volume."""
+        x, y, z, climb_m_s = self._whereabouts()
+        if z <= 0.0 and climb_m_s < 0.0:
+            self._touch_down(-climb_m_s)
+        low, high = self._conditions.volume_min_m, self._conditions.volume_max_m
+        inside = low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]
+        if not inside:
+            self.left_volume = True
+
+    @abstractmethod
+    def _fly(self, step_s: float, weather: Four) -> None:
+        """Fly on under inertial accelerations by the air: x, y, z and yaw."""
+
+
 def four(numbers: Sequence[float] | Array) -> Four:
     """Four stick positions as floats; raises `ValueError` if there are not four."""
     if len(numbers) != 4:

@@ -46,6 +46,8 @@ _NORMAL: Final = 1.4826
 _FARTHEST: Final = 4.0
 """Parameters stay within so many spreads of their prior values."""
 _AT_BOUND: Final = 0.98 * _FARTHEST
+_VANISHED: Final = 0.1
+"""Lags below this share of a control period do not matter."""
 _EVALUATIONS: Final = 25
 _START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)
 """Start values of the tilt frequency, in spreads from the known one."""
@@ -129,7 +131,7 @@ def identify(recording: FlightRecording, model: Model) -> Identification:
     judged = recording.part(FITTED_SHARE - _SETTLE_S / recording.duration_s, 1.0)
     before = prediction_errors(Candidate(model, candidate.offsets), judged)
     after = prediction_errors(candidate, judged)
-    bounds = [name for found in fits for name in found.at_bounds]
+    bounds = [name for found in fits for name in found.at_bounds(recording.period_s)]
     essential = [_at_bound(name) for name in bounds if name in _ESSENTIAL]
     remarks = tuple(_doubtful(name) for name in bounds if name not in _ESSENTIAL)
     problems = (*_too_little(numbers), *_worse(before, after), *essential)
@@ -182,12 +184,16 @@ class _Found:
     position: Array
     deviation: Array
 
-    @property
-    def at_bounds(self) -> list[str]:
+    def at_bounds(self, period_s: float) -> list[str]:
+        """Names of parameters on their bounds; a lag that became too short to matter is none."""
+
+        def vanished(parameter: Parameter) -> bool:
+            return parameter.unit == "s" and parameter.read(self.candidate) < _VANISHED * period_s
+
         return [
             parameter.name
             for parameter, position in zip(self.parameters, self.position, strict=True)
-            if abs(position) >= _AT_BOUND
+            if abs(position) >= _AT_BOUND and not vanished(parameter)
         ]
 
     def numbers(self, start: Candidate) -> list[FittedParameter]:

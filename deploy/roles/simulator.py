@@ -14,6 +14,7 @@ from rcopterx.fleet.reading import replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.simulator.conditions import PRESETS, Conditions
+from rcopterx.simulator.identified_crazyflie import missing_library
 from rcopterx.simulator.plant import Pose
 from rcopterx.simulator.process import run_simulator
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
@@ -27,7 +28,7 @@ def run(fleet: FleetFile, _host: str) -> None:
 def conditions_of(fleet: FleetFile) -> Conditions:
     """Return the conditions of the simulated laboratory.
 
-    Raises `FleetError`: there is no simulator, or a preset or field is unknown.
+    Raises `FleetError`: there is no simulator, a preset or field is unknown, or a library is missing.
     """
     if fleet.simulator is None:
         raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")
@@ -41,7 +42,10 @@ def conditions_of(fleet: FleetFile) -> Conditions:
         volume_min_m=(low[0], low[1], -0.1),
         volume_max_m=high,
     )
-    return replaced(conditions, fleet.simulator.condition_overrides, "simulator.condition_overrides")
+    conditions = replaced(conditions, fleet.simulator.condition_overrides, "simulator.condition_overrides")
+    if (missing := missing_library(conditions)) is not None:
+        raise FleetError(f"simulator.conditions: {conditions.attitude_plant}: {missing}")
+    return conditions
 
 
 def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:

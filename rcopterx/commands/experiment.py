@@ -9,6 +9,7 @@ import typer
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, check_plot, print_document, write_plot
 from rcopterx.commands.parsing import check_known, different_numbers
 from rcopterx.simulator.conditions import PRESETS
+from rcopterx.simulator.identified_crazyflie import missing_library
 
 if TYPE_CHECKING:
     from rcopterx.experiments.knowledge import Knowledge
@@ -64,6 +65,9 @@ def experiment(
     chosen = EXPERIMENTS[name]
     presets = list(chosen.flights) if conditions is None else [conditions]
     check_known(presets, PRESETS, "preset", "--conditions")
+    for preset in presets:
+        if (missing := missing_library(PRESETS[preset])) is not None:
+            raise typer.BadParameter(f"{preset}: {missing}", param_hint="--conditions")
     numbers = None if seeds is None else different_numbers(seeds, "--seeds")
     levels = _levels(knowledge, chosen)
     _check_figure(chosen, plot)

@@ -4,16 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.vehicle_types import COAXIAL, COAXIAL_LAG
+from support.vehicle_types import COAXIAL, COAXIAL_LAG, CRAZYFLIE
 
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import predict
-from rcopterx.experiments.knowledge import LATE_S, exact_model, known_model
+from rcopterx.experiments.knowledge import LATE_S, exact_crazyflie, exact_model, known_model
 from rcopterx.experiments.rig import Rig
 from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES
-from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
+from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS, IDEAL, LABORATORY
+from rcopterx.simulator.conditions import IDENTIFIED as IDENTIFIED_CRAZYFLIES
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
-from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, IdentifiedCrazyflie, crazyflie_of
+from rcopterx.simulator.plant import CALM, Pose
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
 from rcopterx.vehicles.state import YAW_RATE, heading_matrix
 
@@ -69,6 +71,39 @@ def test_exact_model_predicts_how_thrust_and_yaw_stick_turn_a_drawn_helicopter(s
     assert np.abs(flown - expected).max() < 0.12 * np.abs(flown).max()
 
 
+@pytest.mark.parametrize("drone", IDENTIFIED_CRAZYFLIES)
+def test_the_type_of_crazyflies_covers_the_identified_ones(drone: str) -> None:
+    true, may = exact_crazyflie(IdentifiedCrazyflie(drone)), CRAZYFLIE.uncertainty
+    assert true.tilt is not None
+    assert CRAZYFLIE.tilt is not None
+    for own, nominal in zip(true.input_gain[:3], CRAZYFLIE.input_gain[:3], strict=True):
+        assert max(own / nominal, nominal / own) < may.gain_factor
+    assert true.tilt.frequency_rad_s == pytest.approx(
+        CRAZYFLIE.tilt.frequency_rad_s, rel=may.frequency_fraction
+    )
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_exact_model_predicts_the_flight_of_a_drawn_crazyflie(seed: int) -> None:
+    drawn = replace(crazyflie_of("h1", CRAZYFLIES, seed), trim=CALM)
+    model, calm = exact_crazyflie(drawn), replace(IDEAL, transport_delay_s=0.0)
+    hover = model.hover_input
+    plant = CrazyfliePlant("h1", CRAZYFLIE, calm, 0, Pose((0.0, 0.0, 5.0)), drawn)
+    plant.set_input(tuple(hover.tolist()))
+    plant.advance(1.0)
+    predicted = Estimate(np.array(plant.motion), hover, np.zeros(4))
+    flown, expected = [], []
+    for step in range(50):
+        stick = hover + np.array([0.1, -0.05, 0.03, 0.2 if step >= 20 else 0.0])
+        plant.set_input(tuple(stick.tolist()))
+        plant.advance(PERIOD_S)
+        predicted = predict(model, predicted, stick, PERIOD_S)
+        flown.append(plant.motion[4:])
+        expected.append(predicted.motion[4:])
+    errors = np.abs(np.array(flown) - expected).max(axis=0)
+    assert (errors < 0.1 * np.abs(flown).max(axis=0)).all()
+
+
 def test_pilots_know_the_type_the_truth_or_something_wrong() -> None:
     def known(knowledge: str) -> object:
         return known_model(knowledge, HELICOPTERS, "h1", 100)  # type: ignore[arg-type]  # of the table
@@ -79,11 +114,13 @@ def test_pilots_know_the_type_the_truth_or_something_wrong() -> None:
     assert exact_model(helicopter_of("h1", HELICOPTERS, 100)).uncertainty == IDENTIFIED
     assert known("lag") == replace(COAXIAL, tilt=None)
     assert known("late") == replace(COAXIAL, delay_s=COAXIAL.delay_s - LATE_S)
+    assert known_model("default", CRAZYFLIES, "h1", 100) is CRAZYFLIE
+    assert known_model("exact", CRAZYFLIES, "h1", 100) == exact_crazyflie(crazyflie_of("h1", CRAZYFLIES, 100))
 
 
 def test_first_order_plants_are_known_by_their_nominal_parameters_only() -> None:
     assert known_model("default", LABORATORY, "h1", 0) is COAXIAL_LAG
-    with pytest.raises(ValueError, match="about helicopters"):
+    with pytest.raises(ValueError, match="by default only"):
         known_model("exact", LABORATORY, "h1", 0)
 
 

