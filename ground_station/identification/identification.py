@@ -10,7 +10,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.requests import Excite
 from rcopterx.control.identification.excitation import COMBS, DONE, UNDER_WAY, excitation_for
-from rcopterx.control.identification.recording import FlightLog, FlightRecording
+from rcopterx.control.identification.recording import FlightLog, FlightRecording, RecordingError
 from rcopterx.control.interfaces import Measurement
 from rcopterx.fleet.vehicle_models import limits_of, model_of
 from rcopterx.ground_station.identification.spacing import IdentificationError, spread
@@ -168,7 +168,8 @@ def recording_of(recording: Recording, name: str, kind: str, period_s: float) ->
     Raises
     ------
     IdentificationError
-        Nothing was applied, the arbiter overrode the agent, or the motion capture restarted meanwhile.
+        Nothing was applied, messages are missing for long, the arbiter overrode the agent, or the motion
+        capture restarted meanwhile.
     """
     poses = [pose for pose, _ in recording.messages(channels.POSE, name)]
     applied = [one for one, _ in recording.messages(channels.APPLIED, name) if one.fresh]
@@ -179,7 +180,10 @@ def recording_of(recording: Recording, name: str, kind: str, period_s: float) ->
         raise IdentificationError(f"the arbiter was {', '.join(others)} meanwhile")
     if len({pose.epoch for pose in poses}) > 1:
         raise IdentificationError("the motion capture restarted meanwhile")
-    return _log(poses, applied, kind, period_s).recording()
+    try:
+        return _log(poses, applied, kind, period_s).recording()
+    except RecordingError as error:
+        raise IdentificationError(str(error)) from None
 
 
 def _log(poses: list[Pose], applied: list[Applied], kind: str, period_s: float) -> FlightLog:

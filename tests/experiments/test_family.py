@@ -20,7 +20,7 @@ from rcopterx.experiments.figures import save_figure
 from rcopterx.experiments.knowledge import LEVELS
 from rcopterx.experiments.runner import Options
 from rcopterx.experiments.schemes import Scheme
-from rcopterx.simulator.conditions import HELICOPTERS
+from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS
 
 GOOD = Flown(10.0, 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, False, False, 0)
 
@@ -30,6 +30,14 @@ def test_default_configuration_flies_a_drawn_helicopter_through_the_programme() 
     assert flown.hover_mm < 40
     assert flown.stick < 0.25
     assert flown.eight_mm <= flown.eight_max_mm < 150
+    assert (flown.lost, flown.touched_floor, flown.limit_cycle) == (False, False, False)
+    assert flown.fallbacks == 0
+
+
+def test_default_configuration_flies_a_drawn_crazyflie_through_the_programme() -> None:
+    flown = fly_member(levels_of(LEVELS)["default / tilt measured"], QUICK_PROGRAMME, CRAZYFLIES, 1)
+    assert flown.hover_mm < 20
+    assert flown.eight_mm <= flown.eight_max_mm < 100
     assert (flown.lost, flown.touched_floor, flown.limit_cycle) == (False, False, False)
     assert flown.fallbacks == 0
 

@@ -1,4 +1,4 @@
-"""A helicopter that is identified in flight hovers better than one of which only the type is known."""
+"""Vehicles that are identified in flight hover better than those of which only the type is known."""
 
 from dataclasses import replace
 
@@ -11,11 +11,12 @@ from rcopterx.experiments.knowledge import (
     excited_flight,
     identification,
     identified_model,
+    known_model,
 )
 from rcopterx.experiments.rig import Rig, RigVehicle
-from rcopterx.simulator.conditions import HELICOPTERS
+from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import Array
 
 SEED = 2
@@ -36,6 +37,20 @@ def test_an_identified_helicopter_hovers_better_than_its_type() -> None:
     assert after[:2].max() < 0.012
     assert after[:2].max() < 0.7 * before[:2].max()
     assert after[2] < 0.005
+
+
+def test_a_crazyflie_is_identified_and_its_uncertainty_narrows() -> None:
+    found, true = (
+        identification(CRAZYFLIES, "h1", SEED, measured_tilt=True),
+        known_model("exact", CRAZYFLIES, "h1", SEED),
+    )
+    assert (found.problems, found.remarks) == ((), ())
+    assert found.model.input_gain == pytest.approx(true.input_gain, rel=0.06)
+    assert found.model.lag_s[2] == pytest.approx(true.lag_s[2], rel=0.1)
+    assert found.model.tilt is not None
+    assert true.tilt is not None
+    assert found.model.tilt.frequency_rad_s == pytest.approx(true.tilt.frequency_rad_s, rel=0.03)
+    assert found.model.uncertainty == IDENTIFIED
 
 
 @pytest.mark.campaign

@@ -69,6 +69,8 @@ def test_flights_that_tell_nothing_are_refused() -> None:
     poses, inputs = [pose(frame) for frame in range(100, 120)], [applied(f) for f in range(100, 120, 2)]
     with pytest.raises(IdentificationError, match="no poses, or no commands"):
         recording_of(flight(poses, []), "h1", "coaxial", 0.02)
+    with pytest.raises(IdentificationError, match="poses are missing for"):
+        recording_of(flight(poses[:3] + poses[-3:], inputs), "h1", "coaxial", 0.02)
     with pytest.raises(IdentificationError, match="the arbiter was hold meanwhile"):
         recording_of(flight(poses, [*inputs, applied(120, state="hold")]), "h1", "coaxial", 0.02)
     with pytest.raises(IdentificationError, match="the motion capture restarted"):
