@@ -121,17 +121,6 @@ def test_a_tilt_without_bar_is_fitted_too() -> None:
     assert found.model.tilt.frequency_rad_s == pytest.approx(14.0, rel=0.06)
 
 
-def test_a_lag_that_vanished_does_not_keep_the_model_uncertain() -> None:
-    def behind(servo_lag_s: float) -> Model:
-        tilt = TiltModel(frequency_rad_s=15.0, damping_ratio=0.55, servo_lag_s=servo_lag_s)
-        return replace(COAXIAL, tilt=tilt)
-
-    found = identify(simulated_flight(behind(0.0005), body_rad=(0.0, 0.0)), behind(0.005))
-    assert numbers(found)["servo lag"] < 0.002
-    assert found.remarks == ()
-    assert found.model.uncertainty.delay_s == IDENTIFIED.delay_s
-
-
 def test_a_vehicle_without_tilt_model_gets_gains_and_lag(flight: FlightRecording) -> None:
     found = identify(replace(flight, kind=COAXIAL_LAG.kind), COAXIAL_LAG)
     assert found.model.tilt is None
