@@ -27,6 +27,8 @@ Grades = tuple[float, float]
 
 DEMAND_FLOOR: Final[Grades] = (0.24, 1.5)
 """Least weight of the acceleration [1 per (m/s^2)^2] that pitch and roll demand; 100 is the position's."""
+LOOP_DEMAND_FLOOR: Final[Grades] = (0.06, 1.5)
+"""The same of a vehicle without a stabilizer bar, whose tilt an attitude loop damps."""
 THRUST_FLOOR: Final[Grades] = (15.0, 40.0)
 YAW_FLOOR: Final[Grades] = (150.0, 60.0)
 SPEED: Final[Grades] = (1.0, 40.0)
@@ -73,8 +75,9 @@ def default_input_weights(model: Model, period_s: float) -> Four:
     if model.tilt is None:
         pitch, roll, thrust, yaw = (behind_lag(axis, floor) for axis, floor in enumerate(LAG_FLOORS))
         return pitch, roll, thrust, yaw
+    floor = LOOP_DEMAND_FLOOR if model.tilt.bar_time_constant_s is None else DEMAND_FLOOR
     demand = _least(
-        model.uncertainty.graded(*DEMAND_FLOOR),
+        model.uncertainty.graded(*floor),
         model,
         lambda effort: tilt_loop(model, period_s, (states[0], states[4], effort)),
     )

@@ -5,10 +5,11 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.vehicle_types import COAXIAL, COAXIAL_LAG, QUADROTOR, TYPES
+from support.vehicle_types import COAXIAL, COAXIAL_LAG, CRAZYFLIE, QUADROTOR, TYPES
 
 from rcopterx.control.controllers.cascade.weights import (
     DEMAND_FLOOR,
+    LOOP_DEMAND_FLOOR,
     default_input_weights,
     default_state_weights,
 )
@@ -99,6 +100,13 @@ def test_a_stick_of_twice_the_gain_has_four_times_the_weight() -> None:
     light, heavy = (default_input_weights(model, PERIOD_S) for model in (COAXIAL, twice))
     assert heavy[:2] == pytest.approx([4 * weight for weight in light[:2]])
     assert light[0] == pytest.approx(COAXIAL.uncertainty.graded(*DEMAND_FLOOR) * 4.0)
+
+
+def test_a_tilt_under_an_attitude_loop_is_flown_harder_than_one_with_a_bar() -> None:
+    weights = default_input_weights(CRAZYFLIE, PERIOD_S)
+    assert weights[0] == pytest.approx(CRAZYFLIE.uncertainty.graded(*LOOP_DEMAND_FLOOR) * CRAZYFLIE.b[0] ** 2)
+    assert LOOP_DEMAND_FLOOR[0] < DEMAND_FLOOR[0]
+    assert all(bears_its_uncertainty(CRAZYFLIE).values())
 
 
 def test_a_slow_lightly_damped_vehicle_with_a_long_delay_is_flown_softer() -> None:
