@@ -14,7 +14,7 @@ from rcopterx.ground_station.report.promises import NEEDED, broken_promises
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.vehicles.tuples import Three
 
-WATCHED: Final[tuple[Channel[Any], ...]] = (channels.LABORATORY, *NEEDED)
+WATCHED: Final[tuple[Channel[Any], ...]] = (channels.LABORATORY, channels.AGENT_STATUS, *NEEDED)
 """Channels that `seen_of` and `broken_in` need."""
 
 
@@ -48,6 +48,11 @@ def _seen(recording: Recording, name: str, place_m: Three, truth: list[Laborator
     silences = [1000 * (after - before) for before, after in pairwise(fresh_s)]
     away = np.array([state.position_m for state in truth]).reshape(-1, 3) - np.array(place_m)
     touchdowns = _touchdowns(truth)
+    remarks = [
+        text
+        for status, _ in recording.messages(channels.AGENT_STATUS, name)
+        for text in status.diagnostics.remarks
+    ]
     return Seen(
         states=len(truth),
         deviation_mm=round(1000 * float(np.linalg.norm(away, axis=1).max(initial=0.0)), 1),
@@ -56,6 +61,7 @@ def _seen(recording: Recording, name: str, place_m: Three, truth: list[Laborator
         touchdown_m_s=max((round(truth[place].touchdown_speed_m_s, 3) for place in touchdowns), default=None),
         silence_ms=round(max(silences), 1) if silences else None,
         states_of_arbiter=tuple(state for state, _ in groupby(message.state for message in applied)),
+        remarks=tuple(dict.fromkeys(remarks)),
     )
 
 

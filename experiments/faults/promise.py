@@ -7,6 +7,8 @@ from typing import Any, Final
 
 CHECKED_AT_LEAST: Final = 10
 """With fewer recorded states of a vehicle its flight is unknown."""
+REASON: Final = "it lands: "
+"""Begins the remark of an agent that lands its vehicle by itself."""
 
 
 class Promise(Enum):
@@ -14,6 +16,7 @@ class Promise(Enum):
 
     FLIES_ON = "flies on"
     LANDS = "lands closed loop"
+    LANDS_AND_REPORTS = "lands and reports"
     LANDS_OPEN_LOOP = "lands open loop"
     REFUSED = "refused"
     UNPROTECTED = "not protected"
@@ -36,6 +39,8 @@ class Limits:
 LIMITS: Final = {
     Promise.FLIES_ON: Limits(),
     Promise.LANDS: Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=0.6, silence_ms=None),
+    # It drifts before it lands, and while it does.
+    Promise.LANDS_AND_REPORTS: Limits(None, drift_mm=800.0, touchdown_m_s=0.6, silence_ms=None),
     Promise.LANDS_OPEN_LOOP: Limits(deviation_mm=None, touchdown_m_s=1.7, silence_ms=None),
     Promise.REFUSED: Limits(deviation_mm=None, silence_ms=None),
     Promise.UNPROTECTED: Limits(deviation_mm=None, silence_ms=None),
@@ -48,7 +53,8 @@ class Seen:
     """Figures of one vehicle, from its true states (their number is `states`) and its radio.
 
     Distances count from its place at the beginning. `drift_mm` is None while it flies, `touchdown_m_s`, its
-    hardest touchdown, without one, and `silence_ms` with less than two fresh commands.
+    hardest touchdown, without one, and `silence_ms` with less than two fresh commands. `remarks` are those of
+    its agent.
     """
 
     states: int
@@ -57,6 +63,7 @@ class Seen:
     touchdown_m_s: float | None
     silence_ms: float | None
     states_of_arbiter: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def down(self) -> bool:
@@ -91,6 +98,10 @@ def judged(
     if landed:
         left = [name for name, vehicle in landed.items() if not vehicle.down]
         checks.append(_check(f"{', '.join(landed)} comes down", not left, left))
+    if promise is Promise.LANDS_AND_REPORTS:
+        remarks = {name: vehicle.remarks for name, vehicle in landed.items()}
+        reported = all(any(text.startswith(REASON) for text in texts) for texts in remarks.values())
+        checks.append(_check("why it lands is reported", reported, remarks))
     for limit, what, unit, concerned in (
         (limits.deviation_mm, "deviation_mm", "mm from its place", flown),
         (limits.silence_ms, "silence_ms", "ms without a fresh command", flown),

@@ -248,14 +248,10 @@ RADIO_ROWS: Final = (
 
 
 def _broken(
-    name: str,
-    title: str,
-    fault: Injector,
-    promise: Promise = Promise.LANDS,
-    limits: Limits | None = None,
+    name: str, title: str, *faults: Injector, promise: Promise = Promise.LANDS, limits: Limits | None = None
 ) -> FaultFlight:
-    """A fault of h2 that brings it down."""
-    return FaultFlight(name, title, (fault,), promise, ("h2",), limits)
+    """Faults of h2 that bring it down."""
+    return FaultFlight(name, title, faults, promise, ("h2",), limits)
 
 
 VEHICLE_ROWS: Final = (
@@ -263,7 +259,7 @@ VEHICLE_ROWS: Final = (
         "vehicle-dead",
         "The rotors of h2 stop",
         _inject("break_vehicle", "h2", thrust_factor=0.0),
-        Promise.UNPROTECTED,
+        promise=Promise.UNPROTECTED,
     ),
     FaultFlight(
         "vehicle-does-not-lift",
@@ -295,6 +291,13 @@ VEHICLE_ROWS: Final = (
         "The roll stick of h2 is stuck",
         _inject("break_vehicle", "h2", stuck="roll"),
         limits=FAULTY_AXIS,
+    ),
+    _broken(
+        "vehicle-drifts",
+        "Pitch and roll of h2 act eight times as strongly for 5 s, then its roll trim steps by 0.15",
+        _inject("break_vehicle", "h2", 5.0, cyclic_factor=8.0, delay_s=0.03),
+        _inject("break_vehicle", "h2", trim=(0.0, 0.15, 0.0, 0.0)),
+        promise=Promise.LANDS_AND_REPORTS,
     ),
     FaultFlight(
         "vehicle-trim",

@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from support.statuses import flying_status
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
@@ -52,6 +53,21 @@ def test_each_of_these_breaks_the_promise_to_fly_on(seen: Seen, broken: str) -> 
 def test_each_of_these_breaks_the_promise_to_land_closed_loop(seen: Seen, broken: str) -> None:
     assert failed(Promise.LANDS, ("h2",), {"h1": FLEW, "h2": LANDED}) == []
     assert broken in failed(Promise.LANDS, ("h2",), {"h1": FLEW, "h2": seen})
+
+
+@pytest.mark.parametrize(
+    ("remarks", "broken"),
+    [
+        (("bandwidth lowered: pitch stick", "it lands: 0.20 m off its place"), []),
+        (("bandwidth lowered: pitch stick",), ["why it lands is reported"]),
+        ((), ["why it lands is reported"]),
+    ],
+)
+def test_a_vehicle_that_lands_and_reports_has_a_remark_why_it_lands(
+    remarks: tuple[str, ...], broken: list[str]
+) -> None:
+    landed = {"h1": replace(FLEW, remarks=("it lands: ",)), "h2": replace(LANDED, remarks=remarks)}
+    assert failed(Promise.LANDS_AND_REPORTS, ("h2",), landed) == broken
 
 
 def test_no_other_vehicle_may_come_down_where_one_lands() -> None:
@@ -106,6 +122,17 @@ def test_the_hardest_touchdown_counts_and_the_place_of_the_last_one_although_the
     ]
     seen = seen_of(Recording(records), {"h1": (0.0, 0.0, 1.0)})["h1"]
     assert (seen.touchdown_m_s, seen.drift_mm, seen.silence_ms) == (0.7, 200.0, None)
+
+
+def test_remarks_of_the_agent_are_seen_once_and_in_their_order() -> None:
+    records = [
+        RawMessage("h1", "status", encode(flying_status(remarks=remarks)), 0.2 * number)
+        for number, remarks in enumerate(
+            [(), ("lowered",), ("lowered", "it lands: late"), ("it lands: late",)]
+        )
+    ]
+    seen = seen_of(Recording(records), {"h1": (0.0, 0.0, 1.0)})["h1"]
+    assert seen.remarks == ("lowered", "it lands: late")
 
 
 def test_nothing_is_known_of_a_vehicle_without_messages() -> None:

@@ -10,10 +10,16 @@ from support.vehicle_types import COAXIAL, COAXIAL_LAG
 from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, DRIFTED, LARGEST, OSCILLATION, effort_factors
 from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments.events import Event, Fly, GoTo
+from rcopterx.experiments.faults.laboratory_injectors import Inject
+from rcopterx.experiments.faults.promise import REASON
+from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 from rcopterx.experiments.record import VehicleRecord
 from rcopterx.experiments.rig import GUARDED, Rig, RigVehicle
+from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.simulator.conditions import HELICOPTERS
-from rcopterx.simulator.plant import PlantFaults, Pose
+from rcopterx.simulator.faults import TimedFault
+from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.vehicle_faults import VehicleFaults
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import YAW_RATE
 
@@ -46,20 +52,34 @@ def test_a_limit_cycle_stops(model: Model, seed: int) -> None:
     assert np.linalg.norm(record.motion[-1, :3] - record.reference[-1, :3]) < 0.15
 
 
-def test_a_vehicle_that_still_drifts_with_the_lowest_bandwidth_lands_and_reports_why() -> None:
+def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_faults_promises() -> None:
+    row, file = FAULT_FLIGHTS["vehicle-drifts"], load_fleet(fleet_path("trio"))
+    oscillates, drifts = [fault.fault(file) for fault in row.faults if isinstance(fault, Inject)]
     rig, _ = flown(COAXIAL, 0, 2.0)
     guard, plant = rig.guards["h1"], rig.laboratory.plants["h1"]
-    plant.faults = PlantFaults(stick_gain=(5.0, 5.0, 1.0, 1.0), delay_s=0.1)
-    rig.fly(10.0)
-    assert max(effort_factors(rig.tunings["h1"].configuration)) == LARGEST
-    assert guard.events[DRIFTED] == 0
-    rig.fly(15.0)
-    assert guard.events[DRIFTED] == 1
+    faults = VehicleFaults({"h2": plant}, {})
+    faults.schedule([TimedFault(0.0, oscillates), TimedFault(5.0, drifts)], 0.0)
+    lowest_at_s = landed_at_s = None
+    for second in range(25):
+        faults.advance(float(second))
+        rig.fly(1.0)
+        if lowest_at_s is None and max(effort_factors(rig.tunings["h1"].configuration)) == LARGEST:
+            lowest_at_s = second
+        if landed_at_s is None and guard.events[DRIFTED]:
+            landed_at_s = second
+    assert lowest_at_s is not None
+    assert landed_at_s is not None
+    assert lowest_at_s < 5
+    assert landed_at_s >= 15
+    assert guard.remark.startswith(REASON)
     assert guard.remark.endswith("m off its place with the lowest bandwidth")
     assert plant.on_floor
     assert plant.touchdown_speed_m_s is not None
-    assert plant.touchdown_speed_m_s < 1.3
-    assert np.hypot(*plant.position_m[:2]) < 1.0
+    limits = row.allowed
+    assert limits.touchdown_m_s is not None
+    assert limits.drift_mm is not None
+    assert plant.touchdown_speed_m_s < limits.touchdown_m_s
+    assert 1000.0 * np.hypot(*plant.position_m[:2]) < limits.drift_mm
 
 
 @pytest.mark.parametrize(
