@@ -14,7 +14,6 @@ from rcopterx.fleet.schema import WatchdogConfig
 from support.waiting import DEADLINE_S, wait_for
 
 SLEEPS = "exec sleep 600"
-DIES = "exit 3"
 # Of the clock, shorter than what a watchdog takes for a stall of its own.
 READING_S = 0.02
 LIMITS = WatchdogConfig(flight_s=0.5, floor_s=0.5, start_s=60.0)
@@ -51,8 +50,8 @@ def beating(name: str, *words: str) -> Fake:
     return Fake(name, "helper", "main", 0, shell=shell)
 
 
-def fake(name: str, shell: str = SLEEPS, stop_order: int = 0) -> Fake:
-    return Fake(name, "simulator", "main", stop_order, shell=shell)
+def fake(name: str, shell: str = SLEEPS) -> Fake:
+    return Fake(name, "simulator", "main", 0, shell=shell)
 
 
 Supervise = Callable[..., Supervisor]
@@ -69,22 +68,13 @@ def watch_until(
     supervisor: Supervisor, condition: Callable[[], object], what: str, deadline_s: float = DEADLINE_S
 ) -> list[str]:
     lines: list[str] = []
-    watch_into(lines, supervisor, condition, what, deadline_s)
-    return lines
 
-
-def watch_into(
-    lines: list[str],
-    supervisor: Supervisor,
-    condition: Callable[[], object],
-    what: str,
-    deadline_s: float = DEADLINE_S,
-) -> None:
     def watched() -> bool:
         lines.extend(supervisor.watch(0.01))
         return bool(condition())
 
     wait_for(watched, what, deadline_s)
+    return lines
 
 
 def beats_of(supervisor: Supervisor, name: str) -> int:

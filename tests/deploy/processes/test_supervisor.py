@@ -1,331 +1,398 @@
-"""Promises of the supervisor, with harmless processes that do nothing but live and die."""
+"""Promises of the supervisor about processes that die, come and go, with stand-ins for processes."""
 
 import os
+import selectors
 import shutil
 import signal
-import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from support.supervised import (
-    DIES,
-    LIMITS,
-    Supervise,
-    fake,
-    kill,
-    watch_into,
-    watch_until,
-)
-from support.waiting import DEADLINE_S, FakeClock, wait_for
+from support.stand_ins import StandIn, SupervisedHost, spec
 
-import rcopterx.deploy.processes.supervisor
 from rcopterx.deploy.processes.child import MAX_PAUSE_S, QUICK_RESTARTS, restart_pause_s
-from rcopterx.deploy.processes.forking import ForkServer
-from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S, STOP_LIMIT_S, Supervisor
-from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, ProcessSpec
-from rcopterx.deploy.spares.spares import Spares
+from rcopterx.deploy.processes.supervisor import (
+    PREPARE_S,
+    STABLE_AFTER_S,
+    START_RETRY_S,
+    STOP_LIMIT_S,
+    Supervisor,
+)
+from rcopterx.deploy.processes.table import EXIT_ELSEWHERE
+from rcopterx.fleet.schema import WatchdogConfig
+
+NO_FILES = OSError(24, "Too many open files")
+CANNOT = "cannot be started: [Errno 24] Too many open files; trying again"
 
 
-def test_processes_are_started_in_the_order_of_the_list(supervise: Supervise, tmp_path: Path) -> None:
-    supervisor = supervise(*(fake(name) for name in ("c", "a", "b")))
-    supervisor.start_all()
-    assert supervisor.running() == ["c", "a", "b"]
-    started = [supervisor.children[name].started_s for name in ("c", "a", "b")]
-    assert started == sorted(started)
-
-
-def test_a_process_that_dies_is_back_at_once_and_that_is_reported(supervise: Supervise) -> None:
-    supervisor = supervise(fake("one"), fake("two"))
-    supervisor.start_all()
-    other, before = supervisor.pid("two"), kill(supervisor, "one")
-    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
-    assert supervisor.running() == ["one", "two"]
-    assert supervisor.pid("one") != before
-    assert supervisor.pid("two") == other
-    assert lines[0].startswith("one: killed by SIGKILL; log: ")
-    assert lines[0].endswith("one.log")
-    assert lines[1] == "one: started again (restart 1)"
-
-
-def test_the_exit_code_of_a_process_is_reported(supervise: Supervise) -> None:
-    supervisor = supervise(fake("one", DIES))
-    supervisor.start_all()
-    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts, "not restarted")
-    assert lines[0].startswith("one: ended with exit code 3; log: ")
-
-
-def test_signals_without_a_name_do_not_stop_the_supervisor(supervise: Supervise) -> None:
-    supervisor = supervise(fake("one"))
-    supervisor.start_all()
-    pid = supervisor.pid("one")
-    assert pid is not None
-    os.kill(pid, signal.SIGRTMIN + 3)
-    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
-    assert lines[0].startswith(f"one: killed by signal {int(signal.SIGRTMIN) + 3}; ")
-
-
-def test_a_process_that_cannot_start_is_retried_with_growing_pauses(supervise: Supervise) -> None:
-    clock = FakeClock()
-    supervisor = supervise(fake("one", DIES), clock=clock)
-    supervisor.start_all()
-    child = supervisor.children["one"]
-    # The first deaths are followed by restarts at once, for a crash in flight.
-    watch_until(supervisor, lambda: child.quick_deaths == QUICK_RESTARTS, "no quick restarts")
-    assert child.restarts == QUICK_RESTARTS - 1
-    for deaths in range(QUICK_RESTARTS, QUICK_RESTARTS + 4):
-        pause_s = restart_pause_s(deaths)
-        assert child.restart_at_s == pytest.approx(clock() + pause_s)
-        clock.advance(0.99 * pause_s)
-        assert supervisor.watch(0.0) == []
-        assert supervisor.running() == []
-        clock.advance(0.02 * pause_s)
-        watch_until(supervisor, lambda deaths=deaths: child.quick_deaths == deaths + 1, "not retried")
-
-
-def test_a_process_that_lived_long_enough_is_restarted_at_once_again(supervise: Supervise) -> None:
-    clock = FakeClock()
-    supervisor = supervise(fake("one"), clock=clock)
-    supervisor.start_all()
-    child = supervisor.children["one"]
-    child.quick_deaths = 10
-    clock.advance(STABLE_AFTER_S + 0.1)
-    kill(supervisor, "one")
-    watch_until(supervisor, lambda: child.restarts == 1, "not restarted at once")
-    assert child.quick_deaths == 0
-
-
-@given(st.integers(0, 60))
-def test_pauses_grow_up_to_a_limit(deaths: int) -> None:
-    pause_s = restart_pause_s(deaths)
-    assert 0 <= pause_s <= restart_pause_s(deaths + 1) <= MAX_PAUSE_S
-    assert (pause_s == 0) == (deaths < QUICK_RESTARTS)
-
-
-def test_processes_are_stopped_group_by_group(
-    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    journal = tmp_path / "journal"
-
-    def writes(name: str) -> str:
-        return (
-            f'trap "echo stop {name} >> {journal}; exit 0" TERM; echo start >> {journal}; '
-            "while :; do sleep 0.02; done"
-        )
-
-    orders = {"router": 4, "tracker": 2, "agent_a": 0, "gateway": 1, "agent_b": 0}
-    supervisor = supervise(*(fake(name, writes(name), order) for name, order in orders.items()))
-    supervisor.start_all()
-    wait_for(lambda: journal.exists() and journal.read_text().count("start") == 5, "not all are ready")
-    monkeypatch.setattr(rcopterx.deploy.processes.supervisor, "STOP_LIMIT_S", DEADLINE_S)
-    supervisor.stop_all()
-    assert supervisor.running() == []
-    stops = [line.removeprefix("stop ") for line in journal.read_text().splitlines() if "stop" in line]
-    assert set(stops[:2]) == {"agent_a", "agent_b"}
-    assert stops[2:] == ["gateway", "tracker", "router"]
-
-
-def test_a_process_that_does_not_end_is_killed_and_that_is_counted(
-    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ready = tmp_path / "ready"
-    stubborn = f'trap "" TERM; touch {ready}; exec sleep 600'
-
-    def clock() -> float:
-        """Time goes on once the polite one has ended, however long that takes."""
-        return 0.0 if supervisor.children["polite"].process else 2.0 * DEADLINE_S
-
-    supervisor = supervise(fake("polite"), fake("stubborn", stubborn), clock=clock)
-    supervisor.start_all()
-    wait_for(ready.exists, "not ready")
-    monkeypatch.setattr(rcopterx.deploy.processes.supervisor, "STOP_LIMIT_S", DEADLINE_S)
-    supervisor.stop_all()
-    assert supervisor.running() == []
-
-
-def test_a_stopped_supervisor_restarts_nothing(supervise: Supervise) -> None:
-    clock = FakeClock()
-    supervisor = supervise(fake("one"), clock=clock)
-    supervisor.start_all()
-    supervisor.stop_all()
-    for _ in range(3):
-        clock.advance(10.0)
-        assert supervisor.watch(0.01) == []
-    assert supervisor.running() == []
-
-
-def test_output_is_appended_to_a_log_and_the_environment_is_set(supervise: Supervise, tmp_path: Path) -> None:
-    supervisor = supervise(
-        fake("one", 'echo "$OMP_NUM_THREADS $RCOPTERX_PARENT $0"; echo problem >&2; exit 1')
+def test_processes_are_started_in_the_order_of_the_list_with_snapshot_and_log(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, *(spec(name) for name in ("c", "a", "b")))
+    host.start()
+    assert host.supervisor.running() == ["c", "a", "b"]
+    assert [process.log for process in host.forks.started] == [host.logs / f"{name}.log" for name in "cab"]
+    snapshot = (tmp_path / "lab.toml").resolve()
+    assert {tuple(each.command) for each in host.forks.started} == {tuple(spec("a").command(snapshot))}
+    assert host["a"].log.exists()
+    assert (host.supervisor.pid("a"), host.supervisor.children["a"].started_s) == (
+        host["a"].pid,
+        host.clock(),
     )
-    supervisor.start_all()
-    watch_until(supervisor, lambda: supervisor.children["one"].quick_deaths == 2, "did not run twice")
-    line = f"1 {os.getpid()} {(tmp_path / 'lab.toml').resolve()}\nproblem\n"
-    assert (tmp_path / "one.log").read_text().startswith(2 * line)
 
 
-def test_a_command_line_names_the_role_of_its_process() -> None:
-    command = ProcessSpec("agent-h1", "agent", "h1", 0).command(Path("/x/lab.toml"))
-    assert command == [sys.executable, "-m", "rcopterx.deploy.roles", "agent", "h1", "/x/lab.toml"]
-    moved = ProcessSpec("agent-h1", "agent", "h1", 0, "second").command(Path("/x/lab.toml"), take_over=True)
-    assert moved == [*command, "second", "--take-over"]
+def test_a_process_that_dies_is_back_at_once_and_that_is_reported(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"), spec("two"))
+    host.start()
+    before, other = host["one"], host["two"]
+    before.end(-signal.SIGKILL)
+    assert host.turn() == [
+        f"one: killed by SIGKILL; log: {host.logs / 'one.log'}",
+        "one: started again (restart 1)",
+    ]
+    assert host["one"] is not before
+    assert host["two"] is other
+    host["one"].end(-signal.SIGKILL)
+    assert host.turn()[1] == "one: started again (restart 2)"
+    assert [host.supervisor.children[name].restarts for name in ("one", "two")] == [2, 0]
+    assert host.turn() == []
 
 
-def test_an_agent_whose_vehicle_another_one_flies_is_not_started_again(supervise: Supervise) -> None:
-    supervisor = supervise(fake("one", f"exit {EXIT_ELSEWHERE}"))
-    supervisor.start_all()
-    lines = watch_until(supervisor, lambda: not supervisor.children["one"].wanted, "it is started again")
-    assert any(line.startswith("one: ended, because another agent flies") for line in lines)
-    assert supervisor.running() == []
-    assert supervisor.children["one"].restarts == 0
+def test_deaths_at_the_same_time_are_all_reported(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"), spec("two"))
+    host.start()
+    host["one"].end(1)
+    host["two"].end(1)
+    assert sorted(line.split(";")[0] for line in host.turn()) == [
+        "one: ended with exit code 1",
+        "one: started again (restart 1)",
+        "two: ended with exit code 1",
+        "two: started again (restart 1)",
+    ]
 
 
-def test_processes_come_and_go_while_the_others_run_on(supervise: Supervise) -> None:
-    supervisor = supervise(fake("one"), fake("two"), without=["two"])
-    supervisor.start_all()
-    assert supervisor.running() == ["one"]
-    pid = supervisor.pid("one")
-    supervisor.children["two"].wanted = True
-    lines = watch_until(supervisor, lambda: supervisor.running() == ["one", "two"], "two is not started")
-    assert lines == ["two: started"]
-    supervisor.children["two"].wanted = False
-    lines = watch_until(supervisor, lambda: supervisor.running() == ["one"], "two does not end")
-    assert lines == ["two: ended"]
-    assert supervisor.watch(0.0) == []
-    assert supervisor.pid("one") == pid
-    assert supervisor.children["two"].restarts == 0
-
-
-def test_a_process_that_does_not_want_to_leave_is_ended_once(
-    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("code", "cause"),
+    [
+        (3, "ended with exit code 3"),
+        (0, "ended with exit code 0"),
+        (-1, "killed by SIGHUP"),
+        (-signal.SIGRTMIN - 3, f"killed by signal {signal.SIGRTMIN + 3}"),
+    ],
+)
+def test_the_exit_code_or_the_signal_that_ended_a_process_is_reported(
+    tmp_path: Path, code: int, cause: str
 ) -> None:
-    clock, ready = FakeClock(), tmp_path / "ready"
-    supervisor = supervise(fake("deaf", f"trap '' TERM; touch {ready}; exec sleep 600"), clock=clock)
-    supervisor.start_all()
-    wait_for(ready.exists, "not ready")
-    supervisor.children["deaf"].wanted = False
-    supervisor.watch(0.05)
-    assert supervisor.running() == ["deaf"]
-    clock.advance(STOP_LIMIT_S + 0.1)
-    process = supervisor.children["deaf"].process
-    assert process is not None
-    with monkeypatch.context() as patch:
-        kills: list[int] = []
-        patch.setattr(process, "kill", lambda: kills.append(process.pid))
-        for _ in range(3):
-            supervisor.watch(0.0)
-        assert kills == [process.pid]
-    process.kill()
-    watch_until(supervisor, lambda: supervisor.running() == [], "it is not ended")
+    host = SupervisedHost(tmp_path, spec("one"))
+    host.start()
+    host["one"].end(code)
+    assert host.turn()[0] == f"one: {cause}; log: {host.logs / 'one.log'}"
 
 
-def test_a_process_that_left_while_it_waited_for_its_restart_stays_away(supervise: Supervise) -> None:
-    clock = FakeClock()
-    supervisor = supervise(fake("crashing", DIES), clock=clock)
-    supervisor.start_all()
-    crashing = supervisor.children["crashing"]
-    watch_until(supervisor, lambda: crashing.restart_at_s > clock(), "it is restarted at full speed")
+def test_a_process_that_cannot_start_is_retried_with_growing_pauses(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"))
+    host.start()
+    child = host.supervisor.children["one"]
+    # The first deaths are followed by restarts at once, for a crash in flight.
+    for deaths in range(1, QUICK_RESTARTS):
+        host["one"].end(3)
+        host.turn()
+        assert (child.quick_deaths, child.restarts) == (deaths, deaths)
+    for deaths in range(QUICK_RESTARTS, QUICK_RESTARTS + 4):
+        host["one"].end(3)
+        assert len(host.turn()) == 1
+        pause_s = restart_pause_s(deaths)
+        assert child.restart_at_s == pytest.approx(host.clock() + pause_s)
+        assert host.turn(0.99 * pause_s) == []
+        assert host.supervisor.running() == []
+        assert host.turn(0.02 * pause_s) == [f"one: started again (restart {deaths})"]
+
+
+@pytest.mark.parametrize(("lived_s", "pauses"), [(STABLE_AFTER_S, False), (STABLE_AFTER_S - 0.1, True)])
+def test_a_process_that_lived_long_enough_is_restarted_at_once_again(
+    tmp_path: Path, lived_s: float, pauses: bool
+) -> None:
+    host = SupervisedHost(tmp_path, spec("one"))
+    host.start()
+    child = host.supervisor.children["one"]
+    child.quick_deaths = 10
+    host["one"].end(1)
+    host.turn(lived_s)
+    assert child.quick_deaths == (11 if pauses else 0)
+    assert host.supervisor.running() == ([] if pauses else ["one"])
+
+
+def test_a_turn_waits_for_a_death_until_the_next_restart_is_due(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits: list[float | None] = []
+
+    class Noting(selectors.DefaultSelector):
+        def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+            waits.append(timeout)
+            return super().select(0.0)
+
+    monkeypatch.setattr("selectors.DefaultSelector", Noting)
+    monkeypatch.setattr("time.sleep", waits.append)
+    host = SupervisedHost(tmp_path, spec("one"), spec("two"))
+    host.start()
+    host.supervisor.watch(0.5)
+    host.supervisor.children["one"].quick_deaths = QUICK_RESTARTS - 1
+    host["one"].end(1)
+    host.turn()
+    host.supervisor.watch(0.5)
+    host.supervisor.watch(0.1)
+    host.turn(0.15)
+    host["two"].end(EXIT_ELSEWHERE)
+    host.turn()
+    host.supervisor.watch(0.5)
+    # A restart that is overdue waits no more.
+    host.clock.advance(1.0)
+    host.supervisor.watch(0.5)
+    pause_s = restart_pause_s(QUICK_RESTARTS)
+    assert waits == pytest.approx([0.5, 0.0, pause_s, 0.1, 0.0, 0.0, pause_s - 0.15, 0.0])
+    assert host.supervisor.running() == ["one"]
+    assert host.supervisor.turns == len(waits)
+
+
+def test_processes_are_stopped_group_by_group(tmp_path: Path) -> None:
+    orders = {"router": 4, "tracker": 2, "agent_a": 0, "gateway": 1, "agent_b": 0}
+    host = SupervisedHost(tmp_path, *(spec(name, stop_order=order) for name, order in orders.items()))
+    host.start()
+    processes = {name: host[name] for name in orders}
+    gateway = processes["gateway"]
+    gateway.deaf = True
+    for child in host.supervisor.children.values():
+        child.wanted = False
+
+    def signalled() -> set[str]:
+        """Which ones have got SIGTERM after one more turn."""
+        host.turn(0.1)
+        return {name for name, process in processes.items() if process.signals}
+
+    assert signalled() == {"agent_a", "agent_b"}
+    assert signalled() == signalled() == {"agent_a", "agent_b", "gateway"}
+    gateway.end(0)
+    assert signalled() == {"agent_a", "agent_b", "gateway"}
+    assert signalled() == {"agent_a", "agent_b", "gateway", "tracker"}
+    assert signalled() == set(orders)
+    assert host.supervisor.running() == []
+
+
+def test_processes_that_stay_or_do_not_run_keep_nothing_from_leaving(tmp_path: Path) -> None:
+    host = SupervisedHost(
+        tmp_path,
+        spec("stays", stop_order=0),
+        spec("away", stop_order=1),
+        spec("leaves", stop_order=2),
+        without=["away"],
+    )
+    host.start()
+    host.supervisor.children["leaves"].wanted = False
+    assert host.turn() == ["leaves: ended"]
+    assert host.supervisor.running() == ["stays"]
+    assert host["stays"].signals == []
+
+
+@pytest.mark.parametrize("landing_s", [0.0, 10.0])
+def test_a_process_that_does_not_end_is_killed_once_and_after_its_landing_only(
+    tmp_path: Path, landing_s: float
+) -> None:
+    host = SupervisedHost(tmp_path, spec("deaf", landing_s=landing_s))
+    host.start()
+    deaf = host["deaf"]
+    deaf.deaf = deaf.immortal = True
+    host.supervisor.children["deaf"].wanted = False
+    host.turn()
+    host.turn(STOP_LIMIT_S + landing_s)
+    assert deaf.signals == ["TERM"]
+    for _ in range(3):
+        host.turn(STOP_LIMIT_S + landing_s + 0.1)
+    # A real-time thread that fills the processor would keep it from ending.
+    assert deaf.signals == ["TERM", "KILL", "normal class"]
+    assert host.supervisor.running() == ["deaf"]
+    deaf.end(-signal.SIGKILL)
+    assert host.turn() == ["deaf: ended"]
+    assert host.supervisor.running() == []
+
+
+def test_a_process_that_comes_again_can_be_stopped_again(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"))
+    host.start()
+    child = host.supervisor.children["one"]
+    for _ in range(2):
+        first = host["one"]
+        child.wanted = False
+        assert host.turn() == ["one: ended"]
+        assert first.signals == ["TERM"]
+        child.wanted, child.quick_deaths = True, QUICK_RESTARTS
+        assert host.turn() == ["one: started"]
+        assert child.quick_deaths == 0
+
+
+def test_stopping_ends_everything_and_restarts_nothing(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"), spec("two", stop_order=1), spares=1)
+    host.start()
+    host.turn(1.0)
+    spare = host.forks.started[-1]
+    host.supervisor.stop_all()
+    assert host.supervisor.running() == []
+    assert spare.signals == ["KILL"]
+    assert host.spares.processes == {}
+    assert host.forks.closed
+    for _ in range(3):
+        assert host.turn(10.0) == []
+    assert len(host.forks.started) == 3
+
+
+def test_an_agent_whose_vehicle_another_one_flies_is_not_started_again(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"))
+    host.start()
+    host["one"].end(EXIT_ELSEWHERE)
+    assert host.turn() == ["one: ended, because another agent flies h1"]
+    assert host.turn(10.0) == []
+    assert host.supervisor.running() == []
+    child = host.supervisor.children["one"]
+    assert (child.wanted, child.restarts) == (False, 0)
+
+
+def test_the_next_start_that_succeeds_and_no_later_one_takes_over_a_vehicle(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"), without=["one"])
+    child = host.supervisor.children["one"]
+    child.wanted = child.take_over = True
+    host.forks.problem = NO_FILES
+    assert host.turn()[-1] == f"one: {CANNOT}"
+    host.forks.problem = None
+    host.turn(START_RETRY_S)
+    assert host["one"].command[-1] == "--take-over"
+    host["one"].end(1)
+    host.turn()
+    assert "--take-over" not in host["one"].command
+
+
+def test_processes_come_and_go_while_the_others_run_on(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"), spec("two"), without=["two"])
+    host.start()
+    assert host.supervisor.running() == ["one"]
+    assert host.supervisor.pid("two") is None
+    first = host["one"]
+    host.supervisor.children["two"].wanted = True
+    assert host.turn() == ["two: started"]
+    assert host.supervisor.running() == ["one", "two"]
+    host.supervisor.children["two"].wanted = False
+    assert host.turn() == ["two: ended"]
+    assert host.turn() == []
+    assert host["one"] is first
+    assert host.supervisor.children["two"].restarts == 0
+
+
+def test_a_process_that_left_while_it_waited_for_its_restart_stays_away(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("crashing"))
+    host.start()
+    crashing = host.supervisor.children["crashing"]
+    crashing.quick_deaths = QUICK_RESTARTS
+    host["crashing"].end(3)
+    host.turn()
+    assert crashing.restart_at_s > host.clock()
     crashing.wanted = False
-    supervisor.watch(0.0)
-    clock.advance(MAX_PAUSE_S + 1)
-    assert supervisor.watch(0.0) == []
-    assert supervisor.running() == []
+    assert host.turn() == []
+    assert host.turn(MAX_PAUSE_S + 1.0) == []
+    assert host.supervisor.running() == []
 
 
-def test_a_process_without_a_place_for_its_log_is_restarted_all_the_same(
-    supervise: Supervise, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    supervisor = supervise(fake("one"))
-    supervisor.start_all()
-
-    def refused(self: Path, *_: object, **__: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "mkdir", refused)
-    kill(supervisor, "one")
-    lines = watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
-    assert any(line.startswith("one: writes no log: ") for line in lines)
-    assert supervisor.running() == ["one"]
+def test_a_process_without_a_place_for_its_log_is_restarted_all_the_same(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"))
+    host.start()
+    shutil.rmtree(host.logs)
+    host.logs.touch()
+    host["one"].end(1)
+    _, problem, started = host.turn()
+    assert problem.startswith("one: writes no log: ")
+    assert started == "one: started again (restart 1)"
+    assert host["one"].log == Path(os.devnull)
 
 
 def test_a_log_directory_that_was_removed_is_made_again(tmp_path: Path) -> None:
-    logs = tmp_path / "log"
-    logs.mkdir()
-    supervisor = Supervisor([fake("one")], tmp_path / "fleet.json", logs, ForkServer())
-    try:
-        supervisor.start_all()
-        shutil.rmtree(logs)
-        kill(supervisor, "one")
-        watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
-        assert (logs / "one.log").exists()
-    finally:
-        supervisor.stop_all()
+    host = SupervisedHost(tmp_path / "flights" / "today", spec("one"))
+    host.start()
+    shutil.rmtree(tmp_path / "flights")
+    host["one"].end(1)
+    host.turn()
+    assert host["one"].log == host.logs / "one.log"
+    assert host["one"].log.exists()
 
 
-@pytest.mark.parametrize("function", ["forking.HeartbeatPage", "forking.os.pidfd_open"])
-def test_a_process_that_cannot_be_started_for_want_of_resources_is_started_later(
-    supervise: Supervise, monkeypatch: pytest.MonkeyPatch, function: str
-) -> None:
-    supervisor = supervise(fake("one"), fake("two"))
-    supervisor.start_all()
-
-    def exhausted(*_: object, **__: object) -> None:
-        raise OSError(24, "Too many open files")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(f"rcopterx.deploy.processes.{function}", exhausted)
-        kill(supervisor, "one")
-        lines: list[str] = []
-
-        def tried_twice() -> bool:
-            lines.extend(supervisor.watch(0.01))
-            failure = "one: cannot be started: [Errno 24] Too many open files; trying again"
-            return lines.count(failure) >= 2
-
-        wait_for(tried_twice, "not tried again")
-        assert supervisor.running() == ["two"]
-    watch_until(supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
-    assert supervisor.running() == ["one", "two"]
+def test_a_process_that_cannot_be_started_for_want_of_resources_is_started_later(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"), spec("two"))
+    host.start()
+    one = host.supervisor.children["one"]
+    host.forks.problem = NO_FILES
+    host["one"].end(1)
+    assert f"one: {CANNOT}" in host.turn()
+    assert one.restart_at_s == pytest.approx(host.clock() + START_RETRY_S)
+    assert f"one: {CANNOT}" not in host.turn(0.9 * START_RETRY_S)
+    assert f"one: {CANNOT}" in host.turn(0.2 * START_RETRY_S)
+    assert (host.supervisor.running(), one.restarts) == (["two"], 0)
+    host.forks.problem = None
+    assert host.turn(START_RETRY_S + 0.01) == ["one: started again (restart 1)"]
+    assert host.supervisor.running() == ["one", "two"]
 
 
-def test_a_spare_that_cannot_be_started_ends_nothing(
-    supervise: Supervise, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tries = []
-
-    def exhausted(self: Spares) -> None:
-        tries.append(self)
-        raise OSError(24, "Too many open files")
-
-    monkeypatch.setattr(Spares, "prepare", exhausted)
-    supervisor = supervise(fake("one"))
-    supervisor.start_all()
-    watch_until(supervisor, lambda: tries, "no spare is tried")
-    assert supervisor.running() == ["one"]
+def test_processes_that_cannot_be_started_at_first_are_named_and_the_others_start(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"), spec("two"), without=["two"])
+    host.forks.problem = ValueError("an unforeseen value")
+    assert host.supervisor.start_all() == ["one: cannot be started: an unforeseen value; trying again"]
+    host.supervisor.children["two"].wanted = True
+    assert host.turn(PREPARE_S)[-1] == "two: cannot be started: an unforeseen value; trying again"
+    host.forks.problem = None
+    assert host.turn(10.0) == [f"{name}: started again (restart 1)" for name in ("one", "two")]
 
 
-@pytest.mark.parametrize("failing", ["preparation of spares", "watchdog", "death of another process"])
+def fails(*_: object) -> None:
+    raise ValueError("an unforeseen value")
+
+
+@pytest.mark.parametrize(
+    "failing",
+    [
+        "preparing spares",
+        "starting and stopping",
+        "the watchdog",
+        "handling the death of two",
+        "restarting",
+    ],
+)
 def test_an_error_in_the_supervisor_is_reported_once_and_everything_else_goes_on(
-    supervise: Supervise, monkeypatch: pytest.MonkeyPatch, failing: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str
 ) -> None:
-    def fails(*_: object) -> None:
-        raise ValueError("an unforeseen value")
-
-    supervisor = supervise(fake("one"), fake("two"), watchdog=LIMITS)
-    supervisor.start_all()
-    if failing == "preparation of spares":
-        monkeypatch.setattr(Spares, "prepare", fails)
-    elif failing == "watchdog":
-        monkeypatch.setattr(supervisor.liveness, "check", fails)
+    limits = WatchdogConfig(flight_s=0.5, floor_s=0.5, start_s=60.0)
+    host = SupervisedHost(tmp_path, spec("one"), spec("two"), watchdog=limits)
+    host.start()
+    if failing == "preparing spares":
+        monkeypatch.setattr(host.spares, "prepare", fails)
+        host.clock.advance(1.0)
+    elif failing == "starting and stopping":
+        monkeypatch.setattr(StandIn, "terminate", fails)
+        host.supervisor.children["two"].wanted = False
+    elif failing == "the watchdog":
+        monkeypatch.setattr(host.supervisor.liveness, "check", fails)
+    elif failing == "handling the death of two":
+        monkeypatch.setattr(StandIn, "wait", fails)
+        host["two"].end(1)
     else:
-        monkeypatch.setattr(supervisor.children["two"].process, "wait", fails)
-        kill(supervisor, "two")
-    turns = supervisor.turns
-    lines: list[str] = []
-    watch_into(lines, supervisor, lambda: any("an unforeseen value" in line for line in lines), "no error")
-    kill(supervisor, "one")
-    watch_into(lines, supervisor, lambda: supervisor.children["one"].restarts == 1, "not restarted")
-    assert sum("ValueError: an unforeseen value (test_supervisor.py" in line for line in lines) == 1
-    assert supervisor.turns > turns
+        monkeypatch.setattr(Supervisor, "start", fails)
+        host["two"].end(1)
+    found = [line for _ in range(3) for line in host.turn() if "an unforeseen value" in line]
+    assert len(found) == 1
+    assert found[0].startswith(f"launcher: {failing} failed: ValueError: an unforeseen value (")
     monkeypatch.undo()
+    host["one"].end(1)
+    assert "one: started again (restart 1)" in host.turn(1.0)
+
+
+def test_the_end_of_the_transmitter_gateways_alone_lands_all_vehicles(tmp_path: Path) -> None:
+    host = SupervisedHost(
+        tmp_path, spec("radio", "transmitters"), spec("spare radio", "transmitters"), spec("agent-h1"),
+        without=["spare radio"],
+    )  # fmt: skip
+    host.start()
+    host.supervisor.land()
+    assert host["radio"].signals == ["TERM"]
+    assert host["agent-h1"].signals == []
