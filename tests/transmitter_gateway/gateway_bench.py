@@ -40,13 +40,16 @@ NO_PLAN = FloatArray.of(np.zeros((0, 4)))
 
 
 class OwnBus:
-    """Inboxes that the test fills, and what was published."""
+    """Inboxes that the test fills, and what was published; `woken` are the topics that woke the loop."""
 
     def __init__(self, wake: Callable[[], None]) -> None:
         self.wake = wake
+        self.woken: set[str] = set()
+        self.is_closed = False
         self.now_s = 0.0
         self.address = BusAddress((), "lab", host="radio")
-        self.inboxes: dict[tuple[str, str, str], tuple[Inbox[Any], Callable[[], None]]] = {}
+        self.inboxes: dict[tuple[str, str, str], tuple[Inbox[Any], bool]] = {}
+        self.requests: list[Incoming] = []
         self.published: list[tuple[str, Message]] = []
 
     def clock(self) -> float:
@@ -61,24 +64,35 @@ class OwnBus:
         fleet: str = "lab",
     ) -> Inbox[Any]:
         inbox: Inbox[Any] = Inbox(channel, depth)
-        self.inboxes[channel.topic, unit, fleet] = (inbox, self.wake if waking else lambda: None)
+        self.inboxes[channel.topic, unit, fleet] = (inbox, waking)
         return inbox
 
     def arrive(self, topic: str, unit: str, message: Message, fleet: str = "lab") -> None:
-        inbox, wake = self.inboxes[topic, unit, fleet]
+        if not self.inboxes:
+            return  # Nothing has joined the bus.
+        inbox, waking = self.inboxes[topic, unit, fleet]
         inbox.store(encode(message), self.now_s)
-        wake()
+        if waking:
+            self.woken.add(topic)
+            self.wake()
 
     def publish(self, channel: Any, unit: str, message: Message) -> None:
         self.published.append((unit, message))
 
     def pending(self) -> list[Incoming]:
-        return []
+        requests, self.requests = self.requests, []
+        return requests
 
     def serve(self, *_: object) -> None:
         pass
 
     announce = serve
+
+    def __enter__(self) -> "OwnBus":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.is_closed = True
 
 
 class Laboratory(Wakeup):
@@ -118,7 +132,14 @@ class Laboratory(Wakeup):
         )
         for name in NAMES:
             begin_page(self.settings.states / name)
+        self.begin()
+
+    def begin(self) -> None:
+        """Start the first gateway; agents bid for its leases."""
         self.start()
+        self.bid()
+
+    def bid(self) -> None:
         for name in NAMES:
             self.bus.arrive("lease_bid", name, LeaseBid(agent=1))
 
@@ -128,8 +149,7 @@ class Laboratory(Wakeup):
             self.settings, self, KillKeys(-1), Heartbeat(bytearray(32)), self.bus.clock
         )
         self.gateway = Gateway(self.settings, self.bus, self.radios_of_gateway, False)  # type: ignore[arg-type]  # no bus
-        for name in NAMES:
-            self._note_writes(name)
+        self.note_writes()
 
     def kill(self) -> None:
         """End the gateway as SIGKILL does: its ports and pages close, and nothing more is written."""
@@ -147,10 +167,13 @@ class Laboratory(Wakeup):
         super().close()
 
     def transmitter(self, name: str) -> Transmitter:
-        return self.gateway.stations[name].transmitter
+        return self.radios_of_gateway.transmitters[name]
 
-    def _note_writes(self, name: str) -> None:
-        transmitter = self.transmitter(name)
+    def note_writes(self) -> None:
+        for name in NAMES:
+            self._note_writes(name, self.transmitter(name))
+
+    def _note_writes(self, name: str, transmitter: Transmitter) -> None:
         tick = transmitter.tick
 
         def noted(now_s: float) -> Write | None:
