@@ -14,7 +14,7 @@ help:
 	@echo "make test      unit tests, and fleets of real processes (less than eight minutes on two cores)"
 	@echo "make campaign  long flights that vary what make test flies once, and new examples for the property tests"
 	@echo "make fuzz      coverage-guided fuzzing of what reads bytes from outside, 5 minutes each; ARGS=\"codec 60\""
-	@echo "make mutation  how many changes of arbiter, landing, watchdog and transmitter the unit tests notice (90 minutes)"
+	@echo "make mutation  how many changes of the safety functions the unit tests notice (two hours)"
 	@echo "make measure   size, cost and latency of this commit, added to those of earlier ones (2 minutes, idle computer)"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make docs      the documentation site, in build/site"

@@ -1,4 +1,4 @@
-"""Mutation scores of the safety functions: arbiter, closed-loop landing, watchdog, transmitter.
+"""Mutation scores of the safety functions: arbiter, closed-loop landing, watchdog, transmitter, supervisor.
 
     make mutation
 
@@ -36,12 +36,16 @@ GROUPS: Final = {
         f"{GATEWAY}/{name}.py"
         for name in ("admission", "transmitter", "switches", "state_page", "serial_port")
     ],
+    "gateway process": [f"{GATEWAY}/process.py"],
+    "supervisor": ["rcopterx/deploy/processes/supervisor.py"],
 }
 LEAST_SCORES: Final = {
     "arbiter": 0.9,
     "closed-loop landing": 0.9,
     "watchdog": 0.9,
     "transmitter": 0.85,
+    "gateway process": 0.85,
+    "supervisor": 0.85,
     "transition table": 0.9,
 }
 TABLE_TESTS: Final = (
