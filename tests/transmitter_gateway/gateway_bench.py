@@ -246,11 +246,11 @@ class Laboratory(Wakeup):
             self.turn()
 
     def fly(self) -> None:
-        self.run(1.5)
+        self.run(0.6)
         for name in NAMES:
             arm = ActionRequest(Action.ARM, by="operator")
             answer = self.transmitter(name).request(arm, self.bus.now_s)
             assert answer.accepted, answer
         self.thrust = 0.55
-        self.run(1.0)
+        self.run(0.4)
         assert self.states() == {State.ARMED}

@@ -94,10 +94,10 @@ class Program(Laboratory):
     def flight(self) -> Iterator[Condition]:
         yield self.joined
         self.bid()
-        yield self.after(1.5)
+        yield self.after(0.6)
         self.request(Action.ARM)
         self.thrust = 0.55
-        yield self.after(1.0)
+        yield self.after(0.4)
         assert self.states() == {State.ARMED}
         assert self.phase is Phase.FLYING
 
