@@ -19,6 +19,8 @@ import atheris
 WORK = Path("build") / "fuzz"
 SECONDS = "300"
 LARGEST_INPUT = 20_000
+PATIENCE_S = 100
+"""For one input, on a computer where fuzzing gets no processor for seconds."""
 INSTRUMENTED = ["rcopterx", "tomllib", "mcap"]
 
 
@@ -29,7 +31,7 @@ def run(name: str, seconds: str) -> None:
     found = WORK / name
     found.mkdir(parents=True, exist_ok=True)
     options = [f"-max_total_time={seconds}", f"-artifact_prefix={WORK / name}-", f"-max_len={LARGEST_INPUT}"]
-    limits = ["-timeout=10", "-rss_limit_mb=1000", "-print_final_stats=1"]
+    limits = [f"-timeout={PATIENCE_S}", "-rss_limit_mb=1000", "-print_final_stats=1"]
     atheris.Setup([sys.argv[0], *options, *limits, str(found), str(CORPUS / name)], HARNESSES[name])
     atheris.Fuzz()
 
