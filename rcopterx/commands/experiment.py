@@ -9,7 +9,6 @@ import typer
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, check_plot, print_document, write_plot
 from rcopterx.commands.parsing import check_known, different_numbers
 from rcopterx.simulator.conditions import PRESETS
-from rcopterx.simulator.identified_crazyflie import missing_library
 
 if TYPE_CHECKING:
     from rcopterx.experiments.knowledge import Knowledge
@@ -56,6 +55,7 @@ def experiment(
     from rcopterx.experiments.catalogue import EXPERIMENTS
     from rcopterx.experiments.kept import KeptFlights, KeptFlightsError
     from rcopterx.experiments.runner import Options
+    from rcopterx.simulator.identified_crazyflie import missing_library
 
     if show_list:
         for row in EXPERIMENTS.values():
