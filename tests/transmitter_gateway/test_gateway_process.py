@@ -3,13 +3,14 @@
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
 from gateway_bench import NAMES, Laboratory, OwnBus
 from support.waiting import DEADLINE_S
 
+from rcopterx.bus.clock import Clock
 from rcopterx.bus.heartbeat import Heartbeat, Phase
 from rcopterx.bus.messages import TransmitterStatus
 from rcopterx.bus.session import BusAddress, BusUnreachableError
@@ -25,11 +26,23 @@ LONGEST_S = 20.0
 Condition = Callable[[], object]
 
 
+@dataclass(frozen=True)
+class VirtualClock(Clock):
+    """The time of a bench, as the clock of a fleet."""
+
+    time: Callable[[], float] = float
+
+    @property
+    def now(self) -> Callable[[], float]:
+        return self.time
+
+
 class Program(Laboratory):
     """Runs a gateway process; after a turn the script goes on if the condition that it yielded last holds."""
 
     def begin(self) -> None:
-        self.settings = replace(self.settings, realtime_priority=PRIORITY)
+        bus = replace(self.settings.bus, clock=VirtualClock(time=self.bus.clock))
+        self.settings = replace(self.settings, realtime_priority=PRIORITY, bus=bus)
         self.page = bytearray(32)
         self.router_is_there = threading.Event()
         self.router_is_there.set()
@@ -106,10 +119,9 @@ class Program(Laboratory):
 def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Program]:
     program = Program(tmp_path)
     for name, value in {
-        "Wakeup": lambda: program,
+        "Wakeup": lambda _: program,
         "Radios": program.radios_for,
         "Session": program.join,
-        "monotonic_s": program.bus.clock,
         "own_heartbeat": lambda: Heartbeat(program.page),
         "request_realtime": program.request_realtime,
         "prepare_loop": lambda: None,
