@@ -166,7 +166,7 @@ def test_a_measurement_that_takes_too_long_is_given_up(
 ) -> None:
     monkeypatch.setattr(capacity, "LIMIT_S", 0.0)
     assert "it takes more than 0 s" in str(result_of(measurement_of(forks, tmp_path)))
-    assert descendants(os.getpid()) == [forks.pid]
+    wait_for(lambda: descendants(os.getpid()) == [forks.pid], "a measuring process stays")
 
 
 def test_nothing_is_begun_before_the_computer_is_ready_and_agents_run(tmp_path: Path) -> None:
