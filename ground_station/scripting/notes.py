@@ -1,9 +1,10 @@
-"""Lines about motion capture, launchers and hosts: problems that block take-off, and notes that do not."""
+"""Lines about motion capture, flight logs and hosts: problems that block take-off, and notes that do not."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
 
 from rcopterx.bus.host_messages import LauncherStatus, LinkState, RouterStatus, TrackerStatus
+from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.ground_station.scripting.state import STALE_S, since
 
 STALLED_S: Final = 2.0
@@ -39,6 +40,18 @@ def tracker_notes(status: TrackerStatus | None) -> list[str]:
         if subject.vehicle is None and subject.listed
     ]
     return notes + ([f"raw recording: {status.recording}"] if status.recording else [])
+
+
+def recorder_notes(host: str, status: RecorderStatus, responds: bool) -> list[str]:
+    """Problems of the flight log of a host."""
+    found = []
+    if not responds:
+        found.append(f"flight log: the recorder on {host} is not responding")
+    elif status.state == "stopped":
+        found.append(f"flight log: recording stopped: {status.reason}")
+    if status.lost:
+        found.append(f"flight log: {status.lost} messages lost")
+    return found
 
 
 def launcher_notes(host: str, status: LauncherStatus) -> list[str]:

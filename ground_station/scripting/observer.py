@@ -20,6 +20,7 @@ from rcopterx.ground_station.scripting.notes import (
     clock_differences,
     launcher_notes,
     link_notes,
+    recorder_notes,
     tracker_notes,
     tracker_problems,
 )
@@ -207,12 +208,17 @@ class Observer:
 
     def notes(self) -> list[str]:
         """Notes that do not block take-off: subjects, recordings, hosts, failures in flight."""
-        tracker = _newest(self.tracker, self.session.clock())[0]
-        statuses = self.statuses()
+        now_s, statuses = self.session.clock(), self.statuses()
+        tracker = _newest(self.tracker, now_s)[0]
         return [
             *tracker_notes(tracker),
             *link_notes(self._router_statuses(), self._host),
-            *self._log_notes(),
+            *(
+                line
+                for host, inbox in tuple(self._recorders.inboxes.items())
+                if (received := inbox.latest()) is not None
+                for line in recorder_notes(host, received.message, inbox.alive(now_s))
+            ),
             *(line for host, status in self.launchers().items() for line in launcher_notes(host, status)),
             *(
                 f"{name} oscillated: effort factor {status.diagnostics.effort_factor:g} until it is tuned"
@@ -233,21 +239,6 @@ class Observer:
     def clock_differences(self, limit_s: float) -> list[str]:
         """A line for every host whose clock differs from that of the host used here by more than a limit."""
         return clock_differences(self._router_statuses(), self._host, limit_s)
-
-    def _log_notes(self) -> list[str]:
-        """Problems of the flight log."""
-        now_s, found = self.session.clock(), []
-        for host, inbox in tuple(self._recorders.inboxes.items()):
-            status, _ = _newest(inbox, now_s)
-            if status is None:
-                continue
-            if not inbox.alive(now_s):
-                found.append(f"flight log: the recorder on {host} is not responding")
-            elif status.state == "stopped":
-                found.append(f"flight log: recording stopped: {status.reason}")
-            if status.lost:
-                found.append(f"flight log: {status.lost} messages lost")
-        return found
 
     def followers(self, name: str) -> list[str]:
         """Vehicles that follow a vehicle now, by plans that are newer than this call."""
