@@ -11,6 +11,8 @@ from typing import Final
 
 from rcopterx.bus.rounding import TIME_BITS, monotonic_s
 
+NANO: Final = 1_000_000_000
+"""Nanoseconds of a second."""
 _TICKS: Final = 2.0**TIME_BITS
 
 
@@ -29,7 +31,7 @@ class Clock:
         return lambda: floor(ticks * monotonic()) / _TICKS
 
     def real_s(self, seconds: float) -> float:
-        """Return how long a duration takes in real time [s]."""
+        """Return the real time of a duration [s]."""
         return seconds / self.speed
 
     def scaled(self, real: Callable[[], float]) -> Callable[[], float]:

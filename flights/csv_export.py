@@ -9,12 +9,12 @@ from typing import Any, Final
 import msgpack
 
 from rcopterx.bus import channels
+from rcopterx.bus.clock import NANO
 from rcopterx.flights.mcap_reading import messages_of
 from rcopterx.flights.mcap_writing import LoggedMessage
 
 TIME: Final = "time_s"
 """Wall clock of arrival at the recorder, seconds since 1970."""
-NANO: Final = 1_000_000_000
 LONGEST_LIST: Final = 32
 """Longer lists are not columns of a table."""
 

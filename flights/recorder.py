@@ -11,6 +11,7 @@ import msgspec
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import CHANNELS
+from rcopterx.bus.clock import NANO
 from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.realtime import request_realtime
@@ -23,7 +24,6 @@ FLUSH_S: Final = 0.1
 REPORT_S: Final = 1.0
 MAX_WAITING_BYTES: Final = 64 * 1024 * 1024
 """About a minute of three vehicles; further messages are dropped and counted while the disk is slower."""
-NANO: Final = 1_000_000_000
 TIME_MASK_NS: Final = 1023
 """Bits of times that are cleared: zeros compress, and a microsecond is below their accuracy."""
 

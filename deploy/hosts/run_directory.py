@@ -7,12 +7,11 @@ import stat
 import tempfile
 import time
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
-from rcopterx.bus.clock import Clock
+from rcopterx.bus.clock import NANO, Clock
 
 LONGEST_SOCKET_PATH = 100
-NANO: Final = 1_000_000_000
 SHARED_MEMORY = Path("/dev/shm")
 """Files here are memory: writing to them never waits for a disk."""
 

@@ -35,7 +35,7 @@ class Bench:
     fleet_file: Path | None = None
 
     def real_s(self, seconds: float) -> float:
-        """Return how long a time of the fleet takes in real time [s]."""
+        """Return the real time of a duration [s]."""
         return self.fleet.file.clock.real_s(seconds)
 
     @property
