@@ -66,14 +66,18 @@ class Observation:
         return guidance.rotor_on and not was_flying
 
     def frames(self, now_s: float) -> Iterator[float]:
-        """Give new and overdue frames to the pilot; yield when each began [monotonic s]."""
+        """Give new and overdue frames to the pilot; yield when each began [monotonic s].
+
+        Poses that have waited during a pause update the estimate, but begin no control period: commands that
+        are computed from the past do not act.
+        """
         pilot, pacing = self._pilot, self._pacing
         for received in self.poses.drain():
             pose = received.message
             if pilot.observe(_stamped(pose)):
                 self.seen = received
                 pacing.on_pose(pose.frame, received.arrived_s, pose.period_s)
-                if pilot.ready:
+                if pilot.ready and not pacing.behind:
                     yield received.arrived_s
         overdue_at_s = pacing.overdue_at_s
         if now_s >= overdue_at_s:

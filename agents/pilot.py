@@ -154,6 +154,8 @@ class Pilot:
         pending = clock.frames_until(frame.epoch, frame.frame, frame.period_s)
         if pending < 0:
             return False
+        # Frames that were neither received nor coasted over, for instance while the process was stopped.
+        self._unseen_s += max(0, pending - 1) * frame.period_s
         standing = self._standing
         acted: list[tuple[Array, float]] = []
         for _ in range(min(pending, round(BLIND_LIMIT_S / frame.period_s))):
@@ -214,6 +216,9 @@ class Pilot:
         if not self.clock.started:
             return
         event = EVENT_OF_STATE[state]
+        if event is Event.OVERRIDE:
+            # No command of this agent acts.
+            self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, value)
         if not self.informed and event is not Event.DISARM and self._in_the_air(value):
             event = Event.RESUME
             if not self._watched:

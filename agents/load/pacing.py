@@ -14,7 +14,9 @@ NEVER: Final = (-1, -1)
 STRETCH: Final = 1.01
 """Factor of the periods of poses when they are expected: lasting delays and inexact rates are no lateness."""
 LONGEST_DELAY_S: Final = 0.3
-"""A pose that is later begins the expectation anew: its Tracker has paused."""
+"""A pose that is later begins the expectation anew: its Tracker, the bus or the agent has paused."""
+BURST_SHARE: Final = 0.5
+"""Poses that arrive within this share of their periods have waited somewhere."""
 REST_SPARE = 0.5
 """Time before the next control period at which an agent that rests reads messages again, in frames."""
 
@@ -37,6 +39,8 @@ class Pacing:
         self._last_frame = 0
         self.pose_delay_s = 0.0
         """How much later than due the newest pose arrived, by the frame numbers of those before."""
+        self.behind = False
+        """Whether poses that have waited during a pause still arrive: the newest one is of the past."""
         self._frame_period_s = period_s
         self._coasts = 0
         self.every = 1
@@ -56,6 +60,10 @@ class Pacing:
         """Process the arrival of the pose of a frame of a stream with this period."""
         elapsed, self._last_frame = frame - self._last_frame, frame
         due_s = self._due_s + STRETCH * elapsed * frame_period_s
+        if arrived_s - due_s > LONGEST_DELAY_S:
+            self.behind = True
+        elif arrived_s - self._last_arrival_s > BURST_SHARE * elapsed * frame_period_s:
+            self.behind = False
         if elapsed <= 0 or not 0.0 <= arrived_s - due_s <= LONGEST_DELAY_S:
             due_s = arrived_s
         self._due_s, self.pose_delay_s = due_s, arrived_s - due_s
@@ -64,6 +72,7 @@ class Pacing:
     def on_coast(self) -> None:
         """Process a frame that was bridged by prediction."""
         self._coasts += 1
+        self.behind = False
 
     def on_begin(self, epoch: int, frame: int, flying: bool) -> None:
         """Begin a control period; while flying, the one before is missed if it has no command yet.

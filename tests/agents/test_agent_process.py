@@ -125,6 +125,20 @@ def test_a_command_that_two_frames_at_once_left_no_time_for_is_counted_as_missed
     assert bench.agent.parts.pacing.missed_ticks == missed + 1
 
 
+def test_poses_that_waited_while_the_agent_was_stopped_cause_no_commands(bench: Bench) -> None:
+    bench.start()
+    sent = len(bench.sent)
+    bench.clock.advance(2.0)
+    for _ in range(20):
+        bench.frame += 1
+        bench.clock.advance(0.001)
+        bench.agent.parts.observation.poses.store(encode(bench.pose(publish=False)), bench.clock())
+        bench.agent.step()
+    bench.see()
+    bench.command_of(bench.frame)
+    assert [command.frame for command in bench.sent[sent:]] == [bench.frame]
+
+
 @pytest.mark.parametrize("topic", ["pose", "applied"])
 def test_malformed_messages_are_counted_in_the_status_and_the_vehicle_flies_on(
     bench: Bench, bus_address: BusAddress, topic: str

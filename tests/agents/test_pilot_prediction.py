@@ -105,6 +105,24 @@ def test_after_blind_flight_the_estimator_starts_anew_where_the_vehicle_is_seen(
     assert pilot.estimate.motion[:3] == pytest.approx([0.9, 0.9, 0.5])
 
 
+def test_after_a_pause_of_the_process_the_estimator_starts_anew_where_the_vehicle_is_seen() -> None:
+    pilot = airborne(noted())
+    pilot.observe(seen(1))
+    pilot.observe(seen(1 + round(BLIND_LIMIT_S / 0.02) + 2, (0.9, 0.9, 0.5)))
+    assert pilot.estimate.motion[:3] == pytest.approx([0.9, 0.9, 0.5])
+
+
+def test_the_prediction_uses_what_the_gateway_flies_while_it_overrides_the_agent() -> None:
+    pilot = airborne(noted(inputs=np.array([[0.0, 0.0, 1.0, 0.0]])))
+    sinking = np.array([0.0, 0.0, 0.4, 0.0])
+    pilot.control({})
+    pilot.note_applied("land", 0, sinking)
+    pilot.observe(seen(1))
+    pilot.control({})
+    _, _, last = controller_of(pilot).asked[-1]
+    assert last == pytest.approx(sinking)
+
+
 def test_a_refused_pose_is_counted_as_blind_flight() -> None:
     class Distrustful(ExactEstimator):
         def correct(self, measurement: Measurement) -> bool:

@@ -143,6 +143,36 @@ def test_poses_that_wait_for_a_processor_are_late_although_they_have_just_arrive
     assert late == list(range(10, 30))
 
 
+def frames_behind(arrivals_s: list[float], frames: list[int]) -> list[int]:
+    """Frames whose poses have waited during a pause."""
+    pacing, behind = Pacing(0.02), []
+    for frame, arrived_s in zip(frames, arrivals_s, strict=True):
+        pacing.on_pose(frame, arrived_s, 0.02)
+        if pacing.behind:
+            behind.append(frame)
+    return behind
+
+
+def test_poses_that_waited_while_the_process_was_stopped_are_behind() -> None:
+    before = [100.0 + 0.02 * frame for frame in range(10)]
+    # Stopped for 2 s: the poses of the first second arrive at once, the connection lost those of the other.
+    burst = [102.2 + 0.0005 * number for number in range(40)]
+    after = [102.22 + 0.02 * number for number in range(5)]
+    frames = [*range(50), *range(111, 116)]
+    assert frames_behind(before + burst + after, frames) == [*range(10, 50), 111]
+
+
+def test_poses_after_a_pause_of_the_tracker_are_behind_for_one_frame() -> None:
+    arrivals_s = [100.0, 100.02, *(101.0 + 0.02 * number for number in range(5))]
+    assert frames_behind(arrivals_s, list(range(7))) == [2]
+
+
+def test_poses_with_jitter_and_missing_frames_are_not_behind() -> None:
+    frames = [frame for frame in range(200) if frame % 7]
+    arrivals_s = [100.0 + 0.02 * frame + (0.019 if frame % 5 == 0 else 0.0) for frame in frames]
+    assert not frames_behind(arrivals_s, frames)
+
+
 def test_missing_frames_make_the_next_pose_no_later() -> None:
     frames = [0, 1, 5, 6, 9]
     assert delays_s([0.02 * frame for frame in frames], frames) == pytest.approx([0.0] * 5, abs=1e-3)
