@@ -8,20 +8,22 @@ from typing import Final
 
 from rcopterx.simulator.crazyflie_log import CrazyflieLog
 from rcopterx.simulator.crazyflie_services import served
-from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, Reception, SerialFrame
+from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
+from rcopterx.simulator.vehicle_udp import UdpVehicle
 from rcopterx.transmitter_gateway.protocols import crtp
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
 from rcopterx.transmitter_gateway.protocols.crazyflie_battery import LOG
+from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
 LEVEL_AFTER_S: Final = 0.5
 STOP_AFTER_S: Final = 2.0
 WATCHDOG_S: Final = 1.0
-LEAST_THRUST: Final = 1000
+LEAST_THRUST: Final = 1000 / crtp.FULL_THRUST
 """Less is nothing."""
 
 
-class Crazyflie(Reception):
+class Crazyflie(UdpVehicle):
     """The firmware of one vehicle, without any port or clock.
 
     Attributes
@@ -30,8 +32,6 @@ class Crazyflie(Reception):
         What the supervisor reports.
     motors_run
         Whether the motors get thrust.
-    powered
-        Whether its battery is in.
     rejected
         Packets that the firmware ignored, by reason.
 
@@ -62,7 +62,7 @@ class Crazyflie(Reception):
             can_be_armed=True, armed=self._arms_itself, arms_itself=self._arms_itself
         )
         self._unlocked = False
-        self._set_point = crtp.SetPoint()
+        self._set_point = SetPoint()
         self._received_s = self._fed_s = math.inf
         self._advanced_s = now_s
 
@@ -90,7 +90,7 @@ class Crazyflie(Reception):
 
     def _obey(self, packet: crtp.Packet, now_s: float) -> list[crtp.Packet]:
         if packet.port == crtp.COMMANDER:
-            self._take(crtp.SetPoint.of(packet), now_s)
+            self._take(crtp.set_point_of(packet), now_s)
             return []
         if packet == crtp.STATE_REQUEST:
             return [self.state.packet()]
@@ -109,7 +109,7 @@ class Crazyflie(Reception):
                 return [self._arm(on=on, answer=packet)]
         raise FrameDecodeError(f"crazyflie: no such port or command: {packet.port}, {packet.channel}")
 
-    def _take(self, set_point: crtp.SetPoint, now_s: float) -> None:
+    def _take(self, set_point: SetPoint, now_s: float) -> None:
         self._unlocked = self._unlocked or set_point.thrust == 0
         self._set_point, self._received_s = set_point, now_s
         pulses_us = self._settings.pulses_us(set_point, armed=self.state.armed)
@@ -155,9 +155,9 @@ class Crazyflie(Reception):
         point = self._set_point
         runs = self.powered and self.state.armed and self._unlocked and point.thrust >= LEAST_THRUST
         if not runs:
-            point = crtp.SetPoint()
+            point = SetPoint()
         elif now_s >= self._received_s + LEVEL_AFTER_S:
-            point = crtp.SetPoint(thrust=point.thrust)
+            point = SetPoint(thrust=point.thrust)
         pulses_us = self._settings.pulses_us(point, armed=self.powered and self.state.armed)
         self.motors_run = runs
         self.note_pulses(now_s, pulses_us)

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 
+from rcopterx.simulator.plant import Plant
 from rcopterx.simulator.radio_module import Reception
 
 
@@ -30,6 +31,9 @@ class RadioEnd(ABC):
     @abstractmethod
     def live(self, now_s: float) -> None:
         """Advance the time."""
+
+    def sense(self, plant: Plant, now_s: float) -> None:  # noqa: B027 - few vehicles report it
+        """Measure the pose of the vehicle, whose body is `plant`."""
 
     @abstractmethod
     def unplug(self, *, powered: bool = False) -> None:

@@ -1,7 +1,6 @@
 """Emulated radio modules by the name of their protocol, and their faults."""
 
 from rcopterx.simulator.crazyflie import Crazyflie
-from rcopterx.simulator.crazyflie_udp import CrazyflieUdp
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_boards import Dsm2Board, DsmpModule, TrainerTransmitter
 from rcopterx.simulator.radio_end import RadioEnd
@@ -9,11 +8,13 @@ from rcopterx.simulator.radio_module import RadioModule
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.simulator.settings import SimulatedRadio
+from rcopterx.simulator.vehicle_udp import UdpVehicle, VehicleUdp
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
 from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
 from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
 from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
+from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
 
 
 def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
@@ -35,9 +36,15 @@ def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
 
 def radio_end_of(port: str, radio: SimulatedRadio, start_s: float) -> RadioEnd:
     """Emulated radio of a vehicle at a port; raises `OSError` if the port cannot be used."""
-    if isinstance(radio.protocol, CrazyflieProtocol):
-        return CrazyflieUdp(port, Crazyflie(radio.protocol.settings, start_s))
+    if isinstance(radio.protocol, SetPointRadio):
+        return VehicleUdp(port, _vehicle_of(radio.protocol, start_s))
     return RadioPty(port, RadioLink(module_of(radio, start_s), Receiver(radio.model_match)))
+
+
+def _vehicle_of(protocol: SetPointRadio, start_s: float) -> UdpVehicle:
+    if isinstance(protocol, CrazyflieProtocol):
+        return Crazyflie(protocol.settings, start_s)
+    raise ValueError(f"{protocol.name}: no vehicle is emulated")
 
 
 def _multi_module(radio: RadioEnd) -> MultiModule | None:

@@ -44,6 +44,8 @@ class Room:
         if now_s > self._now_s:
             self.laboratory.advance(now_s - self._now_s)
             self._now_s = now_s
+            for name, radio in self.radios.items():
+                radio.sense(self.laboratory.plants[name], now_s)
 
     def _drive(self, vehicle: SimulatedVehicle, pulses_us: tuple[float, ...], after_s: float) -> None:
         calibration = vehicle.calibration

@@ -1,21 +1,26 @@
-"""CRTP over UDP: one packet a datagram, as simulated Crazyflies speak it."""
+"""Vehicles behind a UDP port."""
 
 import socket
 from contextlib import suppress
 from typing import Final
 
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
-from rcopterx.transmitter_gateway.protocols.crtp import (
-    LONGEST_DATAGRAM,
-    NULL_PACKET,
-    joined,
-    separated,
-    udp_address,
-)
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError
+from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
 
+UDP: Final = "udp://"
+LONGEST_DATAGRAM: Final = 2048
 PROBE_S: Final = 0.05
 MOST_AT_ONCE: Final = 64
-"""Packets, so that a flood keeps no other vehicle waiting."""
+"""Datagrams, so that a flood keeps no other vehicle waiting."""
+
+
+def udp_address(path: str) -> tuple[str, int]:
+    """Host and port of `udp://HOST:PORT`; raises `ProtocolError` for anything else."""
+    host, _, port = path.removeprefix(UDP).rpartition(":")
+    if not path.startswith(UDP) or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ProtocolError(f"{path!r} is no address such as udp://127.0.0.1:19850")
+    return host, int(port)
 
 
 class UdpPort(Port):
@@ -24,8 +29,9 @@ class UdpPort(Port):
     Raises `ProtocolError` for an address that is none.
     """
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, protocol: SetPointRadio) -> None:
         super().__init__(path)
+        self._protocol = protocol
         self._address = udp_address(path)
         self._socket: socket.socket | None = None
 
@@ -41,13 +47,14 @@ class UdpPort(Port):
             if self._socket is None:
                 self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
                 self._socket.setblocking(False)
+                self._socket.bind(("", self._protocol.local_port))
                 self._socket.connect(self._address)
             elif self._receive():
                 self.problem = None
                 self.counters["openings"] += 1
                 return True
             if now_s >= self._next_attempt_s:
-                self._socket.send(NULL_PACKET)
+                self._socket.send(self._protocol.probe())
                 self._next_attempt_s = now_s + PROBE_S
             self.problem = f"no answer from {self.path}"
         except OSError as error:
@@ -55,11 +62,11 @@ class UdpPort(Port):
         return False
 
     def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
-        """Send the packets of a frame; see `crtp.joined`."""
+        """Send the datagrams of a frame."""
         if self._socket is None or not self.is_open:
             return WriteOutcome.CLOSED
         try:
-            for packet in separated(frame):
+            for packet in self._protocol.separated(frame):
                 self._socket.send(packet)
         except BlockingIOError:
             return WriteOutcome.BACKLOG
@@ -69,11 +76,11 @@ class UdpPort(Port):
         return WriteOutcome.WRITTEN
 
     def read_available(self, now_s: float) -> bytes:
-        """Return the packets that have arrived, as a frame."""
+        """Return the datagrams that have arrived, as a frame."""
         if not self.is_open:
             return b""
         try:
-            return joined(self._receive())
+            return self._protocol.joined(self._receive())
         except OSError as error:
             self._lose(error, now_s)
             return b""

@@ -7,7 +7,9 @@ from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
-from rcopterx.transmitter_gateway.protocols.crtp import RADIO, RadioAddress, udp_address
+from rcopterx.transmitter_gateway.protocols.crtp import RadioAddress
+from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
+from rcopterx.transmitter_gateway.udp_port import UDP, udp_address
 
 
 def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
@@ -16,17 +18,16 @@ def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
     Raises `FleetError`: it is none for the vehicle's protocol.
     """
     port = fleet.vehicles[name].transmitter.port
-    if not isinstance(protocol_of(fleet, name), CrazyflieProtocol):
-        return str(serial_path(port, directory))
+    protocol, where = protocol_of(fleet, name), f"vehicles.{name}.transmitter.port"
+    addressed = isinstance(protocol, SetPointRadio)
     try:
-        if port.startswith(RADIO):
-            RadioAddress.of(port)
-        else:
+        if addressed and port.startswith(UDP):
             udp_address(port)
+            return port
+        if isinstance(protocol, CrazyflieProtocol):
+            RadioAddress.of(port)
     except ProtocolError as error:
-        raise FleetError(f"vehicles.{name}.transmitter.port: {error}") from None
-    if fleet.simulator is not None and port.startswith(RADIO):
-        raise FleetError(
-            f"vehicles.{name}.transmitter.port: {port!r} is a radio, simulated vehicles are at udp://"
-        )
-    return port
+        raise FleetError(f"{where}: {error}") from None
+    if addressed and fleet.simulator is not None:
+        raise FleetError(f"{where}: {port!r} is a radio, simulated vehicles are at udp://")
+    return port if isinstance(protocol, CrazyflieProtocol) else str(serial_path(port, directory))

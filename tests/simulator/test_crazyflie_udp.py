@@ -6,14 +6,13 @@ import pytest
 from support.udp import udp_paths
 
 from rcopterx.simulator.crazyflie import Crazyflie
-from rcopterx.simulator.crazyflie_udp import CrazyflieUdp
 from rcopterx.simulator.radio_kinds import condition_refused, radio_end_of, set_condition
 from rcopterx.simulator.settings import SimulatedRadio
+from rcopterx.simulator.vehicle_udp import VehicleUdp
 from rcopterx.transmitter_gateway.port import WriteOutcome
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
-from rcopterx.transmitter_gateway.protocols.crtp import udp_address
-from rcopterx.transmitter_gateway.udp_port import UdpPort
+from rcopterx.transmitter_gateway.udp_port import UdpPort, udp_address
 
 HOVER = (1540.0, 1500.0, 1500.0, 1500.0, 1900.0)
 LOW = (1100.0, 1500.0, 1500.0, 1500.0, 1100.0)
@@ -24,12 +23,12 @@ class Bench:
         self.protocol = CrazyflieProtocol()
         [self.path] = udp_paths(1)
         self.radio = self.switched_on()
-        self.port = UdpPort(self.path)
+        self.port = UdpPort(self.path, self.protocol)
         self.now_s = 0.0
 
-    def switched_on(self) -> CrazyflieUdp:
+    def switched_on(self) -> VehicleUdp:
         radio = radio_end_of(self.path, SimulatedRadio(self.protocol, 0), 0.0)
-        assert isinstance(radio, CrazyflieUdp)
+        assert isinstance(radio, VehicleUdp)
         return radio
 
     @property

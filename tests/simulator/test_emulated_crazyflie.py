@@ -7,14 +7,15 @@ import pytest
 from rcopterx.simulator.crazyflie import LEVEL_AFTER_S, STOP_AFTER_S, WATCHDOG_S, Crazyflie
 from rcopterx.transmitter_gateway.protocols import crtp
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
+from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
 SETTINGS = CrazyflieSettings()
-FLY = crtp.SetPoint(roll_deg=15.0, thrust=36_000)
+FLY = SetPoint(roll_deg=15.0, thrust=0.6)
 
 
 def flown(vehicle: Crazyflie, now_s: float = 0.0) -> None:
-    for point in (crtp.SetPoint(), FLY):
-        vehicle.receive(point.packet().to_bytes(), now_s)
+    for point in (SetPoint(), FLY):
+        vehicle.receive(crtp.set_point_packet(point).to_bytes(), now_s)
     assert vehicle.motors_run
 
 
@@ -27,7 +28,7 @@ def asked(vehicle: Crazyflie, now_s: float) -> crtp.SupervisorState:
 
 def test_thrust_counts_only_after_a_set_point_without_thrust() -> None:
     vehicle = Crazyflie(SETTINGS)
-    vehicle.receive(FLY.packet().to_bytes(), 0.0)
+    vehicle.receive(crtp.set_point_packet(FLY).to_bytes(), 0.0)
     assert not vehicle.motors_run
     flown(vehicle, 0.1)
     assert vehicle.take_outputs()[-1][1][:2] == pytest.approx((1580.0, 1700.0))
@@ -49,10 +50,10 @@ def test_without_set_points_it_levels_itself_then_stops_until_a_restart() -> Non
 
 def test_without_set_points_on_the_floor_it_is_not_locked() -> None:
     vehicle = Crazyflie(SETTINGS)
-    vehicle.receive(crtp.SetPoint().packet().to_bytes(), 0.0)
+    vehicle.receive(crtp.set_point_packet(SetPoint()).to_bytes(), 0.0)
     vehicle.advance(10.0)
     assert asked(vehicle, 10.0).armed
-    vehicle.receive(FLY.packet().to_bytes(), 10.0)
+    vehicle.receive(crtp.set_point_packet(FLY).to_bytes(), 10.0)
     assert not vehicle.motors_run, "thrust waits for a set point without thrust again"
 
 
@@ -60,7 +61,7 @@ def test_a_watchdog_that_was_fed_once_stops_it_a_second_after_the_last_time() ->
     vehicle = Crazyflie(SETTINGS)
     flown(vehicle)
     for step in range(200):
-        vehicle.receive(FLY.packet().to_bytes(), step / 50)
+        vehicle.receive(crtp.set_point_packet(FLY).to_bytes(), step / 50)
         if step < 100:
             vehicle.receive(crtp.WATCHDOG.to_bytes(), step / 50)
         assert vehicle.motors_run is (step / 50 < 99 / 50 + WATCHDOG_S)
@@ -72,7 +73,7 @@ def test_a_stop_lasts_until_a_restart() -> None:
     flown(vehicle)
     vehicle.receive(crtp.EMERGENCY_STOP.to_bytes(), 0.1)
     assert not vehicle.motors_run
-    for packet in (crtp.arm_request(on=True), crtp.SetPoint().packet(), FLY.packet()):
+    for packet in (crtp.arm_request(on=True), crtp.set_point_packet(SetPoint()), crtp.set_point_packet(FLY)):
         vehicle.receive(packet.to_bytes(), 0.2)
     assert not vehicle.motors_run
     vehicle.power_cycle(1.0)
@@ -82,8 +83,8 @@ def test_a_stop_lasts_until_a_restart() -> None:
 def test_a_brushless_vehicle_flies_only_while_it_is_armed() -> None:
     vehicle = Crazyflie(SETTINGS, arms_itself=False)
     on, off = (crtp.arm_request(on=on).to_bytes() for on in (True, False))
-    for point in (crtp.SetPoint(), FLY):
-        vehicle.receive(point.packet().to_bytes(), 0.0)
+    for point in (SetPoint(), FLY):
+        vehicle.receive(crtp.set_point_packet(point).to_bytes(), 0.0)
     assert not vehicle.motors_run
     assert asked(vehicle, 0.0).can_be_armed
     [answer] = vehicle.receive(on, 0.1)
@@ -106,7 +107,7 @@ def test_a_set_point_is_what_the_vehicle_gets() -> None:
     flown(vehicle, 0.5)
     [last] = vehicle.take_frames()[-1:]
     assert (last.arrival_s, last.pulses_us[0]) == (0.5, pytest.approx(1580.0))
-    assert struct.calcsize("<fffH") == len(FLY.packet().data)
+    assert struct.calcsize("<fffH") == len(crtp.set_point_packet(FLY).data)
 
 
 def test_without_its_battery_nothing_runs_and_nothing_answers() -> None:

@@ -1,49 +1,28 @@
 """The official client (cflib) flies the emulated Crazyflie: an independent reading of the protocol."""
 
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from select import select
 
 import cflib.crtp
 import pytest
 from cflib.crazyflie import Crazyflie as Client
 from cflib.crazyflie.log import LogConfig
-from support.udp import udp_paths
+from support.served import Served
 from support.waiting import wait_for
 
 from rcopterx.simulator.crazyflie import Crazyflie
-from rcopterx.simulator.crazyflie_udp import CrazyflieUdp
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
 
 
-class Served:
-    """An emulated Crazyflie that a thread serves."""
-
-    def __init__(self) -> None:
-        [self.path] = udp_paths(1)
-        self.vehicle = Crazyflie(CrazyflieSettings(), time.monotonic())
-        self._radio = CrazyflieUdp(self.path, self.vehicle)
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._serve)
-        self._thread.start()
-
-    def _serve(self) -> None:
-        while not self._ending.is_set():
-            select([self._radio.fileno()], [], [], 0.02)
-            self._radio.receive(time.monotonic())
-            self._radio.live(time.monotonic())
-
-    def end(self) -> None:
-        self._ending.set()
-        self._thread.join()
-        self._radio.close()
+@pytest.fixture
+def vehicle() -> Crazyflie:
+    return Crazyflie(CrazyflieSettings(), time.monotonic())
 
 
 @pytest.fixture
-def served() -> Iterator[Served]:
-    served = Served()
+def served(vehicle: Crazyflie) -> Iterator[Served]:
+    served = Served(vehicle)
     yield served
     served.end()
 
@@ -60,7 +39,7 @@ def client(served: Served, tmp_path: Path) -> Iterator[Client]:
 
 
 def test_the_official_client_reads_logs_and_parameters_flies_and_stops_it(
-    served: Served, client: Client
+    vehicle: Crazyflie, client: Client
 ) -> None:
     assert client.param.get_value("stabilizer.estimator") == "2"
     voltages: list[float] = []
@@ -76,9 +55,9 @@ def test_the_official_client_reads_logs_and_parameters_flies_and_stops_it(
     client.commander.send_setpoint(0, 0, 0, 0)
     # The client inverts the pitch on air.
     client.commander.send_setpoint(3.0, 6.0, 20.0, 33_000)
-    wait_for(lambda: served.vehicle.motors_run, "motors run")
-    throttle, aileron, elevator, rudder, _ = served.vehicle.take_outputs()[-1][1]
+    wait_for(lambda: vehicle.motors_run, "motors run")
+    throttle, aileron, elevator, rudder, _ = vehicle.take_outputs()[-1][1]
     assert (throttle, aileron, elevator, rudder) == pytest.approx((1540.0, 1540.0, 1580.0, 1540.0))
     client.supervisor.send_emergency_stop()
-    wait_for(lambda: not served.vehicle.motors_run, "motors stopped")
+    wait_for(lambda: not vehicle.motors_run, "motors stopped")
     wait_for(lambda: client.supervisor.is_locked, "locked")

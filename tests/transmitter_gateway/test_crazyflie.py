@@ -8,11 +8,11 @@ from rcopterx.transmitter_gateway.protocols import crtp
 from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ProtocolError
 from rcopterx.transmitter_gateway.protocols.crazyflie import (
     FRAMES_PER_REQUEST,
-    FULL_THRUST,
     SILENT_S,
     CrazyflieProtocol,
     CrazyflieSettings,
 )
+from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
 DISARMED, ARMED = 1100.0, 1900.0
 HOVER = (1540.0, 1500.0, 1500.0, 1500.0, ARMED)
@@ -25,8 +25,8 @@ def packets(frame: bytes) -> list[crtp.Packet]:
     return [crtp.Packet.from_bytes(raw) for raw in crtp.separated(frame)]
 
 
-def set_point(frame: bytes) -> crtp.SetPoint:
-    [point] = [crtp.SetPoint.of(each) for each in packets(frame) if each.port == crtp.COMMANDER]
+def set_point(frame: bytes) -> SetPoint:
+    [point] = [crtp.set_point_of(each) for each in packets(frame) if each.port == crtp.COMMANDER]
     return point
 
 
@@ -50,13 +50,13 @@ def test_a_frame_of_an_armed_vehicle_is_read_back(
 @pytest.mark.parametrize(
     ("channel", "expected"),
     [
-        (1, crtp.SetPoint(roll_deg=30.0, thrust=33_000)),
-        (2, crtp.SetPoint(pitch_deg=-30.0, thrust=33_000)),
-        (3, crtp.SetPoint(yaw_rate_deg_s=200.0, thrust=33_000)),
+        (1, SetPoint(roll_deg=30.0, thrust=0.55)),
+        (2, SetPoint(pitch_deg=-30.0, thrust=0.55)),
+        (3, SetPoint(yaw_rate_deg_s=200.0, thrust=0.55)),
     ],
 )
 def test_sticks_to_the_right_and_forward_are_the_firmwares_directions(
-    channel: int, expected: crtp.SetPoint
+    channel: int, expected: SetPoint
 ) -> None:
     sticks = [*HOVER]
     sticks[channel] = 1900.0
@@ -64,8 +64,8 @@ def test_sticks_to_the_right_and_forward_are_the_firmwares_directions(
 
 
 def test_thrust_ends_below_what_the_firmware_needs_for_the_attitude() -> None:
-    assert set_point(CrazyflieProtocol().encode((2000.0, *HOVER[1:]))).thrust == FULL_THRUST
-    assert set_point(CrazyflieProtocol().encode((1000.0, *HOVER[1:]))).thrust == 0
+    assert set_point(CrazyflieProtocol().encode((2000.0, *HOVER[1:]))).thrust == 1.0
+    assert set_point(CrazyflieProtocol().encode((1000.0, *HOVER[1:]))).thrust == 0.0
 
 
 @given(pulses, pulses, st.booleans())
@@ -74,7 +74,7 @@ def test_without_the_arming_channel_or_with_a_kill_there_is_no_thrust(
 ) -> None:
     channels = (throttle, aileron, 1500.0, 1500.0, ARMED if kill else DISARMED)
     frame = CrazyflieProtocol().encode(channels, FrameFlags(kill=kill))
-    assert set_point(frame) == crtp.SetPoint()
+    assert set_point(frame) == SetPoint()
     assert (packets(frame)[0] == crtp.EMERGENCY_STOP) is kill
 
 

@@ -13,8 +13,9 @@ from rcopterx.transmitter_gateway.protocols import crtp
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
 from rcopterx.transmitter_gateway.protocols.crazyflie_battery import PATIENCE_FRAMES, BatteryLog
+from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
-FLY = crtp.SetPoint(thrust=36_000)
+FLY = SetPoint(thrust=0.6)
 
 
 class Bench:
@@ -24,11 +25,11 @@ class Bench:
         self.now_s = 0.0
         self.requests = 0
 
-    def run(self, frames: int, point: crtp.SetPoint, *, every: int = 1) -> None:
+    def run(self, frames: int, point: SetPoint, *, every: int = 1) -> None:
         """Exchange frames; of the answers only each `every`th arrives."""
         for frame in range(frames):
             self.now_s += 0.02
-            answers = self.vehicle.receive(point.packet().to_bytes(), self.now_s)
+            answers = self.vehicle.receive(crtp.set_point_packet(point).to_bytes(), self.now_s)
             wanted = self.log.request()
             if wanted is not None:
                 self.requests += 1
@@ -39,7 +40,7 @@ class Bench:
 
 def test_the_voltage_is_found_and_then_arrives_by_itself() -> None:
     bench = Bench()
-    bench.run(60, crtp.SetPoint())
+    bench.run(60, SetPoint())
     assert bench.log.voltage_v is not None
     assert 4.19 < bench.log.voltage_v < 4.21
     asked = bench.requests
@@ -50,17 +51,17 @@ def test_the_voltage_is_found_and_then_arrives_by_itself() -> None:
 
 def test_answers_that_are_lost_are_asked_for_again() -> None:
     bench = Bench()
-    bench.run(300, crtp.SetPoint(), every=3)
+    bench.run(300, SetPoint(), every=3)
     assert bench.log.voltage_v is not None
 
 
 def test_a_vehicle_that_started_anew_is_subscribed_to_again() -> None:
     bench = Bench()
-    bench.run(100, crtp.SetPoint())
+    bench.run(100, SetPoint())
     bench.run(50 * 120, FLY)
     bench.vehicle.power_cycle(bench.now_s)
     worn_v = bench.log.voltage_v
-    bench.run(PATIENCE_FRAMES + 100, crtp.SetPoint())
+    bench.run(PATIENCE_FRAMES + 100, SetPoint())
     assert worn_v is not None
     assert bench.log.voltage_v is not None
     assert bench.log.voltage_v > worn_v

@@ -1,94 +1,22 @@
 """Promises of arbiter and firmware together: each state of the arbiter is one of the firmware."""
 
-import math
-from collections import Counter
-
 import pytest
+from firmware_bench import FirmwareBench
 
 from rcopterx.simulator.crazyflie import LEVEL_AFTER_S, WATCHDOG_S, Crazyflie
-from rcopterx.transmitter_gateway.calibration import ArmingChannel, Calibration
-from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, CommandInput, PoseInput, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.port import Port, WriteOutcome
+from rcopterx.transmitter_gateway.inputs import Action, State
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol, CrazyflieSettings
-from rcopterx.transmitter_gateway.protocols.crtp import joined, separated
-from rcopterx.transmitter_gateway.settings import TransmitterSettings
-from rcopterx.transmitter_gateway.transmitter import Transmitter
 
 
-class Air(Port):
-    """A port whose packets reach the vehicle at once."""
-
-    def __init__(self, vehicle: Crazyflie) -> None:
-        self.path, self.problem, self.counters = "air", "closed", Counter()
-        self._vehicle = vehicle
-        self._answers: list[bytes] = []
-
-    @property
-    def is_open(self) -> bool:
-        return self.problem is None
-
-    @property
-    def next_attempt_s(self) -> float:
-        return math.inf if self.is_open else -math.inf
-
-    def fileno(self) -> int | None:
-        return None
-
-    def service(self, now_s: float) -> bool:
-        opened, self.problem = not self.is_open, None
-        return opened
-
-    def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
-        for packet in separated(frame):
-            self._answers += self._vehicle.receive(packet, now_s)
-        return WriteOutcome.WRITTEN
-
-    def read_available(self, now_s: float) -> bytes:
-        answers, self._answers = self._answers, []
-        return joined(answers)
-
-    def close(self) -> None:
-        self.problem = "closed"
-
-
-class Bench:
+class Bench(FirmwareBench):
     def __init__(self, *, arms_itself: bool, watchdog: bool = True) -> None:
         settings = CrazyflieSettings(watchdog=watchdog)
         self.vehicle = Crazyflie(settings, arms_itself=arms_itself)
-        protocol, calibration = CrazyflieProtocol(settings), Calibration(arming=ArmingChannel(4))
-        self.transmitter = Transmitter(
-            TransmitterSettings("c1", "air", protocol, calibration, ArbiterLimits()), Air(self.vehicle)
-        )
-        self.now_s = 0.0
-        self.sequence = 0
-        self.lease = self.transmitter.bid(1, 0.0, take_over=False)
+        super().__init__(self.vehicle, CrazyflieProtocol(settings))
 
     @property
-    def state(self) -> State:
-        return self.transmitter.arbiter.state
-
-    def run(self, seconds: float, thrust: float | None = 0.6, *, seen: bool = True) -> list[bool]:
-        """Fly for some time; return for every period whether the motors run."""
-        running = []
-        for _ in range(round(seconds / 0.02)):
-            self.now_s += 0.02
-            self.sequence += 1
-            if seen:
-                pose = PoseInput("c1", 1, self.sequence, (0.0, 0.0, 0.8), 0.02, 0.0)
-                self.transmitter.on_pose(pose, self.now_s)
-            if thrust is not None:
-                u = (0.1, 0.0, thrust, 0.0)
-                command = CommandInput(self.lease, 1, self.sequence, self.sequence, u)
-                self.transmitter.on_command(command, self.now_s)
-            self.transmitter.on_readable(self.now_s)
-            self.transmitter.tick(self.now_s)
-            self.vehicle.advance(self.now_s)
-            running.append(self.vehicle.motors_run)
-        return running
-
-    def request(self, action: Action) -> bool:
-        return self.transmitter.request(ActionRequest(action, "operator"), self.now_s).accepted
+    def motors_run(self) -> bool:
+        return self.vehicle.motors_run
 
     def fly(self) -> None:
         assert not any(self.run(1.5, 0.0))

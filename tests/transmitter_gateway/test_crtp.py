@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from rcopterx.transmitter_gateway.protocols import crtp
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
+from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
 packets = st.builds(crtp.Packet, st.integers(0, 15), st.integers(0, 3), st.binary(max_size=crtp.LONGEST_DATA))
 angles = st.floats(-400.0, 400.0, width=32)
@@ -22,8 +23,8 @@ def test_a_packet_survives_its_encoding(packet: crtp.Packet) -> None:
 
 @given(angles, angles, angles, st.integers(0, 65535))
 def test_a_set_point_survives_its_encoding(roll: float, pitch: float, yaw: float, thrust: int) -> None:
-    set_point = crtp.SetPoint(roll, pitch, yaw, thrust)
-    assert crtp.SetPoint.of(set_point.packet()) == set_point
+    set_point = SetPoint(roll, pitch, yaw, thrust / crtp.FULL_THRUST)
+    assert crtp.set_point_of(crtp.set_point_packet(set_point)) == set_point
 
 
 @given(states)
@@ -43,12 +44,12 @@ def test_any_bytes_are_decoded_or_rejected(raw: bytes) -> None:
         for part in crtp.separated(raw):
             crtp.SupervisorState.of(crtp.Packet.from_bytes(part))
     with suppress(FrameDecodeError):
-        crtp.SetPoint.of(crtp.Packet.from_bytes(raw))
+        crtp.set_point_of(crtp.Packet.from_bytes(raw))
 
 
 def test_the_bytes_are_those_of_the_documentation() -> None:
-    point = crtp.SetPoint(1.0, -2.0, 3.0, 40_000)
-    assert point.packet().to_bytes() == b"\x3c" + struct.pack("<fffH", 1.0, -2.0, 3.0, 40_000)
+    point = SetPoint(1.0, -2.0, 3.0, 2 / 3)
+    assert crtp.set_point_packet(point).to_bytes() == b"\x3c" + struct.pack("<fffH", 1.0, -2.0, 3.0, 40_000)
     assert crtp.STATE_REQUEST.to_bytes() == b"\x9c\x0c"
     assert crtp.arm_request(on=True).to_bytes() == b"\x9d\x01\x01"
     assert crtp.EMERGENCY_STOP.to_bytes() == b"\x9d\x03"
@@ -67,4 +68,4 @@ def test_the_bytes_are_those_of_the_documentation() -> None:
 )
 def test_a_set_point_that_is_none_is_rejected(packet: crtp.Packet) -> None:
     with pytest.raises(FrameDecodeError):
-        crtp.SetPoint.of(packet)
+        crtp.set_point_of(packet)

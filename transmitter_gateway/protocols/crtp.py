@@ -10,15 +10,17 @@ from collections.abc import Iterable
 from msgspec import Struct
 
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError, ProtocolError
+from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
 NULL_PACKET = b"\xff"
 """Carries nothing; a computer asks with it whether a vehicle is there, and a vehicle answers with it."""
 LONGEST_DATA = 30
-UDP, RADIO = "udp://", "radio://"
-"""Beginnings of addresses."""
+RADIO = "radio://"
+"""Beginning of addresses."""
+FULL_THRUST = 60_000
+"""The firmware needs the rest of its 65535 for the attitude."""
 HIGHEST_CHANNEL = 125
 DATA_RATES = ("250K", "1M", "2M")
-LONGEST_DATAGRAM = 64
 COMMANDER, SUPERVISOR = 3, 9
 """Ports."""
 STATE_CHANNEL, COMMAND_CHANNEL = 0, 1
@@ -60,32 +62,21 @@ class Packet(Struct, frozen=True):
         return Packet(raw[0] >> 4, raw[0] & 0x03, raw[1:])
 
 
-class SetPoint(Struct, frozen=True):
-    """Attitude as the firmware reads it: roll to the right, pitch nose up, yaw clockwise seen from above.
+def set_point_packet(point: SetPoint) -> Packet:
+    """Encode a set point; the first one after the start has to be without thrust."""
+    thrust = round(FULL_THRUST * point.thrust)
+    data = _SET_POINT.pack(point.roll_deg, point.pitch_deg, point.yaw_rate_deg_s, thrust)
+    return Packet(COMMANDER, 0, data)
 
-    `thrust` is 0..65535; the first one after the start has to be 0.
-    """
 
-    roll_deg: float = 0.0
-    pitch_deg: float = 0.0
-    yaw_rate_deg_s: float = 0.0
-    thrust: int = 0
-
-    def packet(self) -> Packet:
-        """Encode."""
-        return Packet(
-            COMMANDER, 0, _SET_POINT.pack(self.roll_deg, self.pitch_deg, self.yaw_rate_deg_s, self.thrust)
-        )
-
-    @staticmethod
-    def of(packet: Packet) -> SetPoint:
-        """Decode; raises `FrameDecodeError` for another packet, and for angles that are not finite."""
-        if (packet.port, packet.channel) != (COMMANDER, 0) or len(packet.data) != _SET_POINT.size:
-            raise FrameDecodeError("crtp: no set point")
-        roll, pitch, yaw_rate, thrust = _SET_POINT.unpack(packet.data)
-        if not all(map(math.isfinite, (roll, pitch, yaw_rate))):
-            raise FrameDecodeError("crtp: a set point that is not finite")
-        return SetPoint(roll, pitch, yaw_rate, thrust)
+def set_point_of(packet: Packet) -> SetPoint:
+    """Decode; raises `FrameDecodeError` for another packet, and for angles that are not finite."""
+    if (packet.port, packet.channel) != (COMMANDER, 0) or len(packet.data) != _SET_POINT.size:
+        raise FrameDecodeError("crtp: no set point")
+    roll, pitch, yaw_rate, thrust = _SET_POINT.unpack(packet.data)
+    if not all(map(math.isfinite, (roll, pitch, yaw_rate))):
+        raise FrameDecodeError("crtp: a set point that is not finite")
+    return SetPoint(roll, pitch, yaw_rate, thrust / FULL_THRUST)
 
 
 class SupervisorState(Struct, frozen=True):
@@ -148,16 +139,6 @@ def separated(frame: bytes) -> list[bytes]:
     return packets
 
 
-def udp_address(path: str) -> tuple[str, int]:
-    """Host and port of `udp://HOST:PORT`; raises `ProtocolError` for anything else."""
-    host, _, port = path.removeprefix(UDP).rpartition(":")
-    if not path.startswith(UDP) or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ProtocolError(
-            f"{path!r} is no address such as udp://127.0.0.1:19850 or radio://0/80/2M/E7E7E7E7E7"
-        )
-    return host, int(port)
-
-
 class RadioAddress(Struct, frozen=True):
     """Where a Crazyflie is: number of the dongle, channel 0..125, data rate by its number, 5 bytes."""
 
@@ -180,6 +161,6 @@ class RadioAddress(Struct, frozen=True):
                 return RadioAddress(int(dongle), int(channel), DATA_RATES.index(rate), bytes.fromhex(address))
         rates = ", ".join(DATA_RATES)
         raise ProtocolError(
-            f"{path!r} is no address such as radio://0/80/2M/E7E7E7E7E7: number of the dongle, channel 0 to "
-            f"{HIGHEST_CHANNEL}, {rates}, 10 hexadecimal digits"
+            f"{path!r} is no address such as udp://127.0.0.1:19850 or radio://0/80/2M/E7E7E7E7E7: "
+            f"number of the dongle, channel 0 to {HIGHEST_CHANNEL}, {rates}, 10 hexadecimal digits"
         )

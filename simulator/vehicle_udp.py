@@ -1,0 +1,123 @@
+"""Emulated vehicles behind a UDP port, with a firmware and a battery of their own."""
+
+import socket
+from abc import ABC, abstractmethod
+from contextlib import suppress
+
+from rcopterx.simulator.plant import Plant
+from rcopterx.simulator.radio_end import RadioEnd
+from rcopterx.simulator.radio_module import Reception
+from rcopterx.transmitter_gateway.udp_port import LONGEST_DATAGRAM, udp_address
+
+
+class UdpVehicle(Reception, ABC):
+    """The firmware of one vehicle, without any port or clock.
+
+    Attributes
+    ----------
+    powered
+        Whether its battery is in.
+    """
+
+    powered: bool
+
+    @abstractmethod
+    def receive(self, raw: bytes, now_s: float) -> list[bytes]:
+        """Take a datagram at `now_s`; return the answers."""
+
+    @abstractmethod
+    def advance(self, now_s: float) -> None:
+        """Apply time limits until `now_s`."""
+
+    @abstractmethod
+    def power_cycle(self, now_s: float) -> None:
+        """Start anew with a full battery."""
+
+    @abstractmethod
+    def switch_off(self) -> None:
+        """Take the battery out."""
+
+    def reports(self, now_s: float) -> list[bytes]:  # noqa: ARG002 - a firmware that only answers
+        """Return what it sends without a request."""
+        return []
+
+    def sense(self, plant: Plant, now_s: float) -> None:
+        """Measure its pose; `plant` is its body."""
+
+
+class VehicleUdp(RadioEnd):
+    """A vehicle behind a UDP port; it reports to whom it heard last.
+
+    Raises `OSError` if the port is in use.
+    """
+
+    def __init__(self, path: str, vehicle: UdpVehicle) -> None:
+        super().__init__(vehicle)
+        self.vehicle = vehicle
+        self._address = udp_address(path)
+        self._socket: socket.socket | None = self._bound()
+        self._peer: tuple[str, int] | None = None
+
+    def _bound(self) -> socket.socket:
+        bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        bound.setblocking(False)
+        try:
+            bound.bind(self._address)
+        except OSError:
+            bound.close()
+            raise
+        return bound
+
+    @property
+    def is_open(self) -> bool:
+        """See `RadioEnd`."""
+        return self._socket is not None
+
+    def fileno(self) -> int:
+        """See `RadioEnd`."""
+        return -1 if self._socket is None else self._socket.fileno()
+
+    def receive(self, now_s: float) -> None:
+        """Pass on the datagrams that have arrived, and answer each to its sender."""
+        if self._socket is None:
+            return
+        # A sender that has gone is reported here, and is no concern of the vehicle.
+        with suppress(BlockingIOError, ConnectionRefusedError):
+            while True:
+                raw, self._peer = self._socket.recvfrom(LONGEST_DATAGRAM)
+                self._send(self.vehicle.receive(raw, now_s))
+
+    def live(self, now_s: float) -> None:
+        """See `RadioEnd`."""
+        self.vehicle.advance(now_s)
+        with suppress(BlockingIOError, ConnectionRefusedError):
+            self._send(self.vehicle.reports(now_s))
+
+    def _send(self, packets: list[bytes]) -> None:
+        for packet in packets:
+            if self._socket is not None and self._peer is not None:
+                self._socket.sendto(packet, self._peer)
+
+    def sense(self, plant: Plant, now_s: float) -> None:
+        """See `RadioEnd`."""
+        self.vehicle.sense(plant, now_s)
+
+    def unplug(self, *, powered: bool = False) -> None:  # noqa: ARG002 - the vehicle has power of its own
+        """Pull the radio: nothing reaches the vehicle."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+    def replug(self, now_s: float) -> None:  # noqa: ARG002 - the vehicle did not restart
+        """Plug the radio in again."""
+        if self._socket is None:
+            self._socket = self._bound()
+
+    def switch_off(self) -> None:
+        """Take the battery out."""
+        self.vehicle.switch_off()
+
+    def switch_on(self, now_s: float) -> None:
+        """Put the battery in; the firmware starts."""
+        if not self.vehicle.powered:
+            self.vehicle.power_cycle(now_s)

@@ -1,0 +1,158 @@
+"""Radio protocols of vehicles whose firmware keeps the attitude and arms: what they have in common."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections import Counter, deque
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from msgspec import Struct
+
+from rcopterx.transmitter_gateway.protocols.base import (
+    AILERON,
+    CENTER_US,
+    CHANNEL_NAMES,
+    ELEVATOR,
+    GEAR,
+    RUDDER,
+    THROTTLE,
+    FrameFlags,
+    ModuleStatus,
+    ProtocolError,
+    RadioProtocol,
+    SerialLine,
+)
+
+FULL_STICK_US = 400.0
+LOW_US = CENTER_US - FULL_STICK_US
+
+
+class SetPoint(Struct, frozen=True):
+    """Roll to the right, pitch nose up, yaw clockwise from above; `thrust` is a share of the full one."""
+
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
+    yaw_rate_deg_s: float = 0.0
+    thrust: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class FullStick:
+    """How channels become set points.
+
+    Parameters
+    ----------
+    full_tilt_deg
+        Roll and pitch angle at full stick.
+    full_yaw_rate_deg_s
+        Yaw rate at full stick.
+    """
+
+    full_tilt_deg: float = 30.0
+    full_yaw_rate_deg_s: float = 200.0
+
+    def __post_init__(self) -> None:
+        for field, highest in (("full_tilt_deg", 60.0), ("full_yaw_rate_deg_s", 720.0)):
+            value = getattr(self, field)
+            if not 0 < value <= highest:
+                raise ProtocolError(f"{field}: {value} must be positive and at most {highest:g}")
+
+    def set_point(self, pulses_us: Sequence[float]) -> SetPoint:
+        """Set point of throttle, aileron, elevator and rudder [us]."""
+        tilt, yaw_rate = self.full_tilt_deg / FULL_STICK_US, self.full_yaw_rate_deg_s / FULL_STICK_US
+        thrust = (pulses_us[THROTTLE] - LOW_US) / (2 * FULL_STICK_US)
+        return SetPoint(
+            tilt * (pulses_us[AILERON] - CENTER_US),
+            -tilt * (pulses_us[ELEVATOR] - CENTER_US),
+            yaw_rate * (pulses_us[RUDDER] - CENTER_US),
+            min(max(thrust, 0.0), 1.0),
+        )
+
+    def pulses_us(self, point: SetPoint, *, armed: bool) -> tuple[float, ...]:
+        """Throttle, aileron, elevator, rudder and arming channel [us] of a set point."""
+        tilt, yaw_rate = self.full_tilt_deg / FULL_STICK_US, self.full_yaw_rate_deg_s / FULL_STICK_US
+        return (
+            LOW_US + point.thrust * 2 * FULL_STICK_US,
+            CENTER_US + point.roll_deg / tilt,
+            CENTER_US - point.pitch_deg / tilt,
+            CENTER_US + point.yaw_rate_deg_s / yaw_rate,
+            CENTER_US + (FULL_STICK_US if armed else -FULL_STICK_US),
+        )
+
+
+class SetPointRadio(RadioProtocol):
+    """Driver of one vehicle that gets set points and reports its state; the arming channel arms it.
+
+    Attributes
+    ----------
+    settings
+        How channels become set points.
+    voltage_v
+        Newest voltage of the battery, None before the first one.
+    remark
+        What the status says besides while it is ready.
+    local_port
+        UDP port that its frames are sent from, 0 for any.
+    """
+
+    offers: ClassVar[frozenset[str]] = frozenset({"kill"})
+    settings: FullStick
+    local_port: int = 0
+
+    def __init__(self, settings: FullStick, line: SerialLine, remembered: int) -> None:
+        self.settings = settings
+        self.line = line
+        self.channel_count = len(CHANNEL_NAMES)
+        self.pulse_range_us = (CENTER_US - 500.0, CENTER_US + 500.0)
+        self.minimum_interval_s = 0.004
+        # A little above the command period.
+        self.keepalive_s = 0.025
+        self.counters: Counter[str] = Counter()
+        self.voltage_v: float | None = None
+        self.remark = ""
+        self._opened = False
+        self._answers: deque[bool] = deque(maxlen=remembered)
+
+    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
+        armed = pulses_us[GEAR] > CENTER_US and not flags.kill
+        point = self.settings.set_point(pulses_us) if armed else SetPoint()
+        return self._set_point_frame(point, armed=armed, kill=flags.kill)
+
+    @abstractmethod
+    def probe(self) -> bytes:
+        """Return a datagram that a vehicle answers."""
+
+    def separated(self, frame: bytes) -> list[bytes]:
+        """Return the datagrams of a frame."""
+        return [frame]
+
+    def joined(self, datagrams: Iterable[bytes]) -> bytes:
+        """Return datagrams as `receive` takes them."""
+        return b"".join(datagrams)
+
+    @abstractmethod
+    def _set_point_frame(self, point: SetPoint, *, armed: bool, kill: bool) -> bytes:
+        """Build the next frame; a kill stops the motors."""
+
+    def link_opened(self, now_s: float) -> None:  # noqa: ARG002 - the interface gives the time
+        """Wait for a new state."""
+        self._opened = True
+        self.voltage_v, self.remark = None, ""
+        self._answers.clear()
+
+    def status(self, now_s: float) -> ModuleStatus:
+        """Ready when the firmware would fly; the text has battery and share of packets that arrived."""
+        problem = self._problem(now_s) if self._opened else "port not open"
+        if problem is not None:
+            return ModuleStatus(False, False, problem)
+        # The answer to the newest request may be on its way.
+        judged = [*self._answers][:-1] or [True]
+        link = f"link {100 * sum(judged) / len(judged):.0f} %"
+        battery = "" if self.voltage_v is None else f"{self.voltage_v:.2f} V, "
+        return ModuleStatus(True, False, f"ready, {battery}{link}{self.remark}")
+
+    @abstractmethod
+    def _problem(self, now_s: float) -> str | None:
+        """Why the firmware would not fly; None if it would."""
