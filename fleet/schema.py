@@ -16,7 +16,7 @@ from rcopterx.bus.messages import LeaderLink
 
 Text = Annotated[str, Meta(min_length=1)]
 Speed = Annotated[float, Meta(ge=0.01, le=10)]
-ProtocolName = Literal["multi", "dsm2_serial", "dsmp", "ppm", "crazyflie"]
+ProtocolName = Literal["multi", "dsm2_serial", "dsmp", "ppm", "crazyflie", "mavlink"]
 
 DEFAULT_HOST = "main"
 ROUTER_PORT = 7447
@@ -143,7 +143,8 @@ class TransmitterConfig(Table, frozen=True, kw_only=True):
 
     port: Text
     """Serial device; a relative path is in the run directory, where the simulator creates it. For a Crazyflie
-    `radio://DONGLE/CHANNEL/RATE/ADDRESS`, or `udp://HOST:PORT` of a simulated one."""
+    `radio://DONGLE/CHANNEL/RATE/ADDRESS`, or `udp://HOST:PORT` of a simulated one; for a vehicle with MAVLink
+    a serial device or `udp://HOST:PORT`."""
     gateway: Name = "transmitters"
     """Transmitter gateway that serves it."""
     protocol: ProtocolName | None = None

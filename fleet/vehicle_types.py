@@ -19,7 +19,7 @@ from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Te
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError
-from rcopterx.transmitter_gateway.protocols.registry import create_protocol
+from rcopterx.transmitter_gateway.protocols.registry import settings_of
 from rcopterx.vehicles.model import Model
 
 GROUP = "rcopterx.vehicle_types"
@@ -120,7 +120,7 @@ def _checked(name: str, table: dict[str, Any], source: str) -> VehicleType:
         model = dataclass_from(Model, {"kind": name, **file.model}, "model")
         radio = file.transmitter
         calibration = replaced(Calibration(), radio.calibration, "transmitter.calibration")
-        create_protocol(radio.protocol, radio.settings)
+        settings_of(radio.protocol, radio.settings)
         replaced(ArbiterLimits(), file.safety, "safety")
     except ProtocolError as error:
         raise FleetError(f"{source}: transmitter.settings: {error}") from None

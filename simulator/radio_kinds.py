@@ -44,6 +44,12 @@ def radio_end_of(port: str, radio: SimulatedRadio, start_s: float) -> RadioEnd:
 def _vehicle_of(protocol: SetPointRadio, start_s: float) -> UdpVehicle:
     if isinstance(protocol, CrazyflieProtocol):
         return Crazyflie(protocol.settings, start_s)
+    # Its library is an extra.
+    from rcopterx.simulator.autopilot import EmulatedAutopilot
+    from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
+
+    if isinstance(protocol, MavlinkProtocol):
+        return EmulatedAutopilot(protocol.settings, start_s)
     raise ValueError(f"{protocol.name}: no vehicle is emulated")
 
 

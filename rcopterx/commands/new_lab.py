@@ -25,7 +25,7 @@ def new_lab(
     protocol: Annotated[
         str | None,
         typer.Option(
-            metavar="multi|dsm2_serial|dsmp|ppm|crazyflie",
+            metavar="multi|dsm2_serial|dsmp|ppm|crazyflie|mavlink",
             help="Protocol of the radio modules; by default that of the type.",
         ),
     ] = None,

@@ -53,7 +53,7 @@ def refusal(text: str, directory: Path) -> str:
         ("model_match = 2 }", "model_match = 2, calibration = { yaw = { trim = 9 } } }",
          "vehicles.h2.transmitter.calibration.yaw.trim", "unknown"),
         ("model_match = 2 }", 'model_match = 2, protocol = "morse" }',
-         "vehicles.h2.transmitter.protocol", "morse', allowed are crazyflie, dsm2_serial, dsmp, multi, ppm"),
+         "vehicles.h2.transmitter.protocol", "morse', allowed are crazyflie, dsm2_serial, dsmp, mavlink"),
         ('leader = "h1", offset_m = [-0.4, 0.5', 'leader = "h1", frame = "body", offset_m = [-0.4, 0.5',
          "vehicles.h2.follow[0].frame", "allowed are heading, inertial"),
         ("horizon = 50", "horizn = 50", "vehicles.h1.control", "`horizn`, allowed are controller, "),

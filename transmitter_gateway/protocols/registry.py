@@ -6,14 +6,34 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
-from rcopterx.transmitter_gateway.protocols import crazyflie, dsm2_serial, dsmp, multi, ppm
+from rcopterx.transmitter_gateway.protocols import (
+    crazyflie,
+    dsm2_serial,
+    dsmp,
+    mavlink_settings,
+    multi,
+    ppm,
+)
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol, SerialLine
+
+
+def _mavlink(settings: mavlink_settings.MavlinkSettings, line: SerialLine) -> RadioProtocol:
+    """Create the protocol whose library is an extra; raises `ProtocolError` without it."""
+    try:
+        from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("rcopterx"):
+            raise
+        raise ProtocolError(mavlink_settings.MISSING_LIBRARY) from None
+    return MavlinkProtocol(settings, line)
+
 
 _KINDS: dict[str, tuple[type[Any], Callable[..., RadioProtocol], SerialLine]] = {
     "multi": (multi.MultiSettings, multi.MultiProtocol, multi.LINE),
     "dsm2_serial": (dsm2_serial.Dsm2Settings, dsm2_serial.Dsm2SerialProtocol, dsm2_serial.LINE),
     "dsmp": (dsmp.DsmpSettings, dsmp.DsmpProtocol, dsmp.LINE),
     "crazyflie": (crazyflie.CrazyflieSettings, crazyflie.CrazyflieProtocol, crazyflie.LINE),
+    "mavlink": (mavlink_settings.MavlinkSettings, _mavlink, mavlink_settings.LINE),
     "ppm": (ppm.PpmSettings, ppm.PpmGenProtocol, ppm.PPM_GEN_LINE),
     "sc8000p": (ppm.PpmSettings, ppm.Sc8000pProtocol, ppm.SC8000P_LINE),
 }
@@ -30,22 +50,31 @@ def settings_class(name: str) -> type[Any]:
     return _kind(name)[0]
 
 
-def create_protocol(
-    name: str, options: Mapping[str, object] | None = None, line: SerialLine | None = None
-) -> RadioProtocol:
-    """Create a protocol of `PROTOCOL_NAMES`.
+def settings_of(name: str, options: Mapping[str, object]) -> Any:
+    """Return the settings of a protocol of `PROTOCOL_NAMES` with some fields of its settings class.
 
-    `options` are fields of its settings class, `line` line settings other than the radio's own. Raises
-    `ProtocolError` for an unknown radio or option, or a value that is not allowed.
+    Raises `ProtocolError` for an unknown radio or option, or a value that is not allowed.
     """
-    settings_class, protocol_class, own_line = _kind(name)
-    allowed = {item.name: type(item.default) for item in fields(settings_class)}
-    for key, value in (options or {}).items():
+    kind = settings_class(name)
+    allowed = {item.name: type(item.default) for item in fields(kind)}
+    for key, value in options.items():
         if key not in allowed:
             raise ProtocolError(f"{name}.{key}: unknown option, known are {', '.join(allowed)}")
         if type(value) is not allowed[key]:
             raise ProtocolError(f"{name}.{key}: {value!r} must be of type {allowed[key].__name__}")
-    return protocol_class(settings_class(**(options or {})), line or own_line)
+    return kind(**options)
+
+
+def create_protocol(
+    name: str, options: Mapping[str, object] | None = None, line: SerialLine | None = None
+) -> RadioProtocol:
+    """Create a protocol with the options of `settings_of`; `line` are line settings other than its own.
+
+    Raises `ProtocolError` as `settings_of`, and if the library of the protocol is not installed.
+    """
+    settings = settings_of(name, options or {})
+    _, create, own_line = _kind(name)
+    return create(settings, line or own_line)
 
 
 def _kind(name: str) -> tuple[type[Any], Callable[..., RadioProtocol], SerialLine]:

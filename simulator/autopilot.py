@@ -1,0 +1,241 @@
+"""Emulated autopilot between MAVLink and motors (behaviour: documentation of PX4)."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.quaternion import QuaternionBase
+
+from rcopterx.simulator.plant import Plant
+from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
+from rcopterx.simulator.vehicle_udp import UdpVehicle
+from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
+from rcopterx.transmitter_gateway.protocols.mavlink import FORCE, set_point_of
+from rcopterx.transmitter_gateway.protocols.mavlink_settings import MODES, MavlinkSettings
+from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
+
+OFFBOARD: Final = MODES["offboard"].reported
+LOITER, LAND = 4 << 16 | 3 << 24, 4 << 16 | 6 << 24
+"""Modes as reported."""
+SLOWEST_STREAM_S: Final = 0.5
+STREAM_BEFORE_S: Final = 1.0
+LOSS_S: Final = 1.0
+"""`COM_OF_LOSS_T`."""
+YAW_GAIN_PER_S: Final = 2.8
+HOVER_SHARE: Final = 0.02
+"""Of each set point in the thrust that it learns to hover with."""
+SINKING: Final = 0.95
+"""Share of that thrust in a landing."""
+FLYING_M: Final = 0.02
+NORTH_RAD: Final = 1.0
+"""Heading of the x axis of the laboratory: an autopilot knows north, not the laboratory."""
+FULL_V: Final = 16.8
+EMPTY_V: Final = 14.0
+ENDURANCE_S: Final = 600.0
+PERIODS_S: Final = {
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.1,
+}
+"""Of its reports, before other ones are requested."""
+
+
+class EmulatedAutopilot(UdpVehicle):
+    """The firmware of one quadrotor: it obeys set points in its mode offboard, and lands when they end.
+
+    Attributes
+    ----------
+    armed, mode
+        As its heartbeat reports them.
+    terminated
+        Whether its flight was terminated, which only a restart ends.
+    rejected
+        Packets that it ignored, by reason.
+
+    Parameters
+    ----------
+    settings
+        How set points become the pulse widths that the simulated vehicle gets, and its system id.
+    """
+
+    def __init__(self, settings: MavlinkSettings, start_s: float = 0.0) -> None:
+        super().__init__(deque(maxlen=FRAME_LOG_LENGTH))
+        self._settings = settings
+        self.rejected: Counter[str] = Counter()
+        self._height_m, self._attitude_rad = 0.0, (0.0, 0.0, NORTH_RAD)
+        self.power_cycle(start_s)
+
+    def power_cycle(self, now_s: float) -> None:
+        """Start anew with a full battery, disarmed."""
+        self._mav = mavlink.MAVLink(None, self._settings.system, mavlink.MAV_COMP_ID_AUTOPILOT1)
+        self._mav.robust_parsing = True
+        self.powered, self.armed, self.terminated, self.mode = True, False, False, LOITER
+        self._periods_s, self._due_s = dict(PERIODS_S), dict.fromkeys(PERIODS_S, now_s)
+        self._flown_s = 0.0
+        self._streams_since_s, self._received_s, self._advanced_s = now_s, -math.inf, now_s
+        self._set_point, self._heading_rad, self._hover = SetPoint(), 0.0, 0.5
+
+    def switch_off(self) -> None:
+        """Take the battery out."""
+        self.powered = self.armed = False
+        self._note(self._advanced_s)
+
+    def sense(self, plant: Plant, now_s: float) -> None:  # noqa: ARG002 - attitudes have no rate here
+        """Measure the pose of its body."""
+        pose = plant.pose
+        self._height_m = pose.position_m[2]
+        # z points down here, and y to the right.
+        yaw_rad = math.remainder(NORTH_RAD - pose.yaw_rad, math.tau)
+        self._attitude_rad = pose.roll_rad, -pose.pitch_rad, yaw_rad
+
+    # Messages -----------------------------------------------------------------------------------------
+
+    def receive(self, raw: bytes, now_s: float) -> list[bytes]:
+        """Take a datagram at `now_s`; return the answers."""
+        self.advance(now_s)
+        answers: list[bytes] = []
+        for packet in (self._mav.parse_buffer(raw) or ()) if self.powered else ():
+            try:
+                answers += self._obey(packet, now_s)
+            except FrameDecodeError as error:
+                self.rejected[str(error)] += 1
+        self._note(now_s)
+        return answers
+
+    def _obey(self, packet: Any, now_s: float) -> list[bytes]:
+        kind = packet.get_type()
+        if kind == "BAD_DATA":
+            raise FrameDecodeError("mavlink: malformed")
+        if getattr(packet, "target_system", 0) not in (0, self._settings.system):
+            raise FrameDecodeError("mavlink: for another system")
+        if kind == "SET_ATTITUDE_TARGET":
+            self._take(packet, now_s)
+        if kind != "COMMAND_LONG":
+            return []
+        result, refusal = self._command(packet, now_s)
+        texts = [mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, refusal[:50].encode())]
+        return [
+            self._packed(message)
+            for message in [
+                *(texts if refusal else []),
+                mavlink.MAVLink_command_ack_message(
+                    packet.command, result, 0, 0, packet.get_srcSystem(), packet.get_srcComponent()
+                ),
+            ]
+        ]
+
+    def _packed(self, message: Any) -> bytes:
+        packet: bytes = message.pack(self._mav)
+        self._mav.seq = (self._mav.seq + 1) % 256
+        return packet
+
+    def _take(self, packet: Any, now_s: float) -> None:
+        point = set_point_of(packet)
+        if now_s > self._received_s + SLOWEST_STREAM_S:
+            self._streams_since_s = now_s
+        self._heading_rad = QuaternionBase(packet.q).euler[2]
+        self._set_point, self._received_s = point, now_s
+        if self._height_m > FLYING_M:
+            self._hover += HOVER_SHARE * (point.thrust - self._hover)
+        pulses_us = self._settings.pulses_us(point, armed=self.armed)
+        self.frames.append(SerialFrame(now_s, pulses_us, kill=self.terminated))
+
+    def _command(self, packet: Any, now_s: float) -> tuple[int, str]:
+        """Obey a command; return the result, and what it says to a refusal."""
+        refusal, first = "", packet.param1
+        match packet.command:
+            case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
+                refusal = self._arm(on=first > 0.5, force=packet.param2 == FORCE)
+            case mavlink.MAV_CMD_DO_SET_MODE:
+                refusal = self._change_mode(round(packet.param2) << 16 | round(packet.param3) << 24)
+            case mavlink.MAV_CMD_DO_FLIGHTTERMINATION if first > 0.5:
+                self.terminated, self.armed = True, False
+            case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL if first in self._periods_s and packet.param2 > 0:
+                self._periods_s[round(first)], self._due_s[round(first)] = 1e-6 * packet.param2, now_s
+            case _:
+                return mavlink.MAV_RESULT_UNSUPPORTED, ""
+        return (mavlink.MAV_RESULT_TEMPORARILY_REJECTED if refusal else mavlink.MAV_RESULT_ACCEPTED), refusal
+
+    @property
+    def _streams(self) -> bool:
+        """Whether set points have come fast enough for long enough."""
+        lasting = self._advanced_s >= self._streams_since_s + STREAM_BEFORE_S
+        return lasting and self._advanced_s <= self._received_s + SLOWEST_STREAM_S
+
+    def _arm(self, *, on: bool, force: bool) -> str:
+        """Arm or disarm; return why not."""
+        if on and self.terminated:
+            return "Arming denied: flight terminated, restart the vehicle"
+        if on and self._flown_s >= ENDURANCE_S:
+            return "Arming denied: battery low"
+        if on and self.mode == OFFBOARD and not self._streams:
+            return "Arming denied: no offboard signal"
+        if on and self._set_point.thrust > 0:
+            return "Arming denied: thrust is not zero"
+        if not on and not force and self._height_m > FLYING_M:
+            return "Disarming denied: not landed"
+        self.armed = on
+        return ""
+
+    def _change_mode(self, mode: int) -> str:
+        """Change the mode; return why not."""
+        if mode not in (LOITER, LAND, OFFBOARD) or (mode == OFFBOARD and not self._streams):
+            return "This mode is currently not available"
+        self.mode = mode
+        return ""
+
+    def reports(self, now_s: float) -> list[bytes]:
+        """Return the reports that are due."""
+        due = [number for number, due_s in self._due_s.items() if self.powered and now_s >= due_s]
+        for number in due:
+            self._due_s[number] = max(self._due_s[number] + self._periods_s[number], now_s)
+        return [self._packed(self._report(number)) for number in due]
+
+    def _report(self, number: int) -> Any:
+        if number == mavlink.MAVLINK_MSG_ID_ATTITUDE:
+            return mavlink.MAVLink_attitude_message(
+                round(1000 * self._advanced_s) % 2**32, *self._attitude_rad, 0.0, 0.0, 0.0
+            )
+        if number == mavlink.MAVLINK_MSG_ID_SYS_STATUS:
+            share = max(1.0 - self._flown_s / ENDURANCE_S, 0.0)
+            voltage_mv = round(1000 * (EMPTY_V + (FULL_V - EMPTY_V) * share))
+            return mavlink.MAVLink_sys_status_message(
+                0, 0, 0, 0, voltage_mv, -1, round(100 * share), 0, 0, 0, 0, 0, 0
+            )
+        flags = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
+        return mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_QUADROTOR,
+            mavlink.MAV_AUTOPILOT_PX4,
+            flags | mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            self.mode,
+            mavlink.MAV_STATE_ACTIVE if self.armed else mavlink.MAV_STATE_STANDBY,
+            3,
+        )
+
+    # Motors -------------------------------------------------------------------------------------------
+
+    def advance(self, now_s: float) -> None:
+        """Apply the age of set points until `now_s`, and control the heading."""
+        self._flown_s += self.armed * max(now_s - self._advanced_s, 0.0)
+        self._advanced_s = max(self._advanced_s, now_s)
+        if self.mode == OFFBOARD and now_s > self._received_s + LOSS_S:
+            self.mode = LAND if self.armed else LOITER
+        if self.mode == LAND and self._height_m <= FLYING_M:
+            self.armed = False
+        self._note(now_s)
+
+    def _note(self, now_s: float) -> None:
+        """Note what the vehicle gets if it has changed."""
+        self.note_pulses(now_s, self._settings.pulses_us(self._wanted(), armed=self.armed))
+
+    def _wanted(self) -> SetPoint:
+        if self.armed and self.mode == OFFBOARD:
+            point = self._set_point
+            error_deg = math.degrees(math.remainder(self._heading_rad - self._attitude_rad[2], math.tau))
+            full = self._settings.full_yaw_rate_deg_s
+            yaw_rate = min(max(point.yaw_rate_deg_s + YAW_GAIN_PER_S * error_deg, -full), full)
+            return SetPoint(point.roll_deg, point.pitch_deg, yaw_rate, point.thrust)
+        return SetPoint(thrust=SINKING * self._hover if self.armed and self.mode == LAND else 0.0)

@@ -1,0 +1,186 @@
+"""Promises of arbiter and autopilot together: each state of the arbiter is one of the autopilot."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from firmware_bench import FirmwareBench
+
+from rcopterx.simulator.autopilot import LAND, LOITER, LOSS_S, EmulatedAutopilot
+from rcopterx.simulator.plant import Pose
+from rcopterx.transmitter_gateway.inputs import Action, State
+from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
+from rcopterx.transmitter_gateway.protocols.mavlink_settings import MODES, MavlinkSettings
+
+OFFBOARD = MODES["offboard"].reported
+
+
+class Bench(FirmwareBench):
+    """The height follows the motors, and the heading is where `yaw_rad` says."""
+
+    def __init__(self, **settings: Any) -> None:
+        self.settings = MavlinkSettings(**settings)
+        self.vehicle = EmulatedAutopilot(self.settings)
+        self.yaw_rad = 0.0
+        super().__init__(self.vehicle, MavlinkProtocol(self.settings), low_s=1.0)
+
+    @property
+    def pulses_us(self) -> tuple[float, ...]:
+        outputs = self.vehicle.take_outputs()
+        self._pulses = outputs[-1][1] if outputs else self._pulses
+        return self._pulses
+
+    @property
+    def motors_run(self) -> bool:
+        return self.pulses_us[0] > 1100.0
+
+    def live(self) -> None:
+        height_m = 0.8 if self.motors_run else 0.0
+        body: Any = SimpleNamespace(pose=Pose((0.0, 0.0, height_m), self.yaw_rad))
+        self.vehicle.sense(body, self.now_s)
+        super().live()
+
+    def fly(self) -> None:
+        assert not any(self.run(2.5, 0.0))
+        assert self.request(Action.ARM), self.module
+        self.run(3.5)
+        assert self.state is State.ARMED, self.module
+        assert self.motors_run
+        assert (self.vehicle.armed, self.vehicle.mode) == (True, OFFBOARD)
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_a_vehicle_that_is_not_armed_gets_no_thrust_and_keeps_its_mode(bench: Bench) -> None:
+    assert not any(bench.run(4.0, 0.6))
+    assert bench.state is State.DISARMED
+    assert (bench.vehicle.armed, bench.vehicle.mode) == (False, LOITER)
+    assert bench.module == "ready, 16.80 V, link 100 %"
+
+
+def test_a_vehicle_is_armed_in_its_mode_without_thrust_and_then_flies(bench: Bench) -> None:
+    bench.fly()
+    assert bench.pulses_us[0] == pytest.approx(1580.0, abs=1.0)
+    assert bench.pulses_us[2] == pytest.approx(1540.0, abs=1.0)
+
+
+def test_a_landed_vehicle_is_disarmed(bench: Bench) -> None:
+    bench.fly()
+    bench.height_m = 0.02
+    bench.request(Action.SHUTDOWN)
+    bench.run(8.0, None)
+    assert bench.state is State.CUT
+    assert not bench.vehicle.armed
+
+
+@pytest.mark.parametrize("terminates", [False, True])
+def test_a_kill_stops_the_motors_within_a_period_and_ends_with_a_reset(terminates: bool) -> None:
+    bench = Bench(flight_termination=terminates)
+    bench.fly()
+    assert bench.request(Action.KILL)
+    bench.transmitter.tick(bench.now_s + 0.004)
+    assert not bench.motors_run
+    assert not bench.vehicle.armed
+    bench.run(1.0, 0.0)
+    assert bench.request(Action.RESET)
+    assert bench.vehicle.terminated is terminates
+    if terminates:
+        bench.run(2.0, 0.0)
+        assert bench.request(Action.ARM)
+        bench.run(4.0)
+        assert "Arming denied: flight terminated" in bench.module
+        bench.vehicle.power_cycle(bench.now_s)
+    bench.fly()
+
+
+def test_without_commands_the_arbiter_holds_and_lands_and_the_autopilot_obeys(bench: Bench) -> None:
+    bench.fly()
+    bench.run(LOSS_S + 0.5, None)
+    assert bench.state is State.LAND
+    assert bench.vehicle.mode == OFFBOARD
+
+
+def test_a_gateway_that_dies_leaves_a_vehicle_that_lands_by_itself(bench: Bench) -> None:
+    bench.fly()
+    died_s = bench.now_s
+    while bench.vehicle.mode == OFFBOARD:
+        bench.now_s += 0.02
+        bench.live()
+    assert bench.now_s - died_s == pytest.approx(LOSS_S, abs=0.05)
+    assert bench.vehicle.mode == LAND
+    assert bench.pulses_us[1:4] == pytest.approx((1500.0, 1500.0, 1500.0))
+    assert bench.motors_run
+
+
+def test_a_pilot_who_changes_the_mode_keeps_the_vehicle(bench: Bench) -> None:
+    bench.fly()
+    bench.vehicle.mode = LOITER
+    bench.run(2.0)
+    assert bench.state is not State.ARMED
+    bench.run(10.0)
+    assert (bench.vehicle.armed, bench.vehicle.mode) == (True, LOITER)
+
+
+def test_a_vehicle_that_disarms_itself_in_flight_is_not_armed_again(bench: Bench) -> None:
+    bench.fly()
+    bench.vehicle.armed = False
+    bench.run(3.0)
+    assert not bench.vehicle.armed
+    assert bench.state is not State.ARMED
+
+
+def test_a_vehicle_that_refuses_to_arm_does_not_take_off_and_says_why() -> None:
+    bench = Bench()
+    bench.run(2.5, 0.0)
+    bench.vehicle.terminated = True
+    assert bench.request(Action.ARM)
+    assert not any(bench.run(3.0))
+    assert bench.state is not State.ARMED
+    assert bench.module.startswith("the autopilot did not arm: Arming denied: flight terminated")
+    bench.height_m = 0.02
+    bench.run(5.0, None)
+    assert bench.state is State.CUT
+    assert "ready" in bench.module
+    assert "Arming denied" in bench.module
+
+
+def test_a_vehicle_that_restarts_in_flight_is_not_flown_on(bench: Bench) -> None:
+    bench.fly()
+    bench.vehicle.power_cycle(bench.now_s)
+    assert not any(bench.run(3.0))
+    assert bench.state is not State.ARMED
+
+
+def test_without_yaw_stick_the_heading_of_the_take_off_is_kept(bench: Bench) -> None:
+    bench.yaw_rad = 2.0
+    bench.fly()
+    assert bench.pulses_us[3] == pytest.approx(1500.0, abs=1.0)
+    bench.yaw_rad += 0.1
+    bench.run(0.1)
+    turned = bench.pulses_us[3]
+    assert turned > 1500.0, "turned to the left, it turns back to the right"
+    rate_deg_s = (turned - 1500.0) / 400.0 * bench.settings.full_yaw_rate_deg_s
+    assert rate_deg_s == pytest.approx(math.degrees(0.28), rel=0.05)
+
+
+def test_silence_of_the_autopilot_ends_a_flight(bench: Bench) -> None:
+    bench.fly()
+    bench.vehicle.powered = False
+    bench.run(1.5)
+    assert bench.state is not State.ARMED
+    assert "no attitude" in bench.module
+    bench.run(3.0)
+    assert "vehicle gone: no heartbeat" in bench.module
+
+
+def test_commands_of_someone_else_are_not_obeyed_in_another_mode(bench: Bench) -> None:
+    bench.run(2.5, 0.0)
+    bench.vehicle.armed = True
+    bench.run(2.0, 0.0)
+    assert bench.vehicle.armed, "armed by someone else, in another mode"
+    assert bench.module == "someone else has armed the vehicle"
+    assert not bench.request(Action.ARM)

@@ -1,0 +1,76 @@
+"""Settings of the radio protocol `mavlink`, which need no library."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError, SerialLine
+from rcopterx.transmitter_gateway.protocols.set_points import FullStick
+
+
+class Mode(NamedTuple):
+    """A mode that obeys set points: its `MAV_AUTOPILOT`, its number as requested and as reported, and bits for
+    the body rates of a set point that are to be ignored.
+    """
+
+    autopilot: int
+    requested: int
+    reported: int
+    ignored: int
+
+
+PX4, ARDUPILOT = 12, 3
+MODES = {
+    "offboard": Mode(PX4, 6, 6 << 16, 0b011),
+    # ArduPilot wants all body rates, or none.
+    "guided_nogps": Mode(ARDUPILOT, 20, 20, 0),
+    "guided": Mode(ARDUPILOT, 4, 4, 0),
+}
+LINE = SerialLine(921_600)
+MISSING_LIBRARY = "the library pymavlink is not installed: pip install 'rcopterx[mavlink]'"
+
+
+@dataclass(frozen=True, slots=True)
+class MavlinkSettings(FullStick):
+    """How channels become set points of PX4 and ArduPilot.
+
+    Parameters
+    ----------
+    system
+        System id of the vehicle: `MAV_SYS_ID` of PX4, `SYSID_THISMAV` of ArduPilot.
+    own_system
+        System id of the gateway, which counts as the ground station of the vehicle.
+    baud
+        Speed of a serial line [1/s].
+    local_port
+        UDP port that the gateway sends from, 0 for any. PX4 answers the port that it got its first datagram
+        from until it restarts, also after a restart of the gateway.
+    mode
+        Mode that obeys set points: `offboard` of PX4; `guided_nogps` of ArduPilot, or `guided`, which needs a
+        position.
+    flight_termination
+        With a kill also request flight termination, which PX4 keeps until it restarts.
+    """
+
+    system: int = 1
+    own_system: int = 255
+    baud: int = LINE.baud
+    local_port: int = 0
+    mode: str = "offboard"
+    flight_termination: bool = False
+
+    def __post_init__(self) -> None:
+        # A class with slots is made anew, so that super() without arguments would not find it.
+        FullStick.__post_init__(self)
+        for field, lowest, highest in (
+            ("system", 1, 255),
+            ("own_system", 1, 255),
+            ("baud", 57_600, 3_000_000),
+            ("local_port", 0, 65_535),
+        ):
+            value = getattr(self, field)
+            if not lowest <= value <= highest:
+                raise ProtocolError(f"mavlink.{field}: {value} is outside {lowest}..{highest}")
+        if self.mode not in MODES:
+            raise ProtocolError(f"mavlink.mode: {self.mode!r} is unknown, choose one of {', '.join(MODES)}")
+        if self.system == self.own_system:
+            raise ProtocolError(f"mavlink.own_system: {self.own_system} is the vehicle's, choose another one")
