@@ -5,17 +5,19 @@ a real flight; the leader flies from set point to set point, so that all plans c
 """
 
 import math
+import os
 import tempfile
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
 from typing import Any, Final
 
-from rcopterx.benchmarks.processes import Show, cpu_s
+from rcopterx.benchmarks.processes import Show, cpu_s, descendants, memory_of, wake_ups
 from rcopterx.bus import channels
+from rcopterx.bus.session import RawMessage
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recorder
@@ -36,9 +38,24 @@ RING_M: Final = 0.75
 FIRST_RING: Final = 9
 """Vehicles on the first ring; twice as many on the second, and so on."""
 MARGIN_M: Final = 0.45
+COUNTED_S: Final = 2.0
+"""Time for which messages are counted, after the flight: counting them takes processor time itself."""
 LEFT_OUT: Final = "control_left_out"
 """Fallback of agents that control at half rate."""
 ROLES: Final = ("router", "simulator", "tracker", "transmitters", "agent")
+WAKE_UPS: Final = "wake_ups"
+
+
+@dataclass(frozen=True)
+class Series:
+    """What the fleets of a series have in common."""
+
+    horizon: int = 30
+    seconds: float = 60.0
+    """Time for which each flies from set point to set point, in the time of the fleet."""
+    rate_hz: float = RATE_HZ
+    speed: float = 1.0
+    """Seconds of the fleet in a second of real time."""
 
 
 def fleet_text(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> str:
@@ -74,7 +91,7 @@ def _vehicle(number: int) -> str:
     return f"""
 [vehicles.h{number + 1}]
 subject = "heli{number + 1}"
-transmitter = {{ port = "radio-h{number + 1}", model_match = {number + 1} }}
+transmitter = {{ port = "radio-h{number + 1}", model_match = {(number + 1) % 64} }}
 {follow}
 """
 
@@ -88,9 +105,7 @@ def _ring(number: int) -> tuple[int, int]:
     return ring, place
 
 
-def run(
-    sizes: Sequence[int], horizon: int, seconds: float, show: Show, rate_hz: float = RATE_HZ
-) -> dict[str, Any]:
+def run(sizes: Sequence[int], series: Series, show: Show) -> dict[str, Any]:
     """Fly fleets of growing size; returns the JSON document of `rcopterx bench scale`.
 
     `largest_fleet` is the largest one up to which no fleet missed or left out a control period, 0 if the
@@ -99,70 +114,72 @@ def run(
     runs: list[dict[str, Any]] = []
     for vehicles in sorted(sizes):
         try:
-            runs.append(_measured(vehicles, horizon, seconds, show, rate_hz))
+            runs.append(_measured(vehicles, series, show))
         except FLIGHT_ERRORS as error:
             show(f"{vehicles} vehicles: {'; '.join(lines_of(error))}")
             failed = {"missed_ticks": None, "pose_to_command_ms": None, "problem": str(error)}
-            runs.append({"vehicles": vehicles, "horizon": horizon, **failed})
+            runs.append({"vehicles": vehicles, "horizon": series.horizon, **failed})
             break
     largest = 0
     for row in runs:
         if row["missed_ticks"] != 0 or row["left_out_ticks"] != 0:
             break
         largest = row["vehicles"]
-    return {"largest_fleet": largest, "seconds": seconds, "rate_hz": rate_hz, "runs": runs}
+    common = {"seconds": series.seconds, "rate_hz": series.rate_hz, "speed": series.speed}
+    return {"largest_fleet": largest, **common, "runs": runs}
 
 
 @contextmanager
-def in_formation(vehicles: int, horizon: int, rate_hz: float) -> Iterator[tuple[Fleet, Launcher]]:
+def in_formation(vehicles: int, series: Series) -> Iterator[tuple[Fleet, Launcher]]:
     """A fleet in formation, and its launcher; at the end it lands and is stopped."""
     with tempfile.TemporaryDirectory(prefix="rcopterx-") as directory:
         path = Path(directory) / "scale.toml"
-        path.write_text(fleet_text(vehicles, horizon, rate_hz), encoding="utf-8")
-        with launched(path, record=False) as fleet:
+        path.write_text(fleet_text(vehicles, series.horizon, series.rate_hz), encoding="utf-8")
+        with launched(path, record=False, speed=series.speed) as fleet:
             assert fleet.launcher is not None
             fleet.take_off()
             fleet.wait_for_formation()
-            time.sleep(SETTLE_S)
+            fleet.wait(SETTLE_S)
             yield fleet, fleet.launcher
 
 
 def fly_legs(fleet: Fleet, seconds: float, flown: Callable[[float], object] = lambda _: None) -> None:
     """Send the leader from set point to set point; calls `flown` before each with the time flown [s]."""
-    until_s = time.monotonic() + seconds
+    clock = fleet.session.clock
+    until_s = clock() + seconds
     for leg_m in cycle(LEGS_M):
-        left_s = until_s - time.monotonic()
+        left_s = until_s - clock()
         if left_s <= 0:
             return
         flown(seconds - left_s)
         fleet["h1"].go_to(leg_m)
-        time.sleep(min(LEG_S, left_s))
+        fleet.wait(min(LEG_S, left_s))
 
 
-def _measured(vehicles: int, horizon: int, seconds: float, show: Show, rate_hz: float) -> dict[str, Any]:
+def _measured(vehicles: int, series: Series, show: Show) -> dict[str, Any]:
     show(f"{vehicles} vehicles: starting")
-    with in_formation(vehicles, horizon, rate_hz) as (fleet, launcher):
+    with in_formation(vehicles, series) as (fleet, launcher):
         recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED, channels.AGENT_STATUS))
-        cpu_s = cpu_of_roles(launcher)
-        began_s = time.monotonic()
+        clock, before = fleet.session.clock, _used(launcher)
+        began_s = clock()
         recorder.start()
         fly_legs(
             fleet,
-            seconds,
-            lambda flown_s: show(f"{vehicles} vehicles: {flown_s:.0f} of {seconds:g} s flown"),
+            series.seconds,
+            lambda flown_s: show(f"{vehicles} vehicles: {flown_s:.0f} of {series.seconds:g} s flown"),
         )
         recording = recorder.stop()
-        flown_s = time.monotonic() - began_s
-        shares = {
-            role: round((after_s - cpu_s[role]) / flown_s, 3)
-            for role, after_s in cpu_of_roles(launcher).items()
-        }
+        flown_s = clock() - began_s
+        rates = {what: (after - before[what]) / flown_s for what, after in _used(launcher).items()}
+        counted = _traffic(fleet)
+        memory_mb = memory_of(descendants(os.getpid()))
         names = list(fleet.file.vehicles)
     figures = FlightFigures(recording, names)
     tables = [figures.vehicle(name) for name in names]
+    shares = {role: round(rates[role], 3) for role in ROLES}
     row = {
         "vehicles": vehicles,
-        "horizon": horizon,
+        "horizon": series.horizon,
         "ticks": sum(table["ticks"] for table in tables),
         "missed_ticks": sum(table["missed_ticks"] for table in tables),
         "left_out_ticks": sum(table["fallbacks"].get(LEFT_OUT, 0) for table in tables),
@@ -170,6 +187,13 @@ def _measured(vehicles: int, horizon: int, seconds: float, show: Show, rate_hz: 
         "pose_to_command_ms": percentiles(figures.pose_to_command_ms()),
         "solve_ms_p99": max(table["solve_ms"]["p99"] for table in tables),
         "cpu_share": shares,
+        "per_vehicle": {
+            "cores": round(sum(shares.values()) / vehicles, 4),
+            "wake_ups_hz": round(rates[WAKE_UPS] / vehicles, 1),
+            "messages_hz": round(counted["messages"] / vehicles, 1),
+            "kilobytes_hz": round(counted["bytes"] / vehicles / 1000, 2),
+            "memory_mb": round(memory_mb / vehicles, 1),
+        },
     }
     show(
         f"{vehicles} vehicles: {row['missed_ticks']} missed, {row['left_out_ticks']} left out, "
@@ -178,19 +202,38 @@ def _measured(vehicles: int, horizon: int, seconds: float, show: Show, rate_hz: 
     return row
 
 
-def cpu_of_roles(launcher: Launcher) -> dict[str, float]:
-    """Processor time that the processes of each role have used so far [s]; agents all together."""
-    total = dict.fromkeys(ROLES, 0.0)
+def _used(launcher: Launcher) -> dict[str, float]:
+    """Processor time that the processes of each role have used so far [s], and wake-ups of the agents."""
+    used = dict.fromkeys((*ROLES, WAKE_UPS), 0.0)
     for name, child in launcher.supervisor.children.items():
         pid = launcher.supervisor.pid(name)
         if pid is not None:
-            total[child.spec.role] += cpu_s(pid)
-    return total
+            used[child.spec.role] += cpu_s(pid)
+            if child.spec.role == "agent":
+                used[WAKE_UPS] += wake_ups(pid)
+    return used
+
+
+def _traffic(fleet: Fleet) -> dict[str, float]:
+    """Messages and bytes of all processes that a router gets in a second, each once."""
+    total: Counter[str] = Counter()
+
+    def count(message: RawMessage) -> None:
+        total.update(messages=1, bytes=len(message.payload))
+
+    began_s = fleet.session.clock()
+    fleet.session.tap(count)
+    fleet.wait(COUNTED_S)
+    seen, seconds = dict(total), fleet.session.clock() - began_s
+    return {what: seen.get(what, 0) / seconds for what in ("messages", "bytes")}
 
 
 def scale_table(document: dict[str, Any]) -> str:
     """Table of the runs, as text."""
-    lines = [f"{'vehicles':>8}{'missed':>8}{'left out':>10}{'p50':>9}{'p99':>9}{'max':>9}  cores used [ms]"]
+    lines = [
+        f"{'vehicles':>8}{'missed':>8}{'left out':>10}{'p50':>9}{'p99':>9}{'max':>9}{'cores':>8}"
+        "  [ms]; per vehicle: cores, wake-ups, messages and kB in a second, MB"
+    ]
     for row in document["runs"]:
         if "problem" in row:
             lines.append(f"{row['vehicles']:>8}  {row['problem']}")
@@ -198,7 +241,8 @@ def scale_table(document: dict[str, Any]) -> str:
         times = "".join(f"{row['pose_to_command_ms'][name]:>9.2f}" for name in ("p50", "p99", "max"))
         load = sum(row["cpu_share"].values())
         counts = f"{row['missed_ticks']:>8}{row['left_out_ticks']:>10}"
-        lines.append(f"{row['vehicles']:>8}{counts}{times}  {load:.2f}")
+        each = "".join(f"{value:>9g}" for value in row["per_vehicle"].values())
+        lines.append(f"{row['vehicles']:>8}{counts}{times}{load:>8.2f}{each}")
     lines.append(f"largest fleet without a missed or left out control period: {document['largest_fleet']}")
     return "\n".join(lines)
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, failure, user_errors
+from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, SpeedOption, failure, user_errors
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, check_plot, print_document, write_plot
 from rcopterx.commands.parsing import check_known, different_numbers
 
@@ -103,15 +103,19 @@ def scale(
             metavar="HZ", min=50, max=400, help="Frame rate of the simulated Tracker; control stays 50 Hz."
         ),
     ] = 50.0,
+    speed: SpeedOption = None,
     plot: PlotOption = None,
 ) -> None:
-    """Fly fleets of growing size on this computer: missed control periods, pose to command, load."""
-    from rcopterx.benchmarks.scale import draw_scale, run, scale_table
+    """Fly fleets of growing size on this computer: missed control periods, pose to command, load.
+
+    In slow motion (`--speed`) all times are those of the fleet, so that larger fleets can be measured.
+    """
+    from rcopterx.benchmarks.scale import Series, draw_scale, run, scale_table
 
     check_plot(plot)
-    sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=63)
+    sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=128)
     with _errors():
-        document = run(sizes, horizon, seconds, Progress("bench scale").say, rate)
+        document = run(sizes, Series(horizon, seconds, rate, speed or 1.0), Progress("bench scale").say)
     write_plot(partial(draw_scale, document), plot)
     print_document(document, as_json, scale_table)
 

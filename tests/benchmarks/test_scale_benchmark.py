@@ -10,6 +10,8 @@ from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.fleet.reading import fleet_path, load_fleet, parse_fleet
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
+SERIES = scale.Series(horizon=30, seconds=1.0)
+
 
 def row(vehicles: int, missed: int, p99_ms: float = 5.0, left_out: int = 0) -> dict[str, Any]:
     times = {"p50": 3.0, "p99": p99_ms, "max": 9.0}
@@ -19,7 +21,7 @@ def row(vehicles: int, missed: int, p99_ms: float = 5.0, left_out: int = 0) -> d
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("vehicles", [1, 2, 10, 11, 28, 40])
+@pytest.mark.parametrize("vehicles", [1, 2, 10, 11, 28, 40, 100])
 def test_fleets_of_every_size_pass_the_checks_of_a_start(
     vehicles: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -35,12 +37,13 @@ def test_the_tracker_has_the_rate_that_was_asked_for() -> None:
     assert fleet.simulator.rate_hz == 200.0
 
 
-def test_the_shipped_fleet_of_ten_passes_the_checks_of_a_start(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("name", "vehicles"), [("ten", 10), ("hundred", 100)])
+def test_shipped_large_fleets_pass_the_checks_of_a_start(
+    name: str, vehicles: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
-    fleet = load_fleet(fleet_path("ten"))
-    assert len(fleet.vehicles) == 10
+    fleet = load_fleet(fleet_path(name))
+    assert len(fleet.vehicles) == vehicles
     check_fleet(fleet, tmp_path)
 
 
@@ -49,16 +52,16 @@ def test_the_largest_fleet_is_the_last_one_before_a_period_was_missed(
 ) -> None:
     missed = {2: 0, 4: 0, 6: 3, 8: 0}
     monkeypatch.setattr(scale, "_measured", lambda vehicles, *_: row(vehicles, missed[vehicles]))
-    document = scale.run((8, 2, 6, 4), 30, 1.0, lambda _: None)
+    document = scale.run((8, 2, 6, 4), SERIES, lambda _: None)
     assert document["largest_fleet"] == 4
     assert [run["vehicles"] for run in document["runs"]] == [2, 4, 6, 8]
-    assert scale.run((6,), 30, 1.0, lambda _: None)["largest_fleet"] == 0
+    assert scale.run((6,), SERIES, lambda _: None)["largest_fleet"] == 0
 
 
 def test_a_fleet_at_half_rate_misses_nothing_and_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = {2: row(2, 0), 4: row(4, 0, left_out=100)}
     monkeypatch.setattr(scale, "_measured", lambda vehicles, *_: rows[vehicles])
-    assert scale.run((2, 4), 30, 1.0, lambda _: None)["largest_fleet"] == 2
+    assert scale.run((2, 4), SERIES, lambda _: None)["largest_fleet"] == 2
 
 
 def test_a_fleet_that_cannot_be_flown_ends_the_series_with_the_reason(
@@ -70,7 +73,7 @@ def test_a_fleet_that_cannot_be_flown_ends_the_series_with_the_reason(
         return row(vehicles, 0)
 
     monkeypatch.setattr(scale, "_measured", fly)
-    document = scale.run((2, 4, 6), 30, 1.0, lambda _: None)
+    document = scale.run((2, 4, 6), SERIES, lambda _: None)
     assert document["largest_fleet"] == 2
     assert [run.get("problem") for run in document["runs"]] == [None, "h3 is held"]
 
