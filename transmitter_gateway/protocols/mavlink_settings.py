@@ -8,8 +8,9 @@ from rcopterx.transmitter_gateway.protocols.set_points import FullStick
 
 
 class Mode(NamedTuple):
-    """A mode that obeys set points: its `MAV_AUTOPILOT`, its number as requested and as reported, and bits for
-    the body rates of a set point that are to be ignored.
+    """A mode that obeys set points: of which `MAV_AUTOPILOT`, and its number as requested and as reported.
+
+    `ignored` are bits for body rates of a set point.
     """
 
     autopilot: int
