@@ -14,7 +14,7 @@ from rcopterx.transmitter_gateway.protocols.base import (
     RadioProtocol,
     SerialLine,
 )
-from rcopterx.transmitter_gateway.protocols.ppm import PPM_GEN_LINE, PpmGenProtocol, PpmSettings
+from rcopterx.transmitter_gateway.protocols.ppm import LINE, PpmGenProtocol, PpmSettings
 
 AIR_PERIOD_S = 0.022
 PAUSE_BYTES = 4
@@ -167,7 +167,7 @@ class TrainerTransmitter(FreeRunningModule):
     ) -> None:
         self._protocol = protocol = PpmGenProtocol(settings)
         self._model_match = model_match
-        super().__init__(PPM_GEN_LINE, 5 + 2 * protocol.channel_count, powered_s)
+        super().__init__(LINE, 5 + 2 * protocol.channel_count, powered_s)
 
     def power_cycle(self, now_s: float) -> None:
         """Switch on; it transmits at once."""

@@ -8,12 +8,7 @@ from rcopterx.transmitter_gateway.protocols.base import (
     ProtocolError,
     PulseRangeError,
 )
-from rcopterx.transmitter_gateway.protocols.ppm import (
-    PpmGenProtocol,
-    PpmSettings,
-    Sc8000pProtocol,
-    TrainerProtocol,
-)
+from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol, PpmSettings
 
 # A frame of isleder/ppm-gen: 1100 + 5 x 1500 us
 GOLDEN = bytes.fromhex("01 11 01 4C 04 DC 05 DC 05 DC 05 DC 05 DC 05 C8 04")
@@ -34,39 +29,22 @@ def test_channels_are_arranged_as_the_radio_expects_them() -> None:
     assert protocol.decode(packet).pulses_us[:4] == (1100, 1200, 1300, 1400)
 
 
-def test_sc8000p_message_has_mask_digital_and_tenths_of_microseconds() -> None:
-    message = Sc8000pProtocol(PpmSettings(channels=4)).encode([1100])
-    assert message == bytes.fromhex("7E 7E 0F 30 2A F8 3A 98 3A 98 3A 98")
-
-
-def test_sc8000p_line_is_not_overrun() -> None:
-    assert Sc8000pProtocol(PpmSettings(channels=4)).minimum_interval_s > 0.0125
-    slow = Sc8000pProtocol(PpmSettings(channels=8))
-    assert slow.keepalive_s >= slow.minimum_interval_s
-
-
 @given(
     st.integers(4, 8).flatmap(lambda n: st.lists(st.integers(800, 2200), min_size=n, max_size=n)),
     st.permutations("TAER").map("".join),
-    st.sampled_from([PpmGenProtocol, Sc8000pProtocol]),
 )
-def test_every_packet_survives_encoding_and_decoding(
-    pulses: list[int], order: str, kind: type[PpmGenProtocol] | type[Sc8000pProtocol]
-) -> None:
-    protocol: TrainerProtocol = kind(PpmSettings(channels=len(pulses), order=order))
+def test_every_packet_survives_encoding_and_decoding(pulses: list[int], order: str) -> None:
+    protocol = PpmGenProtocol(PpmSettings(channels=len(pulses), order=order))
     assert protocol.decode(protocol.encode(pulses)).pulses_us == tuple(pulses)
 
 
-@pytest.mark.parametrize("kind", [PpmGenProtocol, Sc8000pProtocol])
-def test_what_the_radio_itself_does_cannot_be_asked_for(
-    kind: type[PpmGenProtocol] | type[Sc8000pProtocol],
-) -> None:
+def test_what_the_radio_itself_does_cannot_be_asked_for() -> None:
     for flags in (FrameFlags(bind=True), FrameFlags(range_check=True), FrameFlags(low_power=True)):
         with pytest.raises(ProtocolError, match="cannot be asked for"):
-            kind().encode([1100], flags, disarmed=True)
+            PpmGenProtocol().encode([1100], flags, disarmed=True)
     with pytest.raises(PulseRangeError, match="throttle pulse 799"):
-        kind().encode([799])
-    assert kind().encode([1100], FrameFlags(kill=True)) == kind().encode([1100])
+        PpmGenProtocol().encode([799])
+    assert PpmGenProtocol().encode([1100], FrameFlags(kill=True)) == PpmGenProtocol().encode([1100])
 
 
 @pytest.mark.parametrize("position", range(len(GOLDEN)))
@@ -75,14 +53,6 @@ def test_a_packet_with_any_byte_changed_is_refused(position: int) -> None:
     broken[position] ^= 0x01
     with pytest.raises(FrameDecodeError):
         PpmGenProtocol().decode(bytes(broken))
-
-
-@pytest.mark.parametrize(
-    "message", ["7E 7E 0F 30 2A F8", "7E 7D 0F 30" + "3A98" * 4, "7E 7E 07 30" + "3A98" * 4]
-)
-def test_broken_sc8000p_messages_are_refused(message: str) -> None:
-    with pytest.raises(FrameDecodeError):
-        Sc8000pProtocol(PpmSettings(channels=4)).decode(bytes.fromhex(message))
 
 
 def test_wrong_settings_name_the_field() -> None:

@@ -34,8 +34,7 @@ _KINDS: dict[str, tuple[type[Any], Callable[..., RadioProtocol], SerialLine]] = 
     "dsmp": (dsmp.DsmpSettings, dsmp.DsmpProtocol, dsmp.LINE),
     "crazyflie": (crazyflie.CrazyflieSettings, crazyflie.CrazyflieProtocol, crazyflie.LINE),
     "mavlink": (mavlink_settings.MavlinkSettings, _mavlink, mavlink_settings.LINE),
-    "ppm": (ppm.PpmSettings, ppm.PpmGenProtocol, ppm.PPM_GEN_LINE),
-    "sc8000p": (ppm.PpmSettings, ppm.Sc8000pProtocol, ppm.SC8000P_LINE),
+    "ppm": (ppm.PpmSettings, ppm.PpmGenProtocol, ppm.LINE),
 }
 PROTOCOL_NAMES = tuple(_KINDS)
 

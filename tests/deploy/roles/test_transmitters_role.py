@@ -37,7 +37,7 @@ def test_a_gateway_gets_its_own_transmitters_and_hears_all_vehicles(tmp_path: Pa
     assert settings["roof"].vehicles == ("h1", "h2")
 
 
-@pytest.mark.parametrize("name", [name for name in PROTOCOL_NAMES if name != "sc8000p"])
+@pytest.mark.parametrize("name", PROTOCOL_NAMES)
 def test_hardware_speaks_the_protocol_the_file_names(name: str) -> None:
     protocol = protocol_of(parse_fleet(HARDWARE_PAIR + f'[defaults.transmitter]\nprotocol = "{name}"'), "h2")
     assert protocol.name == name
