@@ -89,6 +89,8 @@ class Transmitter:
         """Take a raw pose of any vehicle that arrived at `now_s`; the next `tick` judges the own one."""
         self.arbiter.pose(pose, now_s)
         if pose.vehicle == self.vehicle:
+            if pose.position_m is not None and pose.yaw_rad is not None:
+                self.protocol.pose_seen(pose.position_m, pose.yaw_rad)
             self._decide_at_once()
 
     @property

@@ -360,10 +360,23 @@ def test_malformed_bytes_are_counted_and_never_raise(raw: list[bytes]) -> None:
     assert peer.protocol.counters["mavlink: malformed"] > 0
 
 
+def test_poses_are_sent_once_each_in_the_axes_of_the_autopilot() -> None:
+    peer, silent = Peer(external_pose=True), Peer()
+    peer.report(peer.link.attitude_encode(0, 0.1, -0.2, 0.3, 0.0, 0.0, 0.0))
+    for one in (peer, silent):
+        one.protocol.pose_seen((1.0, 2.0, 3.0), 0.5)
+    [pose] = [each for each in peer.frame(LOW) if each.get_type() == "VISION_POSITION_ESTIMATE"]
+    assert (pose.x, pose.y, pose.z) == (1.0, -2.0, -3.0)
+    assert (pose.roll, pose.pitch, pose.yaw) == pytest.approx((0.1, -0.2, -0.5))
+    assert math.isnan(pose.covariance[0])
+    for one in (peer, silent):
+        assert "VISION_POSITION_ESTIMATE" not in [each.get_type() for each in one.frame(LOW)]
+
+
 def test_an_attitude_that_is_not_finite_is_counted_and_not_used() -> None:
     peer = Peer(1.0)
     peer.attitude(math.nan)
-    assert peer.protocol.counters["mavlink: a heading that is not finite"] == 1
+    assert peer.protocol.counters["mavlink: an attitude that is not finite"] == 1
     assert peer.set_point(HOVER)[1][2] == pytest.approx(1.0)
 
 

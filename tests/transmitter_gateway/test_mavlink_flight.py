@@ -9,7 +9,7 @@ from firmware_bench import FirmwareBench
 
 from rcopterx.simulator.autopilot import LAND, LOITER, LOSS_S, EmulatedAutopilot
 from rcopterx.simulator.plant import Pose
-from rcopterx.transmitter_gateway.inputs import Action, State
+from rcopterx.transmitter_gateway.inputs import Action, PoseInput, State
 from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import MODES, MavlinkSettings
 
@@ -165,6 +165,17 @@ def test_without_yaw_stick_the_heading_of_the_take_off_is_kept(bench: Bench) -> 
     assert turned > 1500.0, "turned to the left, it turns back to the right"
     rate_deg_s = (turned - 1500.0) / 400.0 * bench.settings.full_yaw_rate_deg_s
     assert rate_deg_s == pytest.approx(math.degrees(0.28), rel=0.05)
+
+
+def test_poses_of_the_own_vehicle_are_passed_to_its_autopilot(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, seen = Bench(external_pose=True), []
+    monkeypatch.setattr(bench.transmitter.protocol, "pose_seen", lambda *pose: seen.append(pose))
+    bench.run(0.1)
+    other = PoseInput("c2", 1, 1, (9.0, 9.0, 9.0), 0.02, 0.0)
+    hidden = PoseInput("c1", 1, 100, None, 0.02, 0.0)
+    for pose in (other, hidden):
+        bench.transmitter.on_pose(pose, bench.now_s)
+    assert set(seen) == {((0.0, 0.0, 0.8), 0.0)}
 
 
 def test_silence_of_the_autopilot_ends_a_flight(bench: Bench) -> None:

@@ -153,6 +153,9 @@ class RadioProtocol(ABC):
     def frame_written(self, now_s: float) -> None:  # noqa: B027 - few radios use it
         """Note that a frame was written as a whole."""
 
+    def pose_seen(self, position_m: tuple[float, float, float], yaw_rad: float) -> None:  # noqa: B027
+        """Take the newest raw pose of the vehicle; few firmwares want it."""
+
     @abstractmethod
     def receive(self, data: bytes, now_s: float) -> None:
         """Take bytes the module sent; incomplete answers are kept until the rest arrives."""

@@ -56,6 +56,7 @@ class MavlinkProtocol(SetPointRadio):
         self._now_s, self._beat_s, self._requested_s = 0.0, -math.inf, -math.inf
         self._heading_rad: float | None = None
         self._yaw_rate_rad_s = 0.0
+        self._pose: tuple[float, float, float, float] | None = None
         self._armed = self._arming = self._thrusts = False
 
     # Frames -------------------------------------------------------------------------------------------
@@ -69,7 +70,7 @@ class MavlinkProtocol(SetPointRadio):
         if urgent or self._now_s >= self._requested_s + REQUEST_S:
             self._requested_s = self._now_s
             packets += self._kill() if kill else self._requests()
-        packets += self._set_point(point)
+        packets += [*self._set_point(point), *self._external_pose()]
         if self._now_s >= self._beat_s + HEARTBEAT_S or not packets:
             self._beat_s = self._now_s
             packets.append(self.probe())
@@ -92,9 +93,9 @@ class MavlinkProtocol(SetPointRadio):
         return self._packed(mavlink.MAVLink_command_long_message(*self._target, command, 0, *values))
 
     def _set_point(self, point: SetPoint) -> list[bytes]:
-        yaw_rad = self._state.yaw_rad
-        if yaw_rad is None:
+        if self._state.attitude_rad is None:
             return []
+        yaw_rad = self._state.attitude_rad[2]
         heading_rad = self._heading_rad if self._thrusts else None
         lead_rad = 0.0 if heading_rad is None else math.remainder(heading_rad - yaw_rad, math.tau)
         self._heading_rad = yaw_rad + min(max(lead_rad, -LARGEST_LEAD_RAD), LARGEST_LEAD_RAD)
@@ -106,6 +107,25 @@ class MavlinkProtocol(SetPointRadio):
             time_ms, *self._target, self._mode.ignored, list(rotation), *rates, point.thrust
         )
         return [self._packed(message)]
+
+    def pose_seen(self, position_m: tuple[float, float, float], yaw_rad: float) -> None:
+        """See `RadioProtocol`; its roll and pitch are those that the autopilot reports."""
+        self._pose = (*position_m, yaw_rad) if self.settings.external_pose else None
+
+    def _external_pose(self) -> list[bytes]:
+        """Pack the newest pose once, with unknown covariance."""
+        if self._pose is None or self._state.attitude_rad is None:
+            return []
+        (x, y, z, yaw_rad), self._pose = self._pose, None
+        roll_rad, pitch_rad, _ = self._state.attitude_rad
+        time_us, unknown = round(1e6 * self._now_s), [math.nan] * 21
+        return [
+            self._packed(
+                mavlink.MAVLink_vision_position_estimate_message(
+                    time_us, x, -y, -z, roll_rad, pitch_rad, -yaw_rad, unknown
+                )
+            )
+        ]
 
     def _kill(self) -> list[bytes]:
         packets = [self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCE)]

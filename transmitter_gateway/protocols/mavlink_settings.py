@@ -48,6 +48,8 @@ class MavlinkSettings(FullStick):
     mode
         Mode that obeys set points: `offboard` of PX4; `guided_nogps` of ArduPilot, or `guided`, which needs a
         position.
+    external_pose
+        Send the poses of motion capture as well, for its estimator: 130 bytes in each frame.
     flight_termination
         With a kill also request flight termination, which PX4 keeps until it restarts.
     """
@@ -57,6 +59,7 @@ class MavlinkSettings(FullStick):
     baud: int = LINE.baud
     local_port: int = 0
     mode: str = "offboard"
+    external_pose: bool = False
     flight_termination: bool = False
 
     def __post_init__(self) -> None:

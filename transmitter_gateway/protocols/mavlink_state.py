@@ -25,8 +25,8 @@ class AutopilotState:
     ----------
     armed, obeys
         Whether it is armed, and whether its mode obeys set points; None before the first heartbeat.
-    yaw_rad, voltage_v
-        Heading, clockwise seen from above, and voltage of the battery; None before the first one.
+    attitude_rad, voltage_v
+        Roll to the right, pitch nose up, heading clockwise from above; battery. None before the first one.
     complaint
         Why the last command was refused; empty if it was not.
     """
@@ -35,7 +35,7 @@ class AutopilotState:
         self._mode = mode
         self.armed: bool | None = None
         self.obeys: bool | None = None
-        self.yaw_rad: float | None = None
+        self.attitude_rad: tuple[float, float, float] | None = None
         self.voltage_v: float | None = None
         self.complaint = self._text = ""
         self._autopilot = mode.autopilot
@@ -55,9 +55,10 @@ class AutopilotState:
                     self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
                     self.obeys = message.custom_mode == self._mode.reported
             case "ATTITUDE":
-                if not math.isfinite(message.yaw):
-                    raise FrameDecodeError("mavlink: a heading that is not finite")
-                self.yaw_rad, self._attitude_s = message.yaw, now_s
+                attitude_rad = (message.roll, message.pitch, message.yaw)
+                if not all(map(math.isfinite, attitude_rad)):
+                    raise FrameDecodeError("mavlink: an attitude that is not finite")
+                self.attitude_rad, self._attitude_s = attitude_rad, now_s
             case "SYS_STATUS" if message.voltage_battery != NO_VOLTAGE:
                 self.voltage_v = 0.001 * message.voltage_battery
             case "STATUSTEXT" if message.severity <= mavlink.MAV_SEVERITY_WARNING:
