@@ -17,9 +17,8 @@ from rcopterx.transmitter_gateway.protocols.mavlink import FORCE, set_point_of
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import MODES, MavlinkSettings
 from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
-OFFBOARD: Final = MODES["offboard"].reported
 LOITER, LAND = 4 << 16 | 3 << 24, 4 << 16 | 6 << 24
-"""Modes as reported."""
+"""Modes of PX4 as reported."""
 SLOWEST_STREAM_S: Final = 0.5
 STREAM_BEFORE_S: Final = 1.0
 LOSS_S: Final = 1.0
@@ -44,7 +43,7 @@ PERIODS_S: Final = {
 
 
 class EmulatedAutopilot(UdpVehicle):
-    """The firmware of one quadrotor: it obeys set points in its mode offboard, and lands when they end.
+    """The firmware of one quadrotor: it obeys set points in the mode of its settings and lands when they end.
 
     Attributes
     ----------
@@ -64,6 +63,7 @@ class EmulatedAutopilot(UdpVehicle):
     def __init__(self, settings: MavlinkSettings, start_s: float = 0.0) -> None:
         super().__init__(deque(maxlen=FRAME_LOG_LENGTH))
         self._settings = settings
+        self._obeying = MODES[settings.mode]
         self.rejected: Counter[str] = Counter()
         self._height_m, self._attitude_rad = 0.0, (0.0, 0.0, NORTH_RAD)
         self.power_cycle(start_s)
@@ -150,7 +150,7 @@ class EmulatedAutopilot(UdpVehicle):
             case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
                 refusal = self._arm(on=first > 0.5, force=packet.param2 == FORCE)
             case mavlink.MAV_CMD_DO_SET_MODE:
-                refusal = self._change_mode(round(packet.param2) << 16 | round(packet.param3) << 24)
+                refusal = self._change_mode(round(packet.param2), round(packet.param3))
             case mavlink.MAV_CMD_DO_FLIGHTTERMINATION if first > 0.5:
                 self.terminated, self.armed = True, False
             case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL if first in self._periods_s and packet.param2 > 0:
@@ -158,6 +158,10 @@ class EmulatedAutopilot(UdpVehicle):
             case _:
                 return mavlink.MAV_RESULT_UNSUPPORTED, ""
         return (mavlink.MAV_RESULT_TEMPORARILY_REJECTED if refusal else mavlink.MAV_RESULT_ACCEPTED), refusal
+
+    @property
+    def _obeys(self) -> bool:
+        return self.mode == self._obeying.reported
 
     @property
     def _streams(self) -> bool:
@@ -171,7 +175,7 @@ class EmulatedAutopilot(UdpVehicle):
             return "Arming denied: flight terminated, restart the vehicle"
         if on and self._flown_s >= ENDURANCE_S:
             return "Arming denied: battery low"
-        if on and self.mode == OFFBOARD and not self._streams:
+        if on and self._obeys and not self._streams:
             return "Arming denied: no offboard signal"
         if on and self._set_point.thrust > 0:
             return "Arming denied: thrust is not zero"
@@ -180,9 +184,11 @@ class EmulatedAutopilot(UdpVehicle):
         self.armed = on
         return ""
 
-    def _change_mode(self, mode: int) -> str:
+    def _change_mode(self, main: int, sub: int) -> str:
         """Change the mode; return why not."""
-        if mode not in (LOITER, LAND, OFFBOARD) or (mode == OFFBOARD and not self._streams):
+        obeying = main == self._obeying.requested
+        mode = self._obeying.reported if obeying else main << 16 | sub << 24
+        if mode not in (LOITER, LAND, self._obeying.reported) or (obeying and not self._streams):
             return "This mode is currently not available"
         self.mode = mode
         return ""
@@ -208,7 +214,7 @@ class EmulatedAutopilot(UdpVehicle):
         flags = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
         return mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_QUADROTOR,
-            mavlink.MAV_AUTOPILOT_PX4,
+            self._obeying.autopilot,
             flags | mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
             self.mode,
             mavlink.MAV_STATE_ACTIVE if self.armed else mavlink.MAV_STATE_STANDBY,
@@ -221,7 +227,7 @@ class EmulatedAutopilot(UdpVehicle):
         """Apply the age of set points until `now_s`, and control the heading."""
         self._flown_s += self.armed * max(now_s - self._advanced_s, 0.0)
         self._advanced_s = max(self._advanced_s, now_s)
-        if self.mode == OFFBOARD and now_s > self._received_s + LOSS_S:
+        if self._obeys and now_s > self._received_s + LOSS_S:
             self.mode = LAND if self.armed else LOITER
         if self.mode == LAND and self._height_m <= FLYING_M:
             self.armed = False
@@ -232,7 +238,7 @@ class EmulatedAutopilot(UdpVehicle):
         self.note_pulses(now_s, self._settings.pulses_us(self._wanted(), armed=self.armed))
 
     def _wanted(self) -> SetPoint:
-        if self.armed and self.mode == OFFBOARD:
+        if self.armed and self._obeys:
             point = self._set_point
             error_deg = math.degrees(math.remainder(self._heading_rad - self._attitude_rad[2], math.tau))
             full = self._settings.full_yaw_rate_deg_s

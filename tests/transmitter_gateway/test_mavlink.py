@@ -200,6 +200,14 @@ def test_a_late_heartbeat_does_not_undo_an_answer() -> None:
     assert peer.text == "the autopilot has disarmed"
 
 
+def test_an_answer_to_someone_else_says_nothing_about_our_commands() -> None:
+    peer = Peer()
+    peer.heartbeat(mode=OFFBOARD << 16)
+    peer.commands(IDLE)
+    peer.report(peer.link.command_ack_encode(ARM, mavlink.MAV_RESULT_ACCEPTED, target_system=7))
+    assert (ARM, 1, 0) in peer.commands(IDLE)
+
+
 def test_with_thrust_no_vehicle_is_armed_and_the_refusal_is_shown() -> None:
     peer = Peer()
     peer.heartbeat(mode=OFFBOARD << 16)
@@ -305,6 +313,18 @@ def test_the_status_has_voltage_and_the_share_of_packets_that_arrived() -> None:
     peer.attitude(0.0)
     peer.attitude(0.0)
     assert peer.text == "ready, 15.43 V, link 56 %"
+
+
+def test_reports_arrive_in_pieces_as_on_a_serial_line() -> None:
+    peer = Peer()
+    for message in (
+        peer.link.heartbeat_encode(mavlink.MAV_TYPE_QUADROTOR, PX4, 0, 0, 0),
+        peer.link.attitude_encode(0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0),
+    ):
+        for byte in message.pack(peer.link):
+            peer.protocol.receive(bytes((byte,)), 0.0)
+    assert peer.ready
+    assert peer.set_point(IDLE)[1][2] == pytest.approx(1.5)
 
 
 def test_packets_of_other_dialects_count_and_those_of_others_do_not() -> None:

@@ -47,7 +47,7 @@ class Bench(FirmwareBench):
         self.run(3.5)
         assert self.state is State.ARMED, self.module
         assert self.motors_run
-        assert (self.vehicle.armed, self.vehicle.mode) == (True, OFFBOARD)
+        assert (self.vehicle.armed, self.vehicle.mode) == (True, MODES[self.settings.mode].reported)
 
 
 @pytest.fixture
@@ -66,6 +66,11 @@ def test_a_vehicle_is_armed_in_its_mode_without_thrust_and_then_flies(bench: Ben
     bench.fly()
     assert bench.pulses_us[0] == pytest.approx(1580.0, abs=1.0)
     assert bench.pulses_us[2] == pytest.approx(1540.0, abs=1.0)
+
+
+@pytest.mark.parametrize("mode", ["guided", "guided_nogps"])
+def test_a_vehicle_flies_in_modes_of_ardupilot(mode: str) -> None:
+    Bench(mode=mode).fly()
 
 
 def test_a_landed_vehicle_is_disarmed(bench: Bench) -> None:

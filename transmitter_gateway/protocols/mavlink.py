@@ -214,6 +214,8 @@ class MavlinkProtocol(SetPointRadio):
     def _take(self, packet: Any, now_s: float) -> None:
         try:
             if packet.get_type() == "COMMAND_ACK":
+                if packet.target_system not in (0, self.settings.own_system):
+                    return
                 self._state.take_answer(packet, arming=self._armed, now_s=now_s)
                 complaint = self._state.complaint
                 self.remark = f"; refused: {complaint}" if complaint else ""
