@@ -30,7 +30,7 @@ SINKING: Final = 0.95
 """Share of that thrust in a landing."""
 FLYING_M: Final = 0.02
 NORTH_RAD: Final = 1.0
-"""Heading of the x axis of the laboratory: an autopilot knows north, not the laboratory."""
+"""Heading of the x axis of the laboratory: north is zero for an autopilot."""
 FULL_V: Final = 16.8
 EMPTY_V: Final = 14.0
 ENDURANCE_S: Final = 600.0
@@ -79,7 +79,7 @@ class EmulatedAutopilot(UdpVehicle):
         self._set_point, self._heading_rad, self._hover = SetPoint(), 0.0, 0.5
 
     def switch_off(self) -> None:
-        """Take the battery out."""
+        """Remove the battery."""
         self.powered = self.armed = False
         self._note(self._advanced_s)
 
@@ -94,7 +94,7 @@ class EmulatedAutopilot(UdpVehicle):
     # Messages -----------------------------------------------------------------------------------------
 
     def receive(self, raw: bytes, now_s: float) -> list[bytes]:
-        """Take a datagram at `now_s`; return the answers."""
+        """Obey the packets of a datagram; return the answers."""
         self.advance(now_s)
         answers: list[bytes] = []
         for packet in (self._mav.parse_buffer(raw) or ()) if self.powered else ():
@@ -144,7 +144,7 @@ class EmulatedAutopilot(UdpVehicle):
         self.frames.append(SerialFrame(now_s, pulses_us, kill=self.terminated))
 
     def _command(self, packet: Any, now_s: float) -> tuple[int, str]:
-        """Obey a command; return the result, and what it says to a refusal."""
+        """Obey a command; return the result, and why it was refused."""
         refusal, first = "", packet.param1
         match packet.command:
             case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:

@@ -23,7 +23,7 @@ class UdpVehicle(Reception, ABC):
 
     @abstractmethod
     def receive(self, raw: bytes, now_s: float) -> list[bytes]:
-        """Take a datagram at `now_s`; return the answers."""
+        """Obey a datagram that arrived at `now_s`; return the answers."""
 
     @abstractmethod
     def advance(self, now_s: float) -> None:
@@ -35,7 +35,7 @@ class UdpVehicle(Reception, ABC):
 
     @abstractmethod
     def switch_off(self) -> None:
-        """Take the battery out."""
+        """Remove the battery."""
 
     def reports(self, now_s: float) -> list[bytes]:  # noqa: ARG002 - a firmware that only answers
         """Return what it sends without a request."""
@@ -46,7 +46,7 @@ class UdpVehicle(Reception, ABC):
 
 
 class VehicleUdp(RadioEnd):
-    """A vehicle behind a UDP port; it reports to whom it heard last.
+    """A vehicle behind a UDP port; it reports to the sender of the newest datagram.
 
     Raises `OSError` if the port is in use.
     """
@@ -114,7 +114,7 @@ class VehicleUdp(RadioEnd):
             self._socket = self._bound()
 
     def switch_off(self) -> None:
-        """Take the battery out."""
+        """Remove the battery."""
         self.vehicle.switch_off()
 
     def switch_on(self, now_s: float) -> None:

@@ -77,7 +77,7 @@ class FirmwareBench:
         return self.transmitter.snapshot(self.now_s).module
 
     def live(self) -> None:
-        """Let the firmware act by itself."""
+        """Do what the firmware does by itself."""
         self.firmware.advance(self.now_s)
         self.air.answers += self.firmware.reports(self.now_s)
 

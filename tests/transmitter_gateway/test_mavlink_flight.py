@@ -17,7 +17,7 @@ OFFBOARD = MODES["offboard"].reported
 
 
 class Bench(FirmwareBench):
-    """The height follows the motors, and the heading is where `yaw_rad` says."""
+    """The height follows the motors, and the heading is `yaw_rad`."""
 
     def __init__(self, **settings: Any) -> None:
         self.settings = MavlinkSettings(**settings)

@@ -20,7 +20,7 @@ IDLE = (1100.0, 1500.0, 1500.0, 1500.0, 1900.0)
 
 
 class Flown:
-    """A driver, its port, and what the vehicle of MAVSDK was told."""
+    """A driver, its port, and the commands that the vehicle of MAVSDK got."""
 
     def __init__(self) -> None:
         [path] = udp_paths(1)
@@ -32,9 +32,9 @@ class Flown:
         self.actions.set_armable(True, True)
         self.actions.set_disarmable(True, True)
         self.actions.set_allowable_flight_modes(AllowableFlightModes(*[True] * 7))
-        self.told: list[Any] = []
-        self.actions.subscribe_arm_disarm(lambda _, told, __: self.told.append((told.arm, told.force)))
-        self.actions.subscribe_flight_mode_change(lambda _, mode, __: self.told.append(mode))
+        self.commands: list[Any] = []
+        self.actions.subscribe_arm_disarm(lambda _, got, __: self.commands.append((got.arm, got.force)))
+        self.actions.subscribe_flight_mode_change(lambda _, mode, __: self.commands.append(mode))
         self.protocol = MavlinkProtocol()
         self.port = UdpPort(path, self.protocol)
 
@@ -53,7 +53,7 @@ class Flown:
             self.protocol.receive(self.port.read_available(now_s), now_s)
             return until()
 
-        wait_for(step, f"{self.told}")
+        wait_for(step, f"{self.commands}")
 
 
 @pytest.fixture
@@ -68,8 +68,8 @@ def test_a_vehicle_of_mavsdk_changes_its_mode_is_armed_and_is_disarmed_by_force(
     # Its heartbeat is that of no autopilot that is supported.
     flown.send(LOW, lambda: "does not have the mode" in flown.protocol.status(time.monotonic()).text)
     assert flown.protocol.voltage_v == pytest.approx(15.5)
-    assert flown.told == []
-    flown.send(IDLE, lambda: len(flown.told) == 2)
-    assert flown.told == [FlightMode.OFFBOARD, (True, False)]
-    flown.send(LOW, lambda: (False, False) in flown.told)
-    flown.send(LOW, lambda: (False, True) in flown.told, kill=True)
+    assert flown.commands == []
+    flown.send(IDLE, lambda: len(flown.commands) == 2)
+    assert flown.commands == [FlightMode.OFFBOARD, (True, False)]
+    flown.send(LOW, lambda: (False, False) in flown.commands)
+    flown.send(LOW, lambda: (False, True) in flown.commands, kill=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -49,6 +48,8 @@ class CrazyflieProtocol(SetPointRadio):
 
     name: ClassVar[str] = "crazyflie"
     settings: CrazyflieSettings
+    separated = staticmethod(crtp.separated)
+    joined = staticmethod(crtp.joined)
 
     def __init__(self, settings: CrazyflieSettings | None = None, line: SerialLine = LINE) -> None:
         super().__init__(settings or CrazyflieSettings(), line, REQUESTS_REMEMBERED)
@@ -62,14 +63,6 @@ class CrazyflieProtocol(SetPointRadio):
     def probe(self) -> bytes:
         """See `SetPointRadio`."""
         return crtp.NULL_PACKET
-
-    def separated(self, frame: bytes) -> list[bytes]:
-        """See `SetPointRadio`: one packet a datagram."""
-        return crtp.separated(frame)
-
-    def joined(self, datagrams: Iterable[bytes]) -> bytes:
-        """See `SetPointRadio`."""
-        return crtp.joined(datagrams)
 
     def _set_point_frame(self, point: SetPoint, *, armed: bool, kill: bool) -> bytes:
         """Build a frame; a kill stops the motors until the vehicle restarts."""

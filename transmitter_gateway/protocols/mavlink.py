@@ -33,7 +33,7 @@ PACKETS_REMEMBERED = 300
 class MavlinkProtocol(SetPointRadio):
     """Driver of one vehicle; a frame is one or more packets, which travel in one datagram.
 
-    A set point has a heading besides the yaw rate: it starts where the autopilot says that it is, and moves
+    A set point has a heading besides the yaw rate: it starts where the autopilot reports it, and moves
     with the rate. Before the autopilot has reported its attitude a frame has no set point.
     `counters` counts malformed packets.
     """
@@ -82,7 +82,7 @@ class MavlinkProtocol(SetPointRadio):
         return packet
 
     def probe(self) -> bytes:
-        """Return a heartbeat; autopilots answer whoever sends one."""
+        """Return a heartbeat; an autopilot answers to its sender."""
         kind, autopilot = mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID
         state, version = mavlink.MAV_STATE_ACTIVE, 3
         return self._packed(mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, state, version))

@@ -47,7 +47,7 @@ class AutopilotState:
         self._heartbeat_s = self._attitude_s = now_s
 
     def take(self, message: Any, now_s: float) -> None:
-        """Take a message of the autopilot; raises `FrameDecodeError` for a number that is not finite."""
+        """Keep a report of the autopilot; raises `FrameDecodeError` for a number that is not finite."""
         match message.get_type():
             case "HEARTBEAT":
                 self._autopilot, self._heartbeat_s = message.autopilot, now_s
@@ -65,7 +65,7 @@ class AutopilotState:
                 self._text = message.text
 
     def take_answer(self, message: Any, *, arming: bool, now_s: float) -> None:
-        """Take the answer to a command: what it has changed, or why it was refused.
+        """Keep the answer to a command: what it has changed, or why it was refused.
 
         `arming` is whether the last command for arming was to arm.
         """

@@ -92,7 +92,7 @@ class SetPointRadio(RadioProtocol):
     voltage_v
         Newest voltage of the battery, None before the first one.
     remark
-        What the status says besides while it is ready.
+        Further words of the status while it is ready.
     local_port
         UDP port that its frames are sent from, 0 for any.
     """
@@ -128,9 +128,9 @@ class SetPointRadio(RadioProtocol):
         """Return the datagrams of a frame."""
         return [frame]
 
-    def joined(self, datagrams: Iterable[bytes]) -> bytes:
-        """Return datagrams as `receive` takes them."""
-        return b"".join(datagrams)
+    def joined(self, packets: Iterable[bytes]) -> bytes:
+        """Return datagrams as bytes for `receive`."""
+        return b"".join(packets)
 
     @abstractmethod
     def _set_point_frame(self, point: SetPoint, *, armed: bool, kill: bool) -> bytes:
