@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rcopterx.agents.tuning.configuration import DEFAULT_CONTROLLER, DEFAULT_ESTIMATOR
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.deploy.processes.table import ProcessSpec
+from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.reading import read_snapshot
 from rcopterx.fleet.schema import FleetFile, VehicleConfig
 
@@ -37,6 +38,13 @@ def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
     modules = ["rcopterx.deploy.roles.run"]
     for spec in specs:
         modules.append(f"rcopterx.deploy.roles.{spec.role}")
+        if spec.role == "transmitters":
+            # Libraries of some take half a second.
+            modules += [
+                type(protocol_of(fleet, name)).__module__
+                for name, vehicle in fleet.vehicles.items()
+                if vehicle.transmitter.gateway == spec.unit
+            ]
         if spec.role == "agent":
             control = fleet.vehicles[spec.unit].control
             modules += [

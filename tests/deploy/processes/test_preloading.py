@@ -39,5 +39,12 @@ def test_what_the_fleet_flies_with_and_what_flies_where_that_fails_are_imported(
     assert "rcopterx.control.controllers.pid" not in found
 
 
+def test_libraries_of_the_radios_are_imported_before_a_gateway_is_needed() -> None:
+    of_radio = "rcopterx.transmitter_gateway.protocols.mavlink"
+    text = PAIR + '[defaults.transmitter]\nprotocol = "mavlink"'
+    assert of_radio in modules(text)
+    assert of_radio not in modules(PAIR)
+
+
 def test_controllers_of_other_packages_are_left_to_the_agents() -> None:
     assert modules(PAIR + 'control = { controller = "another_packages" }') == modules(PAIR)
