@@ -172,7 +172,7 @@ class EmulatedAutopilot(UdpVehicle):
     def _arm(self, *, on: bool, force: bool) -> str:
         """Arm or disarm; return why not."""
         if on and self.terminated:
-            return "Arming denied: flight terminated, restart the vehicle"
+            return "Arming denied: flight terminated, restart it"
         if on and self._flown_s >= ENDURANCE_S:
             return "Arming denied: battery low"
         if on and self._obeys and not self._streams:
