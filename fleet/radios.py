@@ -3,11 +3,14 @@
 from dataclasses import replace
 from typing import Any, Final
 
+from rcopterx.control.identification.flight_csv import FullSticks
 from rcopterx.fleet.reading import replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol
+from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
+from rcopterx.transmitter_gateway.protocols.crtp import FULL_THRUST
 from rcopterx.transmitter_gateway.protocols.registry import create_protocol, default_line
 
 MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
@@ -40,3 +43,11 @@ def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
     if transmitter.low_power and "low_power" not in radio.offers:
         raise FleetError(f"{where}.low_power: cannot be asked for with protocol {protocol!r}")
     return radio
+
+
+def full_sticks_of(fleet: FleetFile, name: str) -> FullSticks:
+    """Return what full sticks command a Crazyflie over its own radio; raises `FleetError` for others."""
+    radio = protocol_of(fleet, name)
+    if not isinstance(radio, CrazyflieProtocol):
+        raise FleetError(f"vehicles.{name}: a CSV file is of a vehicle with the radio protocol 'crazyflie'")
+    return FullSticks(radio.settings.full_tilt_deg, radio.settings.full_yaw_rate_deg_s, FULL_THRUST)

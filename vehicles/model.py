@@ -94,7 +94,8 @@ class Model:
     """What the vehicle is: a helicopter with two rotors and a stabilizer bar; one whose thrust tilts under a
     closed attitude loop; or one whose sticks act as accelerations after a lag, equation (1)."""
     gravity_m_s2: float = GRAVITY_M_S2
-    """Gravity; where the thrust stick is a climb rate, the acceleration that its centre balances."""
+    """Gravity; where thrust is not proportional to its stick, as with a climb rate, the gain times the stick
+    that keeps the height."""
     integrator_gain: float = 2.0
     """k_i of equation (1)."""
     yaw_gyro: bool = False
@@ -194,6 +195,7 @@ class Model:
 
 FITTED: Final = (
     "input_gain",
+    "gravity_m_s2",
     "damping",
     "lag_s",
     "delay_s",

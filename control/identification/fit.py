@@ -1,7 +1,8 @@
 """Prediction-error fit of a vehicle's model to a flight.
 
 Horizontal motion and height are fitted to the innovations of the stationary Kalman predictor of the model,
-the heading to errors further ahead, because its model is coarser. Prior knowledge of the type counts as
+the heading to errors further ahead, because its model is coarser; so is everything where the vehicle logged
+the sticks, because their times are. Prior knowledge of the type counts as
 much as a measurement (`rcopterx.control.identification.parameters`), so that parameters that a flight does
 not show keep their values. The last part of the flight is not fitted; it validates the result.
 """
@@ -20,25 +21,30 @@ from rcopterx.control.identification.parameters import (
     PITCH_GAIN,
     ROLL_GAIN,
     THRUST_GAIN,
-    VERTICAL,
     Candidate,
     Parameter,
     heading_parameters,
     horizontal_parameters,
+    vertical_parameters,
 )
 from rcopterx.control.identification.recording import FlightRecording
-from rcopterx.control.models.linear import Complex
+from rcopterx.control.identification.residuals import (
+    SETTLE_S,
+    axis_innovations,
+    far_axis_errors,
+    far_plane_errors,
+    plane_innovations,
+    settled,
+)
 from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty
 from rcopterx.vehicles.state import U_THRUST, Array
 
 FITTED_SHARE: Final = 0.8
 """Share of the flight that is fitted; the rest validates."""
 SHORTEST_S: Final = 20.0
+SHORTEST_PART_S: Final = 10.0
+"""Of each of several flights."""
 AHEAD_S: Final = 1.0
-_SETTLE_S: Final = 2.0
-"""Errors count from here on: predictors start without knowledge of the wind."""
-_HEADING_AHEAD_S: Final = (0.2, 1.0)
-_HEADING_EVERY_S: Final = 0.3
 _OUTLIER: Final = 3.0
 """Residuals beyond so many deviations count less than their square."""
 _NORMAL: Final = 1.4826
@@ -60,6 +66,8 @@ _THREE_DEVIATIONS: Final = 3.0
 _ESSENTIAL: Final = frozenset(parameter.name for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY))
 
 Residuals = Callable[[Motion], list[Array]]
+Flights = Sequence[FlightRecording]
+MotionOf = Callable[[Candidate, FlightRecording], Motion]
 
 
 @dataclass(frozen=True)
@@ -109,51 +117,69 @@ class Identification:
     remarks: tuple[str, ...]
 
 
-def identify(recording: FlightRecording, model: Model) -> Identification:
-    """Fit a model to a flight of at least `SHORTEST_S` with all sticks excited.
+def identify(recording: FlightRecording, model: Model, *more: FlightRecording) -> Identification:
+    """Fit a model to a flight of at least `SHORTEST_S` with all sticks excited, or to several together.
 
-    Raises ValueError for a shorter recording, or one of another type of vehicle.
+    Raises ValueError for less, a part shorter than `SHORTEST_PART_S`, or a flight of another type of vehicle.
     """
-    if recording.duration_s < SHORTEST_S:
-        raise ValueError(
-            f"the recording lasts {recording.duration_s:.1f} s, at least {SHORTEST_S:g} s are needed"
-        )
-    if recording.kind != model.kind:
-        raise ValueError(f"the recording is of a vehicle of type {recording.kind}, not {model.kind}")
-    fitted = recording.part(0.0, FITTED_SHARE)
-    start, fits = Candidate(model), []
-    with_tilt = recording.tilt is not None
+    flights = (recording, *more)
+    _check(flights, model.kind)
+    fitted = [flight.part(0.0, FITTED_SHARE) for flight in flights]
+    hover = _hover_thrust(flights, model)
+    logged = any(flight.logged for flight in flights)
+    known = replace(model, gravity_m_s2=hover * model.input_gain[U_THRUST]) if logged else model
+    start, fits = Candidate(known), []
+    with_tilt = all(flight.tilt is not None for flight in flights)
     candidate = start
-    for fit in (_horizontal_fit(candidate, with_tilt), _VERTICAL_FIT, _heading_fit(model)):
+    for fit in (_horizontal_fit(candidate, with_tilt, logged), _vertical_fit(logged), _heading_fit(model)):
         fits.append(fit.run(candidate, fitted))
         candidate = fits[-1].candidate
-    numbers = tuple(number for found in fits for number in found.numbers(start))
-    judged = recording.part(FITTED_SHARE - _SETTLE_S / recording.duration_s, 1.0)
+    numbers = tuple(number for fitted_part in fits for number in fitted_part.numbers(start))
+    judged = [flight.part(FITTED_SHARE - SETTLE_S / flight.duration_s, 1.0) for flight in flights]
     before = prediction_errors(Candidate(model, candidate.offsets), judged)
     after = prediction_errors(candidate, judged)
-    bounds = [name for found in fits for name in found.at_bounds(recording.period_s)]
+    bounds = [name for fitted_part in fits for name in fitted_part.at_bounds(recording.period_s)]
     essential = [_at_bound(name) for name in bounds if name in _ESSENTIAL]
     remarks = tuple(_doubtful(name) for name in bounds if name not in _ESSENTIAL)
     problems = (*_too_little(numbers), *_worse(before, after), *essential)
-    known = _finished(candidate.model, model, numbers, recording)
+    found = _finished(candidate.model, model, numbers, hover)
     if remarks:
-        known = replace(known, uncertainty=_wider(known.uncertainty, model.uncertainty))
-    return Identification(known, candidate.offsets, numbers, before, after, problems, remarks)
+        found = replace(found, uncertainty=_wider(found.uncertainty, model.uncertainty))
+    return Identification(found, candidate.offsets, numbers, before, after, problems, remarks)
 
 
-def prediction_errors(candidate: Candidate, recording: FlightRecording) -> PredictionErrors:
-    """Return the errors of predictions one second ahead."""
-    periods = round(AHEAD_S / recording.period_s)
-    settled = round(_SETTLE_S / recording.period_s)
+def _check(flights: Flights, kind: str) -> None:
+    total_s = sum(flight.duration_s for flight in flights)
+    if total_s < SHORTEST_S:
+        raise ValueError(f"the recording lasts {total_s:.1f} s, at least {SHORTEST_S:g} s are needed")
+    for flight in flights:
+        if flight.duration_s < SHORTEST_PART_S:
+            raise ValueError(
+                f"a recording lasts {flight.duration_s:.1f} s, at least {SHORTEST_PART_S:g} s are needed"
+            )
+        if flight.kind != kind:
+            raise ValueError(f"the recording is of a vehicle of type {flight.kind}, not {kind}")
 
-    def rms(motion: Motion) -> float:
-        return float(np.sqrt(np.mean(np.abs(motion.errors_ahead(periods)[settled:]) ** 2)))
 
-    return PredictionErrors(
-        rms(horizontal(candidate.model, recording, candidate.offsets)) / math.sqrt(2.0),
-        rms(vertical(candidate.model, recording)),
-        rms(heading(candidate.model, recording)),
-    )
+def _hover_thrust(flights: Flights, model: Model) -> float:
+    """Mean thrust stick; ValueError if full thrust is not above it."""
+    hover = float(np.concatenate([flight.inputs[:, U_THRUST] for flight in flights]).mean())
+    if not hover < model.input_max[U_THRUST]:
+        raise ValueError(f"it flew with {hover:.2f} of full thrust on average: none is left to climb with")
+    return hover
+
+
+def prediction_errors(candidate: Candidate, flights: Flights) -> PredictionErrors:
+    """Return the errors of predictions one second ahead in some flights."""
+
+    def rms(motion_of: MotionOf) -> float:
+        motions = [motion_of(candidate, flight) for flight in flights]
+        errors = np.concatenate(
+            [each.errors_ahead(round(AHEAD_S / each.period_s))[settled(each) :] for each in motions]
+        )
+        return float(np.sqrt(np.mean(np.abs(errors) ** 2)))
+
+    return PredictionErrors(rms(_horizontal) / math.sqrt(2.0), rms(_vertical), rms(_heading))
 
 
 def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
@@ -163,13 +189,13 @@ def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
     """
     periods = round(AHEAD_S / recording.period_s)
     measured = np.column_stack((recording.position_m, recording.yaw_rad))[periods:]
-    plane = horizontal(candidate.model, recording, candidate.offsets).errors_ahead(periods)
+    plane = _horizontal(candidate, recording).errors_ahead(periods)
     errors = np.column_stack(
         (
             plane.real,
             plane.imag,
-            vertical(candidate.model, recording).errors_ahead(periods).real,
-            heading(candidate.model, recording).errors_ahead(periods).real,
+            _vertical(candidate, recording).errors_ahead(periods).real,
+            _heading(candidate, recording).errors_ahead(periods).real,
         )
     )
     return np.vstack((np.full((periods, 4), np.nan), measured - errors))
@@ -213,29 +239,29 @@ class _Fit:
     """Least squares over some parameters; positions are in spreads from the start."""
 
     parameters: tuple[Parameter, ...]
-    motion: Callable[[Candidate, FlightRecording], Motion]
+    motion: MotionOf
     residuals: Residuals
     begin_at: Sequence[Array] = ()
 
-    def run(self, start: Candidate, recording: FlightRecording) -> _Found:
+    def run(self, start: Candidate, flights: Flights) -> _Found:
         position = np.zeros(len(self.parameters))
-        scales = self._scales(start, recording)
+        scales = self._scales(start, flights)
         if self.begin_at:
-            costs = [np.sum(self._all(start, recording, scales, at) ** 2) for at in self.begin_at]
+            costs = [np.sum(self._all(start, flights, scales, at) ** 2) for at in self.begin_at]
             position = self.begin_at[int(np.argmin(costs))]
         for _ in range(2):
             # Weights follow from the errors of the best model so far.
-            scales = self._scales(self._at(start, position), recording)
-            solved = self._solve(start, recording, scales, position)
+            scales = self._scales(self._at(start, position), flights)
+            solved = self._solve(start, flights, scales, position)
             position = solved.x
         covariance = np.linalg.inv(solved.jac.T @ solved.jac)
         return _Found(self._at(start, position), self.parameters, position, np.sqrt(np.diag(covariance)))
 
     def _solve(
-        self, start: Candidate, recording: FlightRecording, scales: list[float], position: Array
+        self, start: Candidate, flights: Flights, scales: list[float], position: Array
     ) -> OptimizeResult:
         def residuals(at: Array) -> Array:
-            return self._all(start, recording, scales, at)
+            return self._all(start, flights, scales, at)
 
         return least_squares(
             residuals,
@@ -254,74 +280,52 @@ class _Fit:
             candidate = parameter.write(candidate, moved_to)
         return candidate
 
-    def _errors(self, candidate: Candidate, recording: FlightRecording) -> list[Array]:
-        return self.residuals(self.motion(candidate, recording))
+    def _errors(self, candidate: Candidate, flights: Flights) -> list[Array]:
+        of_flights = [self.residuals(self.motion(candidate, flight)) for flight in flights]
+        return [np.concatenate(parts) for parts in zip(*of_flights, strict=True)]
 
-    def _scales(self, candidate: Candidate, recording: FlightRecording) -> list[float]:
+    def _scales(self, candidate: Candidate, flights: Flights) -> list[float]:
         """Deviation of each kind of errors, from their median so that outliers do not count."""
-        return [_NORMAL * float(np.median(np.abs(part))) for part in self._errors(candidate, recording)]
+        return [_NORMAL * float(np.median(np.abs(part))) for part in self._errors(candidate, flights)]
 
-    def _all(
-        self, start: Candidate, recording: FlightRecording, scales: list[float], position: Array
-    ) -> Array:
-        errors = self._errors(self._at(start, position), recording)
+    def _all(self, start: Candidate, flights: Flights, scales: list[float], position: Array) -> Array:
+        errors = self._errors(self._at(start, position), flights)
         weighted = [part / scale for part, scale in zip(errors, scales, strict=True)]
         return np.concatenate((*weighted, position))
 
 
-def _settled_innovations(motion: Motion) -> Complex:
-    return motion.innovations()[round(_SETTLE_S / motion.period_s) :]
+def _horizontal(candidate: Candidate, flight: FlightRecording) -> Motion:
+    return horizontal(candidate.model, flight, candidate.offsets)
 
 
-def _plane_innovations(motion: Motion) -> list[Array]:
-    """Both components of the innovations of each measurement."""
-    return [np.concatenate((column.real, column.imag)) for column in _settled_innovations(motion).T]
+def _vertical(candidate: Candidate, flight: FlightRecording) -> Motion:
+    return vertical(candidate.model, flight, candidate.offsets)
 
 
-def _axis_innovations(motion: Motion) -> list[Array]:
-    """Innovations of each measurement of a real motion."""
-    return list(_settled_innovations(motion).real.T)
+def _heading(candidate: Candidate, flight: FlightRecording) -> Motion:
+    return heading(candidate.model, flight)
 
 
-def _far_errors(motion: Motion) -> list[Array]:
-    """Errors further ahead, thinned out; equally many of each distance."""
-    period_s = motion.period_s
-    settled, stride = round(_SETTLE_S / period_s), round(_HEADING_EVERY_S / period_s)
-    return [
-        motion.errors_ahead(round(ahead_s / period_s))[settled::stride].real for ahead_s in _HEADING_AHEAD_S
-    ]
-
-
-def _horizontal_fit(start: Candidate, with_tilt: bool) -> _Fit:
+def _horizontal_fit(start: Candidate, with_tilt: bool, logged: bool) -> _Fit:
     parameters = horizontal_parameters(start.model, with_tilt)
     begin_at: list[Array] = []
     if FREQUENCY in parameters:
         place = np.array([parameter is FREQUENCY for parameter in parameters], dtype=float)
         begin_at = [spreads * place for spreads in _START_FREQUENCIES]
-    return _Fit(
-        parameters,
-        lambda candidate, flight: horizontal(candidate.model, flight, candidate.offsets),
-        _plane_innovations,
-        begin_at,
-    )
+    return _Fit(parameters, _horizontal, far_plane_errors if logged else plane_innovations, begin_at)
 
 
-_VERTICAL_FIT: Final = _Fit(
-    VERTICAL, lambda candidate, flight: vertical(candidate.model, flight), _axis_innovations
-)
+def _vertical_fit(logged: bool) -> _Fit:
+    return _Fit(vertical_parameters(logged), _vertical, far_axis_errors if logged else axis_innovations)
 
 
 def _heading_fit(model: Model) -> _Fit:
-    return _Fit(
-        heading_parameters(model), lambda candidate, flight: heading(candidate.model, flight), _far_errors
-    )
+    return _Fit(heading_parameters(model), _heading, far_axis_errors)
 
 
-def _finished(
-    model: Model, before: Model, numbers: Sequence[FittedParameter], recording: FlightRecording
-) -> Model:
+def _finished(model: Model, before: Model, numbers: Sequence[FittedParameter], hover: float) -> Model:
     """Fitted model with derived values: uncertainty, hover thrust, equivalent lags."""
-    certain = {number.name: number.deviation / abs(number.value) for number in numbers}
+    certain = {number.name: number.deviation / number.value for number in numbers if number.value > 0.0}
     gain = max(certain[PITCH_GAIN.name], certain[ROLL_GAIN.name])
     uncertainty = Uncertainty(
         gain_factor=max(IDENTIFIED.gain_factor, 1.0 + _THREE_DEVIATIONS * gain),
@@ -334,7 +338,6 @@ def _finished(
     if model.tilt is not None and before.tilt is not None:
         slower = before.tilt.frequency_rad_s / model.tilt.frequency_rad_s
         lag_s = (lag_s[0] * slower, lag_s[1] * slower, *lag_s[2:])
-    hover = float(recording.inputs[:, U_THRUST].mean())
     return replace(model, uncertainty=uncertainty, lag_s=lag_s, hover_thrust=hover)
 
 

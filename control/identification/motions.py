@@ -35,6 +35,9 @@ class LinearSystem:
     measurement_variance: Array
 
 
+EVERY_ROW: Final = slice(None)
+
+
 class Motion:
     """A motion of a flight, predicted by a Kalman filter with the stationary gain.
 
@@ -79,19 +82,22 @@ class Motion:
         """Return the one-period prediction errors, shape (K, m)."""
         return self._measured - self._states() @ self._c.T
 
-    def ahead(self, periods: int) -> Complex:
-        """Return outputs predicted `periods` ahead with the recorded inputs, shape (K - periods, m)."""
+    def ahead(self, periods: int, rows: slice = EVERY_ROW) -> Complex:
+        """Return outputs predicted `periods` ahead with the recorded inputs, of some of K - periods rows.
+
+        Shape (K - periods, m) for all rows.
+        """
         states = self._states()
         states = states + (self._measured - states @ self._c.T) @ self._gain.T
         push, count = self._push(), len(self._inputs) - periods
-        states = states[:count]
+        states = states[:count][rows]
         for step in range(periods):
-            states = states @ self._a.T + push[step : step + count]
+            states = states @ self._a.T + push[step : step + count][rows]
         return np.asarray(states @ self._c.T)
 
-    def errors_ahead(self, periods: int) -> Complex:
-        """Return the errors of the first measurement predicted some periods ahead, shape (K - periods,)."""
-        return self._measured[periods:, 0] - self.ahead(periods)[:, 0]
+    def errors_ahead(self, periods: int, rows: slice = EVERY_ROW) -> Complex:
+        """Return the errors of the first measurement in predictions of `ahead`, shape (K - periods,)."""
+        return self._measured[periods:, 0][rows] - self.ahead(periods, rows)[:, 0]
 
     def _push(self) -> Complex:
         """Contribution of the inputs to the state in every period, shape (K, n)."""
@@ -122,11 +128,12 @@ class Offsets:
     """Offsets of a vehicle and a flight that are not dynamics.
 
     `trim` is of the pitch and roll stick, `body_rad` the tilt of the measured body frame against the axis
-    of the thrust, body frame.
+    of the thrust, body frame. Thrust changes by the fraction `per_volt` with each volt of the battery.
     """
 
     trim: tuple[float, float] = (0.0, 0.0)
     body_rad: tuple[float, float] = (0.0, 0.0)
+    per_volt: float = 0.0
 
 
 def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Motion:
@@ -147,12 +154,15 @@ def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Mo
     return Motion(system, recording.period_s, model.delay_s, demand, np.column_stack(measured))
 
 
-def vertical(model: Model, recording: FlightRecording) -> Motion:
-    """Return the motion in height."""
+def vertical(model: Model, recording: FlightRecording, offsets: Offsets) -> Motion:
+    """Return the motion in height; where they were measured, tilt and battery take part of the thrust."""
     system = _single_axis(model, U_THRUST, POSITION_NOISE_M, VERTICAL_WIND_M_S2, _VERTICAL_DRIFT)
-    return _of_single_axis(
-        model, recording, system, recording.inputs[:, U_THRUST], recording.position_m[:, Z]
-    )
+    thrust = recording.inputs[:, U_THRUST]
+    if recording.tilt is not None:
+        thrust = thrust * np.sqrt(np.maximum(1.0 - np.sum(recording.tilt**2, axis=1), 0.0))
+    if recording.battery_v is not None:
+        thrust = thrust * (1.0 + offsets.per_volt * (recording.battery_v - recording.battery_v.mean()))
+    return _of_single_axis(model, recording, system, thrust, recording.position_m[:, Z])
 
 
 def heading(model: Model, recording: FlightRecording) -> Motion:

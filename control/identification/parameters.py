@@ -90,6 +90,15 @@ def _with_delay(candidate: Candidate, delay_s: float) -> Candidate:
     return replace(candidate, model=replace(candidate.model, delay_s=max(delay_s, 0.0)))
 
 
+def _with_slope(candidate: Candidate, gain: float) -> Candidate:
+    """With another gain of the thrust around hover, whose stick stays."""
+    model = candidate.model
+    pitch, roll, before, yaw = model.input_gain
+    balanced = model.gravity_m_s2 * gain / before
+    model = replace(model, input_gain=(pitch, roll, gain, yaw), gravity_m_s2=balanced)
+    return replace(candidate, model=model)
+
+
 PITCH_GAIN: Final = _number("pitch gain", "model.input_gain", "m/s^2", 0.25, U_PITCH)
 ROLL_GAIN: Final = _number("roll gain", "model.input_gain", "m/s^2", 0.25, U_ROLL)
 THRUST_GAIN: Final = _number("thrust gain", "model.input_gain", "m/s^2", 0.15, U_THRUST)
@@ -121,13 +130,23 @@ _BODY: Final = (
     _number("body offset left", "offsets.body_rad", "rad", 0.05, 1, positive=False),
 )
 
-VERTICAL: Final = (THRUST_GAIN, _number("thrust lag", "model.lag_s", "s", 0.4, U_THRUST))
+_THRUST_LAG: Final = _number("thrust lag", "model.lag_s", "s", 0.4, U_THRUST)
+_SLOPE: Final = replace(THRUST_GAIN, spread=0.3, write=_with_slope)
+_PER_VOLT: Final = _number("thrust per volt", "offsets.per_volt", "1/V", 0.1, positive=False)
 _HEADING: Final = (
     YAW_GAIN,
     _number("yaw damping", "model.damping", "1/s", 0.25, U_YAW, sign=-1.0),
     _number("yaw lag", "model.lag_s", "s", 0.3, U_YAW),
 )
 _COUPLING: Final = _number("thrust coupling", "model.thrust_coupling", "", 1.0, positive=False)
+
+
+def vertical_parameters(logged: bool) -> tuple[Parameter, ...]:
+    """Return the parameters of the motion in height, those of a vehicle that logged its battery if so.
+
+    Its firmware makes up for the battery in part, so thrust is not proportional to its stick.
+    """
+    return (_SLOPE, _THRUST_LAG, _PER_VOLT) if logged else (THRUST_GAIN, _THRUST_LAG)
 
 
 def heading_parameters(model: Model) -> tuple[Parameter, ...]:

@@ -36,6 +36,8 @@ class FlightRecording:
         Horizontal components of the body's upward axis, inertial frame, shape (K, 2); None if not measured.
     inputs
         Sticks sent to the vehicle on these poses, shape (K, 4); they act a transport delay later.
+    battery_v
+        Voltage that the vehicle logged with its sticks, shape (K,); None if nothing was logged.
     """
 
     kind: str
@@ -44,12 +46,15 @@ class FlightRecording:
     yaw_rad: Array
     tilt: Array | None
     inputs: Array
+    battery_v: Array | None = None
 
     def __post_init__(self) -> None:
         rows = len(self.yaw_rad)
         shapes = {"position_m": (rows, 3), "yaw_rad": (rows,), "inputs": (rows, INPUT_SIZE)}
         if self.tilt is not None:
             shapes["tilt"] = (rows, 2)
+        if self.battery_v is not None:
+            shapes["battery_v"] = (rows,)
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value.shape != shape:
@@ -58,6 +63,11 @@ class FlightRecording:
                 raise RecordingError(f"{name}: not all numbers are finite")
         if not 0.0 < self.period_s <= 0.2:
             raise RecordingError(f"period_s: must be above 0 and at most 0.2 s, got {self.period_s}")
+
+    @property
+    def logged(self) -> bool:
+        """Whether the vehicle logged the sticks: their times are off by some 0.03 s to and fro."""
+        return self.battery_v is not None
 
     @property
     def duration_s(self) -> float:
@@ -73,11 +83,13 @@ class FlightRecording:
             yaw_rad=self.yaw_rad[rows],
             tilt=None if self.tilt is None else self.tilt[rows],
             inputs=self.inputs[rows],
+            battery_v=None if self.battery_v is None else self.battery_v[rows],
         )
 
     def save(self, path: Path) -> None:
         """Write a compressed numpy archive (`.npz`)."""
-        tilt: dict[str, Any] = {} if self.tilt is None else {"tilt": self.tilt}
+        optional = {"tilt": self.tilt, "battery_v": self.battery_v}
+        known: dict[str, Any] = {name: value for name, value in optional.items() if value is not None}
         with path.open("wb") as file:
             np.savez_compressed(
                 file,
@@ -87,7 +99,7 @@ class FlightRecording:
                 position_m=self.position_m,
                 yaw_rad=self.yaw_rad,
                 inputs=self.inputs,
-                **tilt,
+                **known,
             )
 
 
@@ -111,6 +123,7 @@ def load_recording(path: Path) -> FlightRecording:
             found["yaw_rad"].astype(float),
             found["tilt"].astype(float) if "tilt" in found else None,
             found["inputs"].astype(float),
+            found["battery_v"].astype(float) if "battery_v" in found else None,
         )
     except (RecordingError, TypeError) as error:
         raise RecordingError(f"{path}: {error}") from None

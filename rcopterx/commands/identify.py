@@ -55,8 +55,13 @@ def identify(
             help="Largest distance from the set point. Default: 0.4, with --all 0.25.",
         ),
     ] = None,
-    from_file: Annotated[
-        Path | None, typer.Option("--from", metavar="FILE", help="Fit a recorded flight instead of flying.")
+    from_files: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--from",
+            metavar="FILE",
+            help="Fit a recorded flight instead of flying: .npz, or .csv of a Crazyflie; repeat for several.",
+        ),
     ] = None,
     save: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save the recording in this file (.npz).")
@@ -78,23 +83,26 @@ def identify(
     names, say = vehicles or [], partial(typer.echo, err=as_json)
     if bool(names) == together:
         raise typer.BadParameter("name vehicles, or give --all")
-    if len(names) != 1 and (from_file or save or plot):
+    if len(names) != 1 and (from_files or save or plot):
         raise typer.BadParameter("--from, --save and --plot are for one vehicle")
+    if save is not None and len(from_files or ()) > 1:
+        raise typer.BadParameter("--save is for one flight")
     with user_errors():
-        path = None if dry_run or not (fleet or from_file) else _own_file(fleet)
+        path = None if dry_run or not (fleet or from_files) else _own_file(fleet)
         file, _ = wanted_fleet(fleet)
         known_vehicles(file.vehicles, names)
     failures: dict[str, str] = {}
     with ExitStack() as stack:
-        running = None if from_file else stack.enter_context(running_fleet(fleet))
+        running = None if from_files else stack.enter_context(running_fleet(fleet))
         if running is None:
-            recordings = {names[0]: _loaded(names[0], from_file)}
+            flights = {names[0]: [_loaded(file, names[0], one) for one in from_files or ()]}
         else:
             wanted = (seconds, strength, reach or (TOGETHER_REACH_M if together else REACH_M))
             recordings, failures = _flown(running, names, wanted, say)
-        if save is not None and recordings:
-            _saved(names[0], recordings[names[0]], save, say)
-        fits = {name: _fit(file, name, recording, say) for name, recording in recordings.items()}
+            flights = {name: [recording] for name, recording in recordings.items()}
+        if save is not None and flights:
+            _saved(names[0], flights[names[0]][0], save, say)
+        fits = {name: _fit(file, name, recordings, say) for name, recordings in flights.items()}
         if plot is not None and fits:
             write_plot(partial(_draw, *fits[names[0]]), plot)
         _print(fits, failures, together, as_json)
@@ -109,13 +117,19 @@ def identify(
         raise failure(*problems)
 
 
-def _loaded(name: str, path: Path | None) -> "FlightRecording":
+def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
     """Read the recording of a vehicle."""
+    from rcopterx.control.identification.flight_csv import is_csv, read_flight
     from rcopterx.control.identification.recording import load_recording
+    from rcopterx.fleet.radios import full_sticks_of
+    from rcopterx.fleet.vehicle_types import type_of
 
-    assert path is not None
     try:
-        return load_recording(path)
+        if not is_csv(path):
+            return load_recording(path)
+        with user_errors():
+            full = full_sticks_of(file, name)
+        return read_flight(path, type_of(file, name).name, full)
     except (ValueError, OSError) as error:
         raise failure(f"{name}: {error}") from None
 
@@ -144,16 +158,16 @@ def _flown(
         return flights.excited_flights(running, flown, excitation, lambda left_s: say(f"{left_s:.0f} s left"))
 
 
-def _fit(file: "FleetFile", name: str, recording: "FlightRecording", say: Callable[[str], None]) -> "Fit":
-    """Fit the model of a vehicle."""
+def _fit(file: "FleetFile", name: str, flights: "list[FlightRecording]", say: Callable[[str], None]) -> "Fit":
+    """Fit the model of a vehicle; the first flight is drawn."""
     from rcopterx.control.identification import fit
     from rcopterx.fleet.vehicle_models import model_of
 
-    say(f"{name}: fitting {recording.duration_s:.0f} s of flight")
+    say(f"{name}: fitting {sum(flight.duration_s for flight in flights):.0f} s of flight")
     with user_errors():
         known = model_of(file, name)
     try:
-        return recording, known, fit.identify(recording, known)
+        return flights[0], known, fit.identify(flights[0], known, *flights[1:])
     except ValueError as error:
         raise failure(f"{name}: {error}") from None
 

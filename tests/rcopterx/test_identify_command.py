@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from support.demand import demand_matrix
 from support.fleets import PAIR
-from support.vehicle_types import COAXIAL
+from support.flight_csv import rows_of, write_csv
+from support.simulated_flight import simulated_flight
+from support.vehicle_types import COAXIAL, CRAZYFLIE
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
@@ -105,6 +107,25 @@ def test_wrong_files_and_vehicles_are_refused(flight: Path, file: Path, tmp_path
     assert (code, "comes with the package" in err) == (2, True)
     code, _, err = identify("h1", "--from", flight)
     assert (code, "name the fleet file that the model goes into (-f FILE)" in err) == (2, True)
+
+
+def test_flights_in_csv_files_are_fitted_together_and_written(file: Path, tmp_path: Path) -> None:
+    strong = replace(CRAZYFLIE, input_gain=(3.4, *CRAZYFLIE.input_gain[1:]))
+    flights = [
+        replace(simulated_flight(strong, 20.0, seed=seed), battery_v=np.full(1000, 3.7)) for seed in (1, 2)
+    ]
+    paths = [write_csv(tmp_path / f"{index}.csv", rows_of(flight)) for index, flight in enumerate(flights)]
+    arguments = ("h1", "--from", paths[0], "--from", paths[1], "-f", file)
+    code, _, err = identify(*arguments)
+    assert (code, "radio protocol 'crazyflie'" in err) == (2, True)
+    file.write_text(PAIR.replace("[vehicles.h1]\n", '[vehicles.h1]\ntype = "crazyflie"\n'))
+    code, _, err = identify(*arguments)
+    assert code == 0, err
+    assert model_of(load_fleet(file), "h1").input_gain[0] == pytest.approx(3.4, rel=0.1)
+    code, _, err = identify("h1", "--from", file.with_suffix(".csv"), "-f", file)
+    assert (code, "No such file" in err) == (1, True)
+    code, _, err = identify(*arguments, "--save", tmp_path / "one.npz")
+    assert (code, "--save is for one flight" in err) == (2, True)
 
 
 @pytest.mark.parametrize(

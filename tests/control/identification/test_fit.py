@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated_flight import simulated_flight, still_flight
-from support.vehicle_types import COAXIAL, COAXIAL_LAG, QUADROTOR
+from support.simulated_flight import simulated_flight, still_flight
+from support.vehicle_types import COAXIAL, COAXIAL_LAG, CRAZYFLIE, QUADROTOR
 
 from rcopterx.control.identification.fit import Identification, identify
 from rcopterx.control.identification.recording import FlightRecording
@@ -152,3 +152,37 @@ def test_a_parameter_on_its_bound_is_said_and_does_not_make_the_model_more_certa
     doubtful = identify(flight, known)
     assert any(remark.startswith("yaw lag went as far as it may") for remark in doubtful.remarks)
     assert doubtful.model.uncertainty == known.uncertainty
+
+
+def logged(model: Model, seed: int) -> FlightRecording:
+    """A flight whose sticks were logged, with a battery that runs down."""
+    one = simulated_flight(model, 20.0, seed=seed)
+    return replace(one, battery_v=np.linspace(4.0, 3.4, len(one.yaw_rad)))
+
+
+def test_flights_that_a_vehicle_logged_are_fitted_together() -> None:
+    assert CRAZYFLIE.tilt is not None
+    tilt = replace(CRAZYFLIE.tilt, frequency_rad_s=19.0)
+    true = replace(CRAZYFLIE, input_gain=(3.4, 3.5, 17.0, 46.5), tilt=tilt)
+    found = identify(logged(true, 1), CRAZYFLIE, logged(true, 2))
+    assert found.problems == ()
+    assert found.model.input_gain[:3] == pytest.approx(true.input_gain[:3], rel=0.08)
+    assert found.model.hover_input[2] == pytest.approx(true.hover_input[2], rel=0.02)
+    assert found.model.tilt is not None
+    assert found.model.tilt.frequency_rad_s == pytest.approx(19.0, rel=0.1)
+    assert numbers(found)["thrust per volt"] == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_flight_at_full_thrust_is_refused() -> None:
+    weak = replace(flight_of(CRAZYFLIE), inputs=np.ones_like(flight_of(CRAZYFLIE).inputs))
+    with pytest.raises(ValueError, match=r"it flew with 1\.00 of full thrust"):
+        identify(weak, CRAZYFLIE)
+
+
+def test_each_of_several_flights_has_to_last() -> None:
+    with pytest.raises(ValueError, match="a recording lasts 5"):
+        identify(logged(CRAZYFLIE, 1), CRAZYFLIE, logged(CRAZYFLIE, 2).part(0.0, 0.25))
+
+
+def flight_of(model: Model) -> FlightRecording:
+    return simulated_flight(model, 20.0)

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from support.demand import demand_matrix
 
 from rcopterx.control.identification.excitation import Excitation, excitation_for
 from rcopterx.control.identification.recording import FlightRecording
@@ -12,6 +11,7 @@ from rcopterx.control.models.lateral import POSITION, LateralSystem
 from rcopterx.control.models.prediction import predict
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import heading_matrix
+from support.demand import demand_matrix
 
 PERIOD_S = 0.02
 

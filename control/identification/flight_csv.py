@@ -1,0 +1,130 @@
+"""Flights recorded elsewhere: CSV files of poses and of what a firmware's attitude control was told.
+
+The columns are those of NanoBench (https://github.com/syediu/nanobench-iros2026): seconds, metres, quaternion
+components, degrees, units of thrust, volts. Further columns are ignored.
+"""
+
+import csv
+import gzip
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TextIO
+
+import numpy as np
+
+from rcopterx.control.identification.recording import LONGEST_GAP_S, FlightRecording, RecordingError
+from rcopterx.control.interfaces import Measurement
+from rcopterx.vehicles.state import Array
+
+SUFFIXES: Final = (".csv", ".csv.gz")
+TIME: Final = "t"
+POSE: Final = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+COMMANDS: Final = tuple(f"pid_controller_{name}" for name in ("pitch", "roll", "cmd_thrust", "yaw"))
+BATTERY: Final = "pwr_pm_vbat"
+COLUMNS: Final = (TIME, *POSE, *COMMANDS, BATTERY)
+PERIOD_S: Final = 0.02
+"""Flights are read at this period, of a usual control loop, or at their own if that is longer."""
+AIRBORNE_M: Final = 0.3
+"""A vehicle flies from when it first is so far above its lowest pose until it last is."""
+_UNIT: Final = 0.01
+"""Largest departure of a quaternion's length from one."""
+
+
+@dataclass(frozen=True)
+class FullSticks:
+    """What full sticks command: roll and pitch, rate of yaw, thrust in the firmware's units."""
+
+    tilt_deg: float
+    yaw_rate_deg_s: float
+    thrust: float
+
+
+def is_csv(path: Path) -> bool:
+    """Whether a file's name is that of a CSV file, compressed or not."""
+    return path.name.endswith(SUFFIXES)
+
+
+def read_flight(path: Path, kind: str, full: FullSticks) -> FlightRecording:
+    """Read the part of a CSV file in which the vehicle flies, as one of a type, at regular times.
+
+    Raises `RecordingError`: the file cannot be read, a column is missing, a value is not a number, times do
+    not increase, poses are missing for longer than `LONGEST_GAP_S`, or nothing flies; names file and line.
+    """
+    try:
+        with _opened(path) as file:
+            rows = np.array(list(_numbers(csv.reader(file))))
+        return _recording(rows, kind, full)
+    except (OSError, EOFError, UnicodeDecodeError, csv.Error, RecordingError) as error:
+        raise RecordingError(f"{path}: {error}") from None
+
+
+def _opened(path: Path) -> TextIO:
+    if path.name.endswith(".gz"):
+        return gzip.open(path, "rt", encoding="utf-8", newline="")
+    return path.open(encoding="utf-8", newline="")
+
+
+def _numbers(lines: Iterator[list[str]]) -> Iterator[list[float]]:
+    """Numbers of `COLUMNS` of every line."""
+    header = next(lines, [])
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise RecordingError(f"no column {', '.join(missing)}")
+    places = [header.index(name) for name in COLUMNS]
+    for number, line in enumerate(lines, 2):
+        if len(line) != len(header):
+            raise RecordingError(f"line {number}: {len(line)} values instead of {len(header)}")
+        yield [_number(line[place], number, name) for place, name in zip(places, COLUMNS, strict=True)]
+
+
+def _number(text: str, line: int, column: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise RecordingError(f"line {line}, column {column}: {text!r} is not a number")
+    return value
+
+
+def _recording(rows: Array, kind: str, full: FullSticks) -> FlightRecording:
+    height_m = rows[:, 1 + POSE.index("pz")] if len(rows) else np.zeros(1)
+    flying = np.flatnonzero(height_m > height_m.min() + AIRBORNE_M)
+    if len(flying) < 2:
+        raise RecordingError(f"nothing flies: no poses {AIRBORNE_M:g} m above the lowest one")
+    time_s = rows[flying[0] : flying[-1] + 1, 0]
+    steps_s = np.diff(time_s)
+    flaws = (steps_s <= 0.0, "time does not increase"), (steps_s > LONGEST_GAP_S, "poses are missing")
+    for wrong, why in flaws:
+        if wrong.any():
+            at = int(np.argmax(wrong))
+            line = flying[0] + at + 3
+            raise RecordingError(f"line {line}: {why}, {steps_s[at]:.3f} s since the line before")
+    period_s = max(round(float(np.median(steps_s)), 4), PERIOD_S)
+    regular_s = np.arange(time_s[0], time_s[-1], period_s)
+
+    def at_periods(values: Array) -> Array:
+        return np.column_stack([np.interp(regular_s, time_s, each) for each in values.T])
+
+    flown = rows[flying[0] : flying[-1] + 1]
+    poses, commands = flown[:, 1 : 1 + len(POSE)], flown[:, 1 + len(POSE) : -1]
+    if (np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1.0) > _UNIT).any():
+        raise RecordingError(f"{', '.join(POSE[3:])}: not a unit quaternion")
+    measured = [Measurement.of_pose(pose[:3], pose[3:]) for pose in poses]
+    yaw_rad = np.unwrap([one.yaw_rad for one in measured])
+    pitch_deg, roll_deg, thrust, yaw_deg = commands.T
+    yaw_rate_deg_s = np.gradient(np.unwrap(yaw_deg, period=360.0), time_s)
+    # The firmware pitches up and rolls to the right for positive angles.
+    sticks = (-pitch_deg / full.tilt_deg, -roll_deg / full.tilt_deg, thrust / full.thrust,
+              yaw_rate_deg_s / full.yaw_rate_deg_s)  # fmt: skip
+    return FlightRecording(
+        kind,
+        period_s,
+        at_periods(poses[:, :3]),
+        at_periods(yaw_rad[:, None])[:, 0],
+        at_periods(np.array([one.tilt for one in measured])),
+        at_periods(np.column_stack(sticks)),
+        at_periods(flown[:, -1:])[:, 0],
+    )
