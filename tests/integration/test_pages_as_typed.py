@@ -95,6 +95,8 @@ NOT_TYPED = {
             "family --json --plot docs/figures/family.svg",
             "hover --conditions helicopters --seeds 100,101,102,103,104",
             "family --seeds 0,1,2,3,4,5,6,7,8,9",
+            "family --conditions crazyflies",
+            "fleets --conditions crazyflies",
         )
     },
     "echo '@dialout - rtprio 40' | sudo tee /etc/security/limits.d/rcopterx.conf": (
@@ -113,7 +115,8 @@ NOT_TYPED = {
 OWN_CONTROLLER = "pip install -e mine pytest"
 INTO_THE_COPY = "pip install --quiet --no-deps --no-build-isolation --target plugins ./mine"
 UP, TAKE_OFF = "rcopterx up trio", "rcopterx takeoff"
-LAB = "cp deploy/fleets/trio.toml lab.toml"
+FLEETS = "deploy/fleets"
+LAB = f"cp {FLEETS}/trio.toml lab.toml"
 HOSTS = """cat >> lab.toml <<END
 [hosts.main]
 address = "127.0.0.1"
@@ -140,6 +143,7 @@ BEFORE = {
         "rcopterx margins": [LAB],
         "cd examples/external_control && g++": [BRIDGE, BRIDGE_LISTENS],
     },
+    "crazyflie.md": {"rcopterx up lab.toml": [f"cp {FLEETS}/crazyflies.toml lab.toml"]},
     "formation.md": {"rcopterx follow h3 h2 --offset 0,-1": [UP, TAKE_OFF]},
     "ground-station.md": {"rcopterx ground": [UP]},
     "hardware.md": {
@@ -154,6 +158,7 @@ BEFORE = {
         "rcopterx flights": [RECORDED, RECORDED],
         "rcopterx logs": [UP],
     },
+    "mavlink.md": {"rcopterx up lab.toml": [f"cp {FLEETS}/families.toml lab.toml"]},
     "motion_capture.md": {
         "rcopterx tracker": [LAB, "rcopterx up lab.toml"],
         "rcopterx replay-tracker": ["until [ -s session.raw ]; do sleep 0.1; done"],
