@@ -34,7 +34,7 @@ class AgentSettings:
     realtime_priority: int = 0
     leader_wait_s: float = 0.003
     """Time for which a follower waits for the leader's plan of the same frame, per leader above it."""
-    deviation_share: float = 0.5
+    deviation_share: float = 0.25
     """Share of a leader's deviation from its nominal trajectory that it copies."""
     minimum_distance_m: float | None = 0.3
     """Offsets that bring vehicles closer together are refused; None for no limit."""

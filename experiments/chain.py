@@ -35,7 +35,7 @@ STEPS_M: Final = ((0.0, 0.3, 0.2), (0.3, 0.0, 0.0), (-0.3, -0.2, -0.2), (0.0, 0.
 """Set points of the head relative to its start, one after the other."""
 
 LENGTHS: Final = (5, 10, 20)
-SHARES: Final = (0.5, 1.0)
+SHARES: Final = (0.25, 1.0)
 """Of a leader's deviation that its follower copies: the default, and the paper's plan alone."""
 DEEP_HORIZON: Final = 30
 DEEP_START: Final = (1.0, 0.0, 1.0, 0.0)

@@ -27,7 +27,7 @@ from rcopterx.simulator.identified_crazyflie import (
     crazyflie_of,
 )
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.model import IDENTIFIED, Model
+from rcopterx.vehicles.model import DAMPING_FACTOR, IDENTIFIED, Model, Uncertainty
 from rcopterx.vehicles.state import GRAVITY_M_S2, four
 from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.tuples import Three
@@ -152,8 +152,14 @@ def exact_model(parameters: HelicopterParameters) -> Model:
         lag_s=(pitch_lag_s, roll_lag_s, rotor_lag_s, yaw_lag_s),
         thrust_coupling=drag_rad_s2 * slower_s / (yaw_gain * rotor_lag_s),
         tilt=tilt,
-        uncertainty=IDENTIFIED,
+        uncertainty=_known(tilt),
     )
+
+
+def _known(tilt: TiltModel) -> Uncertainty:
+    """Uncertainty of a vehicle with a tilt that an identification found."""
+    ratio = tilt.damping_ratio
+    return replace(IDENTIFIED, tilt_damping=(ratio / DAMPING_FACTOR, ratio * DAMPING_FACTOR))
 
 
 def exact_crazyflie(vehicle: IdentifiedCrazyflie) -> Model:
@@ -164,14 +170,15 @@ def exact_crazyflie(vehicle: IdentifiedCrazyflie) -> Model:
     thrust_gain = FULL_THRUST_SHARE * true["thrust_max"] * true["cmd_f_coef"] / true["mass"]
     yaw_damping, tilt_lag_s = pull[2] / rate_damping[2], rate_damping[0] / stiffness[0]
     frequency_rad_s = math.sqrt(stiffness[0])
+    tilt = TiltModel(frequency_rad_s, float(rate_damping[0]) / frequency_rad_s / 2, PROMPT_S)
     return replace(
         CRAZYFLIE,
         input_gain=four(np.array((tilt_gain, tilt_gain, thrust_gain, FULL_YAW_RATE_RAD_S * yaw_damping))),
         damping=four(np.array((*np.diag(true["drag_matrix"]) / true["mass"], -yaw_damping))),
         lag_s=four(np.array((tilt_lag_s, tilt_lag_s, true["thrust_time_coef"], 1 / rate_damping[2]))),
         hover_thrust=float(GRAVITY_M_S2 / thrust_gain),
-        tilt=TiltModel(frequency_rad_s, float(rate_damping[0]) / frequency_rad_s / 2, PROMPT_S),
-        uncertainty=IDENTIFIED,
+        tilt=tilt,
+        uncertainty=_known(tilt),
     )
 
 

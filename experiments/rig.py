@@ -64,7 +64,7 @@ class RigVehicle:
     horizon: int = 50
     following: tuple[LeaderLink, ...] = ()
     plant_type: Model | None = None
-    deviation_share: float = 0.5
+    deviation_share: float = 0.25
     as_published: bool = False
     estimator: str = DEFAULT_ESTIMATOR
 

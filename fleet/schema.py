@@ -177,7 +177,7 @@ class ControlConfig(Table, frozen=True, kw_only=True):
     leader_wait_s: Annotated[float, Meta(ge=0, le=0.015)] = 0.003
     """How long after its own pose a follower waits for the leader's plan of the same frame, for each level of
     leaders above it; at most half a control period."""
-    deviation_share: Annotated[float, Meta(ge=0, le=1)] = 0.5
+    deviation_share: Annotated[float, Meta(ge=0, le=1)] = 0.25
     """Share of a leader's deviation from its undisturbed reference that a follower copies: 1 follows the
     leader's plan alone, as in the paper, 0 the set points of the head of the formation."""
 

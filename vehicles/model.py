@@ -16,7 +16,7 @@ import numpy as np
 
 from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, U_YAW, Array
 from rcopterx.vehicles.tilt import TiltModel
-from rcopterx.vehicles.tuples import Four
+from rcopterx.vehicles.tuples import Four, Two
 
 Seven = tuple[float, float, float, float, float, float, float]
 
@@ -34,6 +34,8 @@ class Uncertainty:
     """The transport delay may be longer by this."""
     frequency_fraction: float
     """The frequency of the tilt may be off by this fraction."""
+    tilt_damping: Two | None = None
+    """Least and largest damping ratio that the tilt may have; None for that of the model."""
 
     def __post_init__(self) -> None:
         if not 1.0 <= self.gain_factor <= 4.0:
@@ -42,6 +44,10 @@ class Uncertainty:
             raise ValueError(f"delay_s: must be from 0 to 0.2, got {self.delay_s}")
         if not 0.0 <= self.frequency_fraction < 1.0:
             raise ValueError(f"frequency_fraction: must be from 0 to below 1, got {self.frequency_fraction}")
+        if self.tilt_damping is not None and not 0.0 < self.tilt_damping[0] <= self.tilt_damping[1] < 10.0:
+            raise ValueError(
+                f"tilt_damping: must be a least and a largest ratio between 0 and 10, got {self.tilt_damping}"
+            )
 
     def graded(self, identified: float, unidentified: float) -> float:
         """Value between that of identified and that of unidentified vehicles, geometric in the gain factor.
@@ -58,6 +64,8 @@ UNIDENTIFIED = Uncertainty(gain_factor=1.7, delay_s=0.03, frequency_fraction=0.2
 """A vehicle of which only the type is known."""
 IDENTIFIED = Uncertainty(gain_factor=1.3, delay_s=0.015, frequency_fraction=0.1)
 """A vehicle whose model was fitted to its own flight."""
+DAMPING_FACTOR: Final = 1.25
+"""Factor by which the damping ratio of its tilt may be off."""
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ class Guidance:
     A follower copies `deviation_share` of its leaders' deviations from their nominal references.
     """
 
-    def __init__(self, links: Sequence[FollowedLeader] = (), deviation_share: float = 0.5) -> None:
+    def __init__(self, links: Sequence[FollowedLeader] = (), deviation_share: float = 0.25) -> None:
         self.phase = Phase.GROUND
         self.followed = tuple(links)
         """Leaders followed now."""

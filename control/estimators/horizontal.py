@@ -7,6 +7,8 @@ The filter without the measured tilt is selected where no tilt is measured, or o
 from collections import Counter
 from typing import Final
 
+import msgspec
+
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.estimators.tilt_filter import TiltFilter
 from rcopterx.control.estimators.tilt_trust import TiltTrust
@@ -27,7 +29,8 @@ class HorizontalMotion:
     def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
         known = model.tilt is not None
         self._from_tilt = TiltFilter(model, settings) if known and settings.measured_tilt else None
-        self._from_positions = TiltFilter(model, settings) if known else None
+        without_tilt = msgspec.structs.replace(settings, measured_tilt=False)
+        self._from_positions = TiltFilter(model, without_tilt) if known else None
         self._filters = [each for each in (self._from_tilt, self._from_positions) if each is not None]
         self.trust = TiltTrust()
         self.events: Counter[str] = Counter()

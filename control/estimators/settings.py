@@ -36,7 +36,7 @@ class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
     """Standard deviation of the measured position."""
     yaw_noise_rad: Positive = 0.003
     """Standard deviation of the measured yaw."""
-    disturbance_noise: FourPositive = (0.4, 0.4, 0.3, 1.5)
+    disturbance_noise: FourPositive = (0.8, 0.8, 0.3, 1.5)
     """Random-walk density of the disturbances [m/s^2, rad/s^2 per root second]."""
     velocity_noise: FourPositive | None = None
     """Random-walk density of velocities and yaw rate [m/s, rad/s per root second]; by default from the
@@ -54,8 +54,9 @@ class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
     tilt_density: Positive | None = None
     """Random-walk density of the tilt rate [rad/s per root second]; by default from the model's
     uncertainty."""
-    wind_rms_m_s2: Positive = 0.15
-    """Standard deviation of the wind's acceleration, for vehicles with a tilt model."""
+    wind_rms_m_s2: Positive | None = None
+    """Standard deviation of the wind's acceleration, for vehicles with a tilt model; by default from the
+    model's uncertainty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,18 +71,22 @@ class ModelNoise:
     """Limits of the disturbances [m/s^2, rad/s^2]; that of the height covers errors of the thrust gain."""
     tilt: float
     """Random-walk density of the tilt rate [rad/s per root second]."""
+    wind: float
+    """Standard deviation of the wind's acceleration [m/s^2]; more than that of real wind, so that the filter
+    takes what the model does not explain for wind at once."""
 
 
-def model_noise(model: Model) -> ModelNoise:
+def model_noise(model: Model, measured_tilt: bool = True) -> ModelNoise:
     """Return the noise for the uncertainty of a model; without a tilt model that of an identified one."""
     graded = model.uncertainty.graded
     if model.tilt is None:
         return ModelNoise(
-            (0.01, 0.01, 0.01, 0.05), (0.02, 0.02, 0.01, 0.01), (2.0, 2.0, 2.5, 15.0), graded(2.1, 4.9)
+            (0.1, 0.1, 0.1, 0.5), (0.02, 0.02, 0.03, 0.01), (2.0, 2.0, 2.5, 15.0), graded(2.1, 10.0), 0.5
         )
     return ModelNoise(
-        velocity=(graded(0.01, 0.05), graded(0.01, 0.05), graded(0.01, 0.06), graded(0.05, 1.5)),
-        actuator=(0.02, 0.02, graded(0.01, 0.06), graded(0.01, 0.2)),
+        velocity=(graded(0.01, 0.05), graded(0.01, 0.05), 0.06, graded(0.05, 1.5)),
+        actuator=(0.02, 0.02, 0.06, graded(0.05, 0.2)),
         disturbance_limit=(2.0, 2.0, graded(2.5, 5.0), 15.0),
-        tilt=graded(2.1, 4.9),
+        tilt=graded(2.1, 10.0),
+        wind=graded(0.5, 3.0) if measured_tilt else graded(0.25, 1.5),
     )

@@ -42,6 +42,7 @@ _START_VELOCITY_M_S: Final = 0.3
 _START_TILT: Final = 0.03
 _START_RATE: Final = 0.3
 _START_SERVO: Final = 0.02
+_START_WIND_M_S2: Final = 0.15
 _START_TRIM: Final = 0.03
 _START_OFFSET_RAD: Final = 0.05
 _TRIM_DENSITY: Final = 0.002
@@ -117,7 +118,7 @@ class TiltFilter:
         deviation = np.zeros(len(x))
         deviation[POSITION], deviation[VELOCITY] = _START_POSITION_M, _START_VELOCITY_M_S
         deviation[system.core], deviation[system.tilt_rate] = _START_TILT, _START_RATE
-        deviation[system.servo], deviation[system.wind] = _START_SERVO, self._settings.wind_rms_m_s2
+        deviation[system.servo], deviation[system.wind] = _START_SERVO, _START_WIND_M_S2
         self.x, self.P = x, np.diag(deviation**2)
         self.P[self._body, self._body] = P[self._body, self._body]
 
@@ -195,12 +196,12 @@ def process_noise(model: Model, settings: ExtendedKalmanSettings, period_s: floa
 
     It is Van Loan's integral, plus random walks of servo, trim and offset.
     """
-    noise, system = model_noise(model), lateral_system(model, period_s)
+    noise, system = model_noise(model, settings.measured_tilt), lateral_system(model, period_s)
     size = system.size
     density = np.zeros(size)
     density[VELOCITY] = (settings.velocity_noise or noise.velocity)[0] ** 2
     density[system.tilt_rate] = (settings.tilt_density or noise.tilt) ** 2
-    density[system.wind] = 2.0 * settings.wind_rms_m_s2**2 / WIND_CORRELATION_S
+    density[system.wind] = 2.0 * (settings.wind_rms_m_s2 or noise.wind) ** 2 / WIND_CORRELATION_S
     a = system.continuous
     step = expm(period_s * np.block([[-a, np.diag(density)], [np.zeros((size, size)), a.T]]))
     Q = np.zeros((size + 4, size + 4))

@@ -17,6 +17,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from rcopterx.control.identification.motions import Motion, Offsets, heading, horizontal, vertical
 from rcopterx.control.identification.parameters import (
+    DAMPING,
     FREQUENCY,
     PITCH_GAIN,
     ROLL_GAIN,
@@ -36,8 +37,9 @@ from rcopterx.control.identification.residuals import (
     plane_innovations,
     settled,
 )
-from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty
+from rcopterx.vehicles.model import DAMPING_FACTOR, IDENTIFIED, Model, Uncertainty
 from rcopterx.vehicles.state import U_THRUST, Array
+from rcopterx.vehicles.tuples import Two
 
 FITTED_SHARE: Final = 0.8
 """Share of the flight that is fitted; the rest validates."""
@@ -333,12 +335,24 @@ def _finished(model: Model, before: Model, numbers: Sequence[FittedParameter], h
         frequency_fraction=max(
             IDENTIFIED.frequency_fraction, _THREE_DEVIATIONS * certain.get(FREQUENCY.name, 0.0)
         ),
+        tilt_damping=_damping_range(model, before, certain.get(DAMPING.name, 0.0)),
     )
     lag_s = model.lag_s
     if model.tilt is not None and before.tilt is not None:
         slower = before.tilt.frequency_rad_s / model.tilt.frequency_rad_s
         lag_s = (lag_s[0] * slower, lag_s[1] * slower, *lag_s[2:])
     return replace(model, uncertainty=uncertainty, lag_s=lag_s, hover_thrust=hover)
+
+
+def _damping_range(model: Model, before: Model, deviation: float) -> Two | None:
+    """Range of the damping ratio around a fitted one with a relative deviation; at most as wide as before."""
+    known = before.uncertainty.tilt_damping
+    if model.tilt is None:
+        return known
+    ratio, factor = model.tilt.damping_ratio, max(DAMPING_FACTOR, 1.0 + _THREE_DEVIATIONS * deviation)
+    if known is not None and factor**2 > known[1] / known[0]:
+        return known
+    return ratio / factor, ratio * factor
 
 
 def _too_little(numbers: Sequence[FittedParameter]) -> list[str]:
@@ -368,6 +382,7 @@ def _wider(one: Uncertainty, other: Uncertainty) -> Uncertainty:
         max(one.gain_factor, other.gain_factor),
         max(one.delay_s, other.delay_s),
         max(one.frequency_fraction, other.frequency_fraction),
+        other.tilt_damping or one.tilt_damping,
     )
 
 

@@ -104,6 +104,7 @@ ROLL_GAIN: Final = _number("roll gain", "model.input_gain", "m/s^2", 0.25, U_ROL
 THRUST_GAIN: Final = _number("thrust gain", "model.input_gain", "m/s^2", 0.15, U_THRUST)
 YAW_GAIN: Final = _number("yaw gain", "model.input_gain", "rad/s^2", 0.3, U_YAW)
 FREQUENCY: Final = _number("tilt frequency", "model.tilt.frequency_rad_s", "rad/s", 0.25)
+DAMPING: Final = _number("tilt damping", "model.tilt.damping_ratio", "", 0.7)
 
 _DELAY: Final = Parameter(
     "transport delay", "s", 0.01, False, lambda candidate: candidate.model.delay_s, _with_delay
@@ -116,7 +117,7 @@ _TRIM: Final = (
 _LAG: Final = (_of_both("lag of pitch and roll", "lag_s", "s", 0.4, 1.0),)
 _TILT: Final = (
     FREQUENCY,
-    _number("tilt damping", "model.tilt.damping_ratio", "", 0.7),
+    DAMPING,
     _number("servo lag", "model.tilt.servo_lag_s", "s", 0.3),
     _number("upper phase", "model.tilt.upper_phase_rad", "rad", 0.1, positive=False),
     _number("lower phase", "model.tilt.lower_phase_rad", "rad", 0.1, positive=False),

@@ -76,10 +76,14 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
         a, b, process = a[:offset, :offset], b[:offset], process[:offset, :offset]
         measured, noise = measured[:1, :offset], noise[:1]
 
+    dampings = model.uncertainty.tilt_damping or (tilt.damping_ratio,)
+    nearest = min(max(tilt.damping_ratio, dampings[0]), dampings[-1])
+
     @lru_cache(maxsize=64)
-    def plant_step(frequency: float, time_s: float) -> Dynamics:
-        other = replace(model, tilt=replace(tilt, frequency_rad_s=frequency * tilt.frequency_rad_s))
-        dynamics = as_complex(LateralSystem(other, period_s).continuous)
+    def plant_step(frequency: float, damping: float | None, time_s: float) -> Dynamics:
+        ratio = nearest if damping is None else damping
+        true = replace(tilt, frequency_rad_s=frequency * tilt.frequency_rad_s, damping_ratio=ratio)
+        dynamics = as_complex(LateralSystem(replace(model, tilt=true), period_s).continuous)
         return zero_order_hold(dynamics[:wind, :wind], b[:wind], time_s)
 
     @lru_cache(maxsize=8)
@@ -95,6 +99,7 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
         feedback=np.zeros(len(b)),
         period_s=period_s,
         delay_s=model.delay_s,
+        dampings=dampings,
     )
 
 
@@ -130,7 +135,7 @@ def _filtered_lag(
         lag_s = max(model.lag_s[axis] / frequency, _LEAST_LAG_S)
         return zero_order_hold(*behind_lag(model, axis, lag_s, disturbances=1), time_s)
 
-    def plant_step(frequency: float, time_s: float) -> Dynamics:
+    def plant_step(frequency: float, _: float | None, time_s: float) -> Dynamics:
         a, b = step(frequency, time_s)
         return a[:3, :3], b[:3]
 

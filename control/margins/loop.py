@@ -6,11 +6,12 @@ is real, left is imaginary, and every 2 x 2 block [[a, -b], [b, a]] is the numbe
 
 import cmath
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from rcopterx.control.models.linear import Complex
@@ -19,9 +20,12 @@ from rcopterx.vehicles.state import Array
 
 Dynamics = tuple[Array, Array]
 """Continuous x' = A x + B u, shapes (n, n) and (n,); real or complex."""
+Flags = NDArray[np.bool_]
 
 _STABLE: Final = 1.0 - 1e-9
 _INSTANT_S: Final = 1e-9
+_LOWEST_HZ: Final = 0.02
+_FREQUENCIES: Final = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +38,8 @@ class Perturbation:
     """Added to the transport delay."""
     frequency: float = 1.0
     """Factor of the frequency of the tilt, or of the corner frequency of a first-order lag."""
+    damping: float | None = None
+    """Damping ratio of the tilt; None for the one nearest to the model's that such a vehicle may have."""
 
 
 NONE: Final = Perturbation()
@@ -43,8 +49,9 @@ NONE: Final = Perturbation()
 class FeedbackLoop:
     """The loop of one axis, or of both horizontal ones."""
 
-    plant_step: Callable[[float, float], Dynamics]
-    """Transition of the vehicle, with n states, given the factor of its frequency and a time."""
+    plant_step: Callable[[float, float | None, float], Dynamics]
+    """Transition of the vehicle, with n states, given the factor of its frequency, its damping ratio
+    (`Perturbation`) and a time."""
     measured: Array
     """Measured outputs of the vehicle's states, shape (p, n)."""
     filter_step: Callable[[float], Dynamics]
@@ -59,36 +66,64 @@ class FeedbackLoop:
     """Control period."""
     delay_s: float
     """Transport delay of the model."""
+    dampings: Sequence[float | None] = (None,)
+    """Damping ratios of the tilt at the ends of what such a vehicle may have."""
 
     def stable(self, perturbation: Perturbation = NONE) -> bool:
         """Return whether the loop around a perturbed vehicle is stable."""
-        return bool(np.abs(np.linalg.eigvals(self.closed_loop(perturbation))).max() < _STABLE)
+        return bool(self.all_stable((perturbation,))[0])
 
-    def closed_loop(self, perturbation: Perturbation = NONE) -> Array:
-        """Return the transition over a period of the plant, of the inputs under way, and of the estimate."""
-        late, part_s = self._split(self.delay_s + perturbation.delay_s)
+    def all_stable(self, perturbations: Sequence[Perturbation]) -> Flags:
+        """Return whether the loop is stable around each of some perturbed vehicles, shape (k,)."""
+        poles = np.linalg.eigvals(self.closed_loops(perturbations))
+        return np.asarray(np.abs(poles).max(axis=1) < _STABLE)
+
+    def peak_sensitivity(self) -> float:
+        """Return M_s, the peak of the sensitivity |1 / (1 + L)| over all frequencies; infinite if unstable.
+
+        It is one over the least distance of the loop's frequency response L from the critical point. With
+        the poles of the loop, closed and open, 1 + L is the ratio of their characteristic polynomials.
+        """
+        closed, open_ = np.linalg.eigvals(self.closed_loops((NONE, Perturbation(gain=0.0))))
+        if np.abs(closed).max() >= _STABLE:
+            return math.inf
+        angles = np.geomspace(_LOWEST_HZ * self.period_s, 0.5, _FREQUENCIES) * math.tau
+        z = np.exp(1j * np.concatenate((-angles, angles)))[:, None]
+        return float(np.prod(np.abs((z - open_) / (z - closed)), axis=1).max())
+
+    def closed_loops(self, perturbations: Sequence[Perturbation]) -> Array:
+        """Return the transitions over a period of the plant, of the inputs under way, and of the estimate.
+
+        Their shape is (k, s, s).
+        """
+        delays = [self._split(self.delay_s + perturbation.delay_s) for perturbation in perturbations]
         assumed_late, assumed_part_s = self._split(self.delay_s)
-        under_way = max(late, assumed_late) + 1
+        under_way = max(assumed_late, *(late for late, _ in delays)) + 1
         states = self.measured.shape[1]
         size = states + under_way + len(self.feedback)
-        rows = np.eye(size, dtype=np.result_type(self.feedback, perturbation.gain))
+        rows = np.eye(size, dtype=np.result_type(self.feedback, self.filter_gain, complex))
         past = list(rows[states : states + under_way])
-        estimate = rows[states + under_way :]
         first, second = (
             self.filter_step(time_s) for time_s in (assumed_part_s, self.period_s - assumed_part_s)
         )
-        ahead = _driven(first, estimate, past[assumed_late])
+        ahead = _driven(first, rows[states + under_way :], past[assumed_late])
         for value in past[:assumed_late][::-1]:
             ahead = _driven(self.filter_step(self.period_s), ahead, value)
         acting = [-(self.feedback @ ahead), *past]
-        pushing = [perturbation.gain * value for value in acting]
-        frequency = perturbation.frequency
-        reached = _driven(self.plant_step(frequency, part_s), rows[:states], pushing[late + 1])
-        reached = _driven(self.plant_step(frequency, self.period_s - part_s), reached, pushing[late])
-        expected = _driven(first, estimate, acting[assumed_late + 1])
+        expected = _driven(first, rows[states + under_way :], acting[assumed_late + 1])
         expected = _driven(second, expected, acting[assumed_late])
-        innovation = self.measured @ reached - self.filter_measured @ expected
-        return np.vstack((reached, acting[:under_way], expected + self.filter_gain @ innovation))
+        estimate = expected - self.filter_gain @ (self.filter_measured @ expected)
+        loops = []
+        for perturbation, (late, part_s) in zip(perturbations, delays, strict=True):
+            before, newest = (perturbation.gain * acting[late + 1], perturbation.gain * acting[late])
+            reached = _driven(self._plant(perturbation, part_s), rows[:states], before)
+            reached = _driven(self._plant(perturbation, self.period_s - part_s), reached, newest)
+            corrected = estimate + self.filter_gain @ (self.measured @ reached)
+            loops.append(np.vstack((reached, acting[:under_way], corrected)))
+        return np.array(loops)
+
+    def _plant(self, perturbation: Perturbation, time_s: float) -> Dynamics:
+        return self.plant_step(perturbation.frequency, perturbation.damping, time_s)
 
     def _split(self, delay_s: float) -> tuple[int, float]:
         """Whole periods of a delay, and the rest."""
@@ -147,26 +182,61 @@ class Margins:
     """Factors of the frequency (`Perturbation`)."""
 
 
-def corners(rule: Uncertainty) -> Mapping[str, Perturbation]:
-    """Return the perturbations under which a loop has to be stable, by name, the hardest ones first."""
-    fraction = rule.frequency_fraction
-    return {
-        "gain up": Perturbation(gain=rule.gain_factor),
+SENSITIVITY_LIMIT: Final = 2.0
+"""Largest allowed M_s; it keeps a gain margin of 2 and a phase margin of 29 degrees."""
+SENSITIVITY: Final = "sensitivity"
+CORNERS: Final = "corners"
+
+
+@dataclass(frozen=True, slots=True)
+class Robustness:
+    """What a loop bears of the uncertainty of a model."""
+
+    peak_sensitivity: float
+    """M_s around the model; infinite if the loop is unstable."""
+    unstable_alone: tuple[str, ...]
+    """Single departures under which it is unstable."""
+    unstable_corners: int
+    corners: int
+    """Joint corners of all departures, of which `unstable_corners` are unstable."""
+
+    @property
+    def shortfalls(self) -> tuple[str, ...]:
+        """Names of what falls short of the rule; empty if the loop bears the uncertainty."""
+        joint = (CORNERS,) if self.unstable_corners else ()
+        peak = (SENSITIVITY,) if not self.peak_sensitivity <= SENSITIVITY_LIMIT else ()
+        return (*self.unstable_alone, *joint, *peak)
+
+    @property
+    def shortage(self) -> int:
+        """How much falls short: departures and corners, and the peak of the sensitivity."""
+        return len(self.shortfalls) + self.unstable_corners
+
+
+def robustness(loop: FeedbackLoop, rule: Uncertainty) -> Robustness:
+    """Return how a loop bears departures within a rule, each alone and all at once."""
+    fraction, factor = rule.frequency_fraction, rule.gain_factor
+    alone = {
+        "gain up": Perturbation(gain=factor),
         "frequency down": Perturbation(frequency=1.0 - fraction),
         "delay": Perturbation(delay_s=rule.delay_s),
         "frequency up": Perturbation(frequency=1.0 + fraction),
-        "gain down": Perturbation(gain=1.0 / rule.gain_factor),
+        "gain down": Perturbation(gain=1.0 / factor),
     }
-
-
-def bears(loop: FeedbackLoop, rule: Uncertainty) -> bool:
-    """Return whether a loop is stable around its model and under each of the `corners`."""
-    return loop.stable() and all(map(loop.stable, corners(rule).values()))
-
-
-def shortfalls(loop: FeedbackLoop, rule: Uncertainty) -> tuple[str, ...]:
-    """Return the names of the `corners` under which a loop is unstable."""
-    return tuple(name for name, corner in corners(rule).items() if not loop.stable(corner))
+    corners = [
+        Perturbation(gain, delay_s, frequency, damping)
+        for gain in (factor, 1.0 / factor)
+        for delay_s in (rule.delay_s, 0.0)
+        for frequency in (1.0 - fraction, 1.0 + fraction)
+        for damping in loop.dampings
+    ]
+    stable = loop.all_stable((*alone.values(), *corners)).tolist()
+    return Robustness(
+        loop.peak_sensitivity(),
+        tuple(name for name, kept in zip(alone, stable, strict=False) if not kept),
+        stable[len(alone) :].count(False),
+        len(corners),
+    )
 
 
 def margins(loop: FeedbackLoop) -> Margins:

@@ -19,8 +19,10 @@ from rcopterx.control.margins.loop import (
     FREQUENCY_LIMIT,
     GAIN_LIMIT,
     PHASE_LIMIT_RAD,
+    SENSITIVITY_LIMIT,
+    Robustness,
     margins,
-    shortfalls,
+    robustness,
 )
 from rcopterx.deploy.roles.run import end_with_parent
 from rcopterx.fleet.formation_check import links_of
@@ -31,8 +33,8 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.vehicles.model import Model
 
 COLUMNS: Final = (
-    "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "frequency up", "frequency down",
-    "below the rule",
+    "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "freq. up", "freq. down",
+    "peak M_s", "joint stable", "below rule",
 )  # fmt: skip
 FORMATION_COLUMNS: Final = ("vehicle", "vehicles above", "passed on", "errors together")
 LARGEST_AMPLIFICATION: Final = 1.5
@@ -71,10 +73,20 @@ def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
         except ValueError as error:
             raise FleetError(f"vehicles.{name}.control: {error}") from None
         table["axes"] = {
-            axis: asdict(margins(loop)) | {"below_rule": list(shortfalls(loop, model.uncertainty))}
+            axis: asdict(margins(loop)) | _borne(robustness(loop, model.uncertainty))
             for axis, loop in loops.items()
         }
     return table
+
+
+def _borne(found: Robustness) -> dict[str, Any]:
+    """Part of an axis's document that compares it with the rule."""
+    return {
+        "peak_sensitivity": found.peak_sensitivity if math.isfinite(found.peak_sensitivity) else None,
+        "corners": found.corners,
+        "stable_corners": found.corners - found.unstable_corners,
+        "below_rule": list(found.shortfalls),
+    }
 
 
 def formation_margins(file: FleetFile) -> dict[str, Any]:
@@ -148,6 +160,8 @@ def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
             _at_most(1000 * margin["delay_s"], 1000 * DELAY_LIMIT_S, 0),
             _at_most(margin["frequency_up"], FREQUENCY_LIMIT, 2),
             _at_least(margin["frequency_down"], 1.0 / FREQUENCY_LIMIT),
+            "-" if margin["peak_sensitivity"] is None else f"{margin['peak_sensitivity']:.2f}",
+            f"{margin['stable_corners']}/{margin['corners']}",
             ", ".join(margin["below_rule"]) or "-",
         )
     rule = found["rule"]
@@ -160,12 +174,14 @@ def rows_of(name: str, found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
         f"{1000 * rule['delay_s']:.0f}",
         f"{1 + rule['frequency_fraction']:.2f}",
         f"{1 - rule['frequency_fraction']:.2f}",
+        f"{SENSITIVITY_LIMIT:.2f}",
+        "all",
         "",
     )
 
 
 def _at_most(value: float, limit: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if value < _NEARLY * limit else f"> {limit:.{digits}f}"
+    return f"{value:.{digits}f}" if value < _NEARLY * limit else f">{limit:.{digits}f}"
 
 
 def _at_least(value: float, limit: float) -> str:
@@ -203,7 +219,7 @@ def _warnings(name: str, model: Model, period_s: float, configuration: Configura
         f"{name}: margins of {axis} below the rule: {', '.join(names)}; raise its input weight, "
         "or identify the vehicle"
         for axis, loop in loops_of(model, period_s, configuration).items()
-        if (names := shortfalls(loop, model.uncertainty))
+        if (names := robustness(loop, model.uncertainty).shortfalls)
     ]
 
 

@@ -20,10 +20,12 @@ def margins(
 ) -> None:
     """Show gain, phase and delay margins of vehicles as a fleet file configures them.
 
+    Also the peak of the sensitivity, and how many joint corners of the model's uncertainty are stable.
+
     With --formation: the largest factor over all frequencies by which deviations grow from vehicle to vehicle
     in a long line (below 1 they fade), and the horizontal error by gusts on a vehicle and all above it,
-    relative to that by a gust on it alone. Exit code 1 if a margin is smaller than the uncertainty of the
-    model requires, or if errors grow too much along the formation.
+    relative to that by a gust on it alone. Exit code 1 if an axis falls short of what the uncertainty of
+    its model requires, or if errors grow too much along the formation.
     """
     from rcopterx.ground_station.terminal.margins import (
         COLUMNS,

@@ -58,7 +58,7 @@ def test_figures_are_those_of_all_flights_together() -> None:
 
 def test_chains_of_helicopters_are_flown_with_the_default_and_with_plans_alone() -> None:
     names = list(cases(Options((100,), preset="helicopters", knowledge=("default",))))
-    assert names[0] == "5 vehicles / default / copies 0.5"
+    assert names[0] == "5 vehicles / default / copies 0.25"
     assert len(names) == 6
     flights = {seed: Absolute(np.full(5, 0.003 + seed), np.full(5, 0.01 * seed)) for seed in (0, 1)}
     table = figures(names[0], flights)
@@ -69,6 +69,6 @@ def test_chains_of_helicopters_are_flown_with_the_default_and_with_plans_alone()
 @pytest.mark.campaign
 @pytest.mark.timeout(1200)
 def test_errors_do_not_grow_along_a_chain_of_twenty() -> None:
-    flown = fly_helicopters(20, "default", 0.5, False, HELICOPTERS, 0)
+    flown = fly_helicopters(20, "default", 0.25, False, HELICOPTERS, 0)
     assert flown.overshoot_m.max() < 0.06
     assert flown.hover_m.max() < 0.025

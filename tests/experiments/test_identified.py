@@ -50,7 +50,9 @@ def test_a_crazyflie_is_identified_and_its_uncertainty_narrows() -> None:
     assert found.model.tilt is not None
     assert true.tilt is not None
     assert found.model.tilt.frequency_rad_s == pytest.approx(true.tilt.frequency_rad_s, rel=0.03)
-    assert found.model.uncertainty == IDENTIFIED
+    uncertainty, ratio = found.model.uncertainty, found.model.tilt.damping_ratio
+    assert replace(uncertainty, tilt_damping=None) == IDENTIFIED
+    assert uncertainty.tilt_damping == pytest.approx((ratio / 1.25, 1.25 * ratio))
 
 
 @pytest.mark.campaign

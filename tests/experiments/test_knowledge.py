@@ -78,6 +78,8 @@ def test_the_type_of_crazyflies_covers_the_identified_ones(drone: str) -> None:
     assert CRAZYFLIE.tilt is not None
     for own, nominal in zip(true.input_gain[:3], CRAZYFLIE.input_gain[:3], strict=True):
         assert max(own / nominal, nominal / own) < may.gain_factor
+    low, high = may.tilt_damping or (0.0, 0.0)
+    assert low < true.tilt.damping_ratio < high
     assert true.tilt.frequency_rad_s == pytest.approx(
         CRAZYFLIE.tilt.frequency_rad_s, rel=may.frequency_fraction
     )
@@ -109,9 +111,10 @@ def test_pilots_know_the_type_the_truth_or_something_wrong() -> None:
         return known_model(knowledge, HELICOPTERS, "h1", 100)  # type: ignore[arg-type]  # of the table
 
     assert known("default") is COAXIAL
-    assert COAXIAL.uncertainty == UNIDENTIFIED
+    assert COAXIAL.uncertainty == replace(UNIDENTIFIED, tilt_damping=(0.1, 0.5))
     assert known("exact") == exact_model(helicopter_of("h1", HELICOPTERS, 100))
-    assert exact_model(helicopter_of("h1", HELICOPTERS, 100)).uncertainty == IDENTIFIED
+    exact = exact_model(helicopter_of("h1", HELICOPTERS, 100))
+    assert replace(exact.uncertainty, tilt_damping=None) == IDENTIFIED
     assert known("lag") == replace(COAXIAL, tilt=None)
     assert known("late") == replace(COAXIAL, delay_s=COAXIAL.delay_s - LATE_S)
     assert known_model("default", CRAZYFLIES, "h1", 100) is CRAZYFLIE

@@ -82,7 +82,11 @@ def test_vehicles_start_hovering_in_the_air() -> None:
 
 
 def test_cascade_keeps_the_formation_where_the_papers_scheme_loses_it() -> None:
-    errors = {name: flown(pair(name)).formation_error_m() for name in ("paper", "cascade")}
+    """Followers copy the plan of their leader, as in the paper."""
+    errors = {
+        name: flown([replace(each, deviation_share=1.0) for each in pair(name)]).formation_error_m()
+        for name in ("paper", "cascade")
+    }
     assert errors["cascade"].max() < 0.005
     assert errors["paper"].max() > 0.03
     assert rms(errors["cascade"]) < rms(errors["paper"]) / 8

@@ -70,7 +70,7 @@ def test_a_recorded_flight_is_fitted_drawn_and_written(flight: Path, file: Path)
     assert figure.stat().st_size > 10_000
     written = model_of(load_fleet(file), "h1")
     assert written.input_gain[0] == pytest.approx(2.5, rel=0.05)
-    assert written.uncertainty == IDENTIFIED
+    assert replace(written.uncertainty, tilt_damping=None) == IDENTIFIED
     assert file.read_text().startswith("# mine\n")
 
 

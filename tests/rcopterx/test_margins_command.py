@@ -14,7 +14,7 @@ from rcopterx.fleet.reading import load_fleet
 from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
 from rcopterx.ground_station.terminal.margins import configured_warnings
 
-LOOSE = "[vehicles.h2.control.settings]\ninput_weights = [0.002, 0.002, 33.75, 100.0]\n"
+LOOSE = "[vehicles.h2.control.settings]\ninput_weights = [0.002, 0.002, 80.0, 100.0]\n"
 
 
 def run(*arguments: str) -> Result:
@@ -130,7 +130,7 @@ def test_check_tells_of_weights_that_were_tuned_below_the_rule(
 ) -> None:
     flown = {"controller": "cascade", "estimator": "extended_kalman"}
     vehicles["h1"].diagnostics = flown
-    tuned = {"input_weights": (0.002, 0.002, 33.75, 100.0)}
+    tuned = {"input_weights": (0.002, 0.002, 80.0, 100.0)}
     vehicles["h2"].diagnostics = flown | {"controller_settings": tuned}
     result = run("check", "-f", up, "--wait", "0.3")
     assert "note: h2: margins of horizontal below the rule" in result.output

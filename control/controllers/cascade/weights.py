@@ -1,31 +1,33 @@
 """Weights that follow from a vehicle's model and from how far the true vehicle may be from it.
 
-The weight of a stick is the least one of a geometric series with which filter and regulator together stay
-stable under every departure of the model's uncertainty (`rcopterx.vehicles.model.Uncertainty`): gain larger
-and smaller, more delay, frequency higher and lower, each alone. The series begins with a floor. For a vehicle
-with a tilt model the floors and the weights of velocities depend on the uncertainty of the gain.
+The weight of a stick is the least one of a geometric series with which filter and regulator together bear the
+model's uncertainty (`rcopterx.vehicles.model.Uncertainty`): stable with gain, delay, frequency and damping of
+the tilt off, each alone and all together, and with a peak of the sensitivity of 2 at most. Where no weight of
+the series bears it, it is the one that comes closest. The series begins with a floor. For a vehicle with a
+tilt model the floors and the weights of velocities depend on the uncertainty of the gain.
 """
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Final, NamedTuple
 
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
-from rcopterx.control.margins.loop import FeedbackLoop, bears
+from rcopterx.control.margins.loop import FeedbackLoop, robustness
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST, U_YAW, Array
 from rcopterx.vehicles.tuples import Four
 
-_LAG_STATES: Final = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 1.0, 1.0)
+_LAG_STATES: Final = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 40.0, 1.0)
 _TILT_POSITIONS: Final = (100.0, 100.0, 100.0, 10.0)
-LAG_FLOORS: Final = (1.5, 1.5, 15.0, 5.0)
+LAG_FLOORS: Final = (1.5, 1.5, 1.5, 5.0)
 """Least weights of pitch, roll, thrust and yaw of a vehicle without a tilt model."""
 
 
 Grades = tuple[float, float]
 """Values of an identified and of an unidentified vehicle with a tilt model (`Uncertainty.graded`)."""
 
-DEMAND_FLOOR: Final[Grades] = (0.24, 1.5)
+DEMAND_FLOOR: Final[Grades] = (0.24, 0.8)
 """Least weight of the acceleration [1 per (m/s^2)^2] that pitch and roll demand; 100 is the position's."""
 LOOP_DEMAND_FLOOR: Final[Grades] = (0.06, 1.5)
 """The same of a vehicle without a stabilizer bar, whose tilt an attitude loop damps."""
@@ -35,9 +37,9 @@ SPEED: Final[Grades] = (1.0, 40.0)
 """Weight of the horizontal velocity."""
 CLIMB: Final[Grades] = (1.0, 10.0)
 YAW_RATE: Final[Grades] = (1.0, 0.2)
-STEP: Final = 1.5
+STEP: Final = 1.15
 """Ratio of the weights of the series."""
-STEPS: Final = 24
+STEPS: Final = 60
 
 HORIZONTAL: Final = slice(0, 2)
 """x and y among the four axes x, y, z, yaw."""
@@ -74,7 +76,7 @@ def default_input_weights(model: Model, period_s: float) -> Four:
 
     if model.tilt is None:
         pitch, roll, thrust, yaw = (behind_lag(axis, floor) for axis, floor in enumerate(LAG_FLOORS))
-        return pitch, roll, thrust, yaw
+        return max(pitch, roll), max(pitch, roll), thrust, yaw
     floor = LOOP_DEMAND_FLOOR if model.tilt.bar_time_constant_s is None else DEMAND_FLOOR
     demand = _least(
         model.uncertainty.graded(*floor),
@@ -88,6 +90,13 @@ def default_input_weights(model: Model, period_s: float) -> Four:
 
 
 def _least(floor: float, model: Model, loop_with: Callable[[float], FeedbackLoop]) -> float:
-    """Least weight of the row whose loop bears the uncertainty; the last one if none does."""
-    row = [floor * STEP**step for step in range(STEPS)]
-    return next((weight for weight in row if bears(loop_with(weight), model.uncertainty)), row[-1])
+    """Least weight of the series whose loop bears the uncertainty, or falls least short of it."""
+    best, least = floor, math.inf
+    for step in range(STEPS):
+        weight = floor * STEP**step
+        shortage = robustness(loop_with(weight), model.uncertainty).shortage
+        if shortage == 0:
+            return weight
+        if shortage < least:
+            best, least = weight, shortage
+    return best

@@ -66,7 +66,7 @@ def test_a_deadline_holds_for_one_step(model: Model) -> None:
     controller = flying(model)
     controller.set_obstacles([NEAR])
     controller.set_deadline(lambda: True)
-    far = reference(2.0, 3.0)
+    far = reference(2.0, 2.0)
     assert controller.step(at_rest(model), far, model.hover_input).fallback == EARLY_STOP
     assert controller.step(at_rest(model), far, model.hover_input).fallback is None
 

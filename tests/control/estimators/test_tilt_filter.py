@@ -24,7 +24,8 @@ OFFSET = slice(-2, None)
 
 
 def new_filter() -> TiltFilter:
-    return TiltFilter(COAXIAL, ExtendedKalmanSettings(velocity_noise=4 * (0.01,), tilt_density=2.0))
+    settings = ExtendedKalmanSettings(velocity_noise=4 * (0.01,), tilt_density=2.0, wind_rms_m_s2=0.15)
+    return TiltFilter(COAXIAL, settings)
 
 
 class Vehicle:

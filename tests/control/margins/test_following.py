@@ -50,8 +50,8 @@ def test_a_vehicle_alone_is_stable(alike: LinearVehicle) -> None:
 
 
 def test_the_default_share_fades_and_plans_alone_grow(alike: LinearVehicle) -> None:
-    assert 0.5 * alike.passed_on < 1.0 < alike.passed_on
-    assert max(chain_of([alike], 0.5)) < 1.05
+    assert 0.25 * alike.passed_on < 1.0 < alike.passed_on
+    assert max(chain_of([alike], 0.25)) < 1.05
     grown = chain_of([alike], 1.0)
     assert grown[1] < 1.05
     assert grown[-1] > 1.5
@@ -61,7 +61,7 @@ def test_errors_of_different_vehicles_grow_with_plans_alone_and_not_by_default(
     others: list[LinearVehicle],
 ) -> None:
     assert chain_of(others, 0.0) == pytest.approx([1.0] * len(NAMES))
-    assert max(chain_of(others, 0.5)) < 1.1
+    assert max(chain_of(others, 0.25)) < 1.1
     grown = chain_of(others, 1.0)
     assert grown[-1] > grown[5] > grown[2] > 1.0
 

@@ -11,9 +11,8 @@ from rcopterx.control.margins.loop import (
     GAIN_LIMIT,
     FeedbackLoop,
     Perturbation,
-    bears,
     margins,
-    shortfalls,
+    robustness,
 )
 from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED
 
@@ -45,8 +44,11 @@ def test_an_unstable_loop_has_no_margins() -> None:
     )  # fmt: skip
     found = margins(backwards)
     assert (found.gain_up, found.gain_down, found.phase_rad, found.delay_s) == (1.0, 1.0, 0.0, 0.0)
-    assert len(shortfalls(backwards, IDENTIFIED)) == 5
-    assert not bears(backwards, IDENTIFIED)
+    borne = robustness(backwards, IDENTIFIED)
+    assert len(borne.unstable_alone) == 5
+    assert borne.unstable_corners == borne.corners == 8
+    assert borne.peak_sensitivity == math.inf
+    assert borne.shortfalls == (*borne.unstable_alone, "corners", "sensitivity")
 
 
 def test_phase_and_delay_margins_belong_to_the_same_crossing() -> None:
@@ -57,6 +59,16 @@ def test_phase_and_delay_margins_belong_to_the_same_crossing() -> None:
 
 def test_what_falls_short_of_the_rule_is_named() -> None:
     aggressive = tilt_loop(COAXIAL, PERIOD_S, (100.0, 1.0, 0.002))
-    assert shortfalls(aggressive, UNIDENTIFIED) == ("frequency down", "delay")
-    assert not bears(aggressive, UNIDENTIFIED)
-    assert shortfalls(tilt_loop(COAXIAL, PERIOD_S, (100.0, 40.0, 1.5)), UNIDENTIFIED) == ()
+    borne = robustness(aggressive, UNIDENTIFIED)
+    assert {"frequency down", "delay", "corners", "sensitivity"} <= set(borne.shortfalls)
+    assert borne.shortage == len(borne.shortfalls) + borne.unstable_corners
+    gentle = robustness(tilt_loop(COAXIAL, PERIOD_S, (100.0, 40.0, 30.0)), UNIDENTIFIED)
+    assert gentle.shortfalls == ()
+    assert gentle.shortage == 0
+
+
+def test_departures_that_are_borne_alone_are_not_all_borne_together() -> None:
+    loop = tilt_loop(COAXIAL, PERIOD_S, (100.0, 40.0, 1.5))
+    borne = robustness(loop, COAXIAL.uncertainty)
+    assert borne.unstable_alone == ()
+    assert 0 < borne.unstable_corners < borne.corners == 16

@@ -14,8 +14,8 @@ from rcopterx.control.controllers.cascade.weights import (
     default_state_weights,
 )
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
-from rcopterx.control.margins.loop import Perturbation, bears, shortfalls
-from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model
+from rcopterx.control.margins.loop import FeedbackLoop, Perturbation, robustness
+from rcopterx.vehicles.model import IDENTIFIED, UNIDENTIFIED, Model, Uncertainty
 from rcopterx.vehicles.state import U_THRUST, U_YAW
 from rcopterx.vehicles.tilt import TiltModel
 
@@ -59,6 +59,10 @@ VEHICLES = st.builds(
 )
 
 
+def bears(loop: FeedbackLoop, rule: Uncertainty) -> bool:
+    return robustness(loop, rule).shortage == 0
+
+
 def bears_its_uncertainty(model: Model) -> dict[str, bool]:
     states, efforts = default_state_weights(model), default_input_weights(model, PERIOD_S)
     loops = {
@@ -99,12 +103,12 @@ def test_a_stick_of_twice_the_gain_has_four_times_the_weight() -> None:
     twice = replace(COAXIAL, input_gain=(4.0, 4.2, 18.0, 111.0))
     light, heavy = (default_input_weights(model, PERIOD_S) for model in (COAXIAL, twice))
     assert heavy[:2] == pytest.approx([4 * weight for weight in light[:2]])
-    assert light[0] == pytest.approx(COAXIAL.uncertainty.graded(*DEMAND_FLOOR) * 4.0)
+    assert light[0] >= COAXIAL.uncertainty.graded(*DEMAND_FLOOR) * 4.0
 
 
 def test_a_tilt_under_an_attitude_loop_is_flown_harder_than_one_with_a_bar() -> None:
-    weights = default_input_weights(CRAZYFLIE, PERIOD_S)
-    assert weights[0] == pytest.approx(CRAZYFLIE.uncertainty.graded(*LOOP_DEMAND_FLOOR) * CRAZYFLIE.b[0] ** 2)
+    demand = default_input_weights(CRAZYFLIE, PERIOD_S)[0] / CRAZYFLIE.b[0] ** 2
+    assert CRAZYFLIE.uncertainty.graded(*LOOP_DEMAND_FLOOR) <= demand < DEMAND_FLOOR[0]
     assert LOOP_DEMAND_FLOOR[0] < DEMAND_FLOOR[0]
     assert all(bears_its_uncertainty(CRAZYFLIE).values())
 
@@ -124,7 +128,8 @@ def test_type_bears_any_tilt_of_its_family_with_a_period_more_delay(
 ) -> None:
     assert COAXIAL.tilt is not None
     tilt = replace(COAXIAL.tilt, frequency_rad_s=frequency_rad_s, damping_ratio=damping_ratio)
-    weights = (100.0, default_state_weights(COAXIAL)[4], COAXIAL.uncertainty.graded(*DEMAND_FLOOR))
+    demand = default_input_weights(COAXIAL, PERIOD_S)[0] / COAXIAL.b[0] ** 2
+    weights = (100.0, default_state_weights(COAXIAL)[4], demand)
     flown = tilt_loop(COAXIAL, PERIOD_S, weights)
     true = tilt_loop(replace(COAXIAL, tilt=tilt), PERIOD_S, weights)
     assert replace(flown, plant_step=true.plant_step).stable(Perturbation(delay_s=0.02))
@@ -151,5 +156,5 @@ def test_type_bears_a_gyro_that_hardly_damps() -> None:
 def test_a_weight_less_than_the_rules_falls_short(model: Model) -> None:
     loose = replace(model, uncertainty=UNIDENTIFIED)
     effort = default_input_weights(loose, PERIOD_S)[0]
-    loop = lag_loop(loose, PERIOD_S, 0, (800.0, 1.0, effort / 1.51))
-    assert "gain up" in shortfalls(loop, UNIDENTIFIED)
+    loop = lag_loop(loose, PERIOD_S, 1, (800.0, 1.0, effort / 1.16))
+    assert not bears(loop, UNIDENTIFIED)
