@@ -11,7 +11,6 @@ from rcopterx.transmitter_gateway.protocols.base import (
     CENTER_US,
     DecodedFrame,
     FrameDecodeError,
-    RadioProtocol,
     SerialLine,
 )
 from rcopterx.transmitter_gateway.protocols.ppm import LINE, PpmGenProtocol, PpmSettings
@@ -26,7 +25,7 @@ PARKED_US = (1100.0, *([CENTER_US] * 5))
 class FreeRunningModule(RadioModule):
     """Base of these modules; frames that `_protocol` does not decode are rejected."""
 
-    _protocol: RadioProtocol
+    _protocol: dsm2_serial.Dsm2SerialProtocol | dsmp.DsmpProtocol | PpmGenProtocol
 
     def __init__(self, line: SerialLine, frame_length: int, powered_s: float) -> None:
         byte_s = line.duration_s(1)

@@ -21,6 +21,9 @@ from rcopterx.flights.listing import mend, summary_of
 from rcopterx.flights.mcap_reading import Contents, FlightLogError, messages_of
 from rcopterx.flights.mcap_writing import MAGIC
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
+from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol
+from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
 from rcopterx.transmitter_gateway.protocols.registry import PROTOCOL_NAMES, create_protocol
 from rcopterx.vicon_gateway.datastream import DataStreamSession
 from rcopterx.vicon_gateway.wire import WireError
@@ -73,8 +76,9 @@ def module(data: bytes) -> None:
     for start in range(1, len(data), PIECE_BYTES):
         protocol.receive(data[start : start + PIECE_BYTES], 0.01 * start)
         assert len(protocol.status(0.01 * start).text) < 1000
-    with suppress(FrameDecodeError):
-        protocol.decode(data[1:])
+    if isinstance(protocol, Dsm2SerialProtocol | DsmpProtocol | PpmGenProtocol):
+        with suppress(FrameDecodeError):
+            protocol.decode(data[1:])
 
 
 def flight_log(data: bytes) -> None:

@@ -44,7 +44,8 @@ def test_a_frame_of_an_armed_vehicle_is_read_back(
 ) -> None:
     protocol = CrazyflieProtocol()
     sent = (throttle, aileron, elevator, rudder, ARMED)
-    assert protocol.decode(protocol.encode(sent)).pulses_us == pytest.approx(sent, abs=0.01)
+    point = set_point(protocol.encode(sent))
+    assert protocol.settings.pulses_us(point, armed=True) == pytest.approx(sent, abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -136,10 +136,6 @@ class RadioProtocol(ABC):
         """Build the next frame from checked pulse widths of all channels, and allowed flags."""
 
     @abstractmethod
-    def decode(self, frame: bytes) -> DecodedFrame:
-        """Read a channel frame back; raises `FrameDecodeError` if it is no complete one of this protocol."""
-
-    @abstractmethod
     def link_opened(self, now_s: float) -> None:
         """Forget everything about the module; the port was (re)opened at `now_s`."""
 

@@ -8,9 +8,7 @@ from typing import ClassVar
 
 from rcopterx.transmitter_gateway.protocols import crtp
 from rcopterx.transmitter_gateway.protocols.base import (
-    DecodedFrame,
     FrameDecodeError,
-    FrameFlags,
     SerialLine,
 )
 from rcopterx.transmitter_gateway.protocols.crazyflie_battery import LOG, BatteryLog
@@ -88,16 +86,6 @@ class CrazyflieProtocol(SetPointRadio):
         if self._watched:
             requests.append(crtp.WATCHDOG)
         return requests
-
-    def decode(self, frame: bytes) -> DecodedFrame:
-        """Read a frame back; see `RadioProtocol.decode`."""
-        packets = [crtp.Packet.from_bytes(raw) for raw in crtp.separated(frame)]
-        points = [crtp.set_point_of(packet) for packet in packets if packet.port == crtp.COMMANDER]
-        if len(points) != 1:
-            raise FrameDecodeError(f"crazyflie: {len(points)} set points in a frame")
-        kill = crtp.EMERGENCY_STOP in packets
-        pulses_us = self.settings.pulses_us(points[0], armed=points[0].thrust > 0)
-        return DecodedFrame(pulses_us, FrameFlags(kill=kill))
 
     def link_opened(self, now_s: float) -> None:
         """Wait for a new state."""

@@ -87,7 +87,7 @@ class Dsm2SerialProtocol(OneWayRadio):
         return encode_counts(header, self.settings.model, counts)
 
     def decode(self, frame: bytes) -> DecodedFrame:
-        """Read a frame back; see `RadioProtocol.decode`."""
+        """Read a channel frame back; raises `FrameDecodeError` if it is no complete one."""
         if len(frame) != FRAME_LENGTH:
             raise FrameDecodeError(f"dsm2_serial: frame of {len(frame)} bytes, {FRAME_LENGTH} are needed")
         if frame[0] & ~(BIND | RANGE_CHECK) not in FAMILIES.values():

@@ -10,9 +10,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from pymavlink.quaternion import QuaternionBase
 
 from rcopterx.transmitter_gateway.protocols.base import (
-    DecodedFrame,
     FrameDecodeError,
-    FrameFlags,
     SerialLine,
 )
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import LINE, MODES, MavlinkSettings
@@ -161,19 +159,6 @@ class MavlinkProtocol(SetPointRadio):
         if self._heading_rad is not None:
             self._heading_rad += self._yaw_rate_rad_s * (now_s - self._now_s)
         self._now_s = now_s
-
-    def decode(self, frame: bytes) -> DecodedFrame:
-        """Read a frame back; see `RadioProtocol.decode`."""
-        reader = mavlink.MAVLink(None)
-        reader.robust_parsing = True
-        packets = reader.parse_buffer(frame) or []
-        points = [packet for packet in packets if packet.get_type() == "SET_ATTITUDE_TARGET"]
-        if len(points) != 1:
-            raise FrameDecodeError(f"mavlink: {len(points)} set points in a frame")
-        point = set_point_of(points[0])
-        kill = any(packet.get_type() == "COMMAND_LONG" and packet.param2 == FORCE for packet in packets)
-        pulses_us = self.settings.pulses_us(point, armed=point.thrust > 0)
-        return DecodedFrame(pulses_us, FrameFlags(kill=kill))
 
     # Answers ------------------------------------------------------------------------------------------
 

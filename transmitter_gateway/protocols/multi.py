@@ -11,7 +11,6 @@ from msgspec import Struct
 
 from rcopterx.transmitter_gateway.protocols.base import (
     CENTER_US,
-    DecodedFrame,
     FrameDecodeError,
     FrameFlags,
     ModuleStatus,
@@ -269,19 +268,6 @@ class MultiProtocol(RadioProtocol):
             inverted_line=self.settings.inverted_line,
             telemetry_off=not self.settings.answers_wired,
         ).to_bytes()
-
-    def decode(self, frame: bytes) -> DecodedFrame:
-        """Read a frame back; see `RadioProtocol.decode`."""
-        fields = MultiFrame.from_bytes(frame)
-        return DecodedFrame(
-            tuple(pulse_of(count) for count in fields.ordered_counts),
-            FrameFlags(
-                bind=fields.bind,
-                range_check=fields.range_check,
-                kill=fields.kills,
-                low_power=fields.low_power,
-            ),
-        )
 
     def link_opened(self, now_s: float) -> None:
         """Wait for a new status answer."""

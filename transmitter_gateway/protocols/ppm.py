@@ -76,7 +76,7 @@ class PpmGenProtocol(OneWayRadio):
         return bytes(packet)
 
     def decode(self, frame: bytes) -> DecodedFrame:
-        """Read a packet back; see `RadioProtocol.decode`."""
+        """Read a channel frame back; raises `FrameDecodeError` if it is no complete one."""
         if len(frame) != 5 + 2 * self.channel_count or frame[1] != len(frame):
             raise FrameDecodeError(
                 f"ppm: packet of {len(frame)} bytes, {5 + 2 * self.channel_count} are needed"
