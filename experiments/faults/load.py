@@ -25,6 +25,12 @@ while os.getppid() == parent:
         time.sleep(every_s - time.monotonic() % every_s)
 """
 """Spins for a share of the time, at the same times as others of its kind, until its parent ends."""
+SPIN_ONCE: Final = """
+import sys, time
+end_s = time.monotonic() + float(sys.argv[1])
+while time.monotonic() < end_s:
+    pass
+"""
 
 
 @contextmanager
@@ -41,6 +47,17 @@ def spinning(
             yield processor is not None and _take(program.pid, processor)
         finally:
             program.kill()
+
+
+@contextmanager
+def spinning_once(seconds: float, processor: int) -> Iterator[bool]:
+    """Run a program that takes a processor for `seconds`, and wait until it has ended.
+
+    It ends by its own clock at real-time priority, because this process may wait for a processor longer than
+    that. Yields whether this priority is permitted.
+    """
+    with subprocess.Popen([sys.executable, "-S", "-c", SPIN_ONCE, str(seconds)]) as program:
+        yield _take(program.pid, processor)
 
 
 def _take(process: int, processor: int) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.experiments.faults.bench import Bench, Injector, PassingFault
-from rcopterx.experiments.faults.load import spinning
+from rcopterx.experiments.faults.load import spinning_once
 from rcopterx.experiments.faults.orders import give_order
 
 REPLACED_S = 20.0
@@ -66,14 +66,13 @@ class Starved(ProcessFault):
     def _happen(self, bench: Bench) -> None:
         pid, processors = bench.pid(self.process), os.sched_getaffinity(0)
         taken = min(processors)
-        with spinning(processor=taken) as alone:
-            how = "no processor" if alone else "half a processor (no permission for real-time priorities)"
-            bench.say(f"{self.process}: {how} for {self.seconds:g} s")
-            _confine(pid, {taken})
-            try:
-                bench.wait(self.seconds)
-            finally:
-                _confine(pid, processors)
+        _confine(pid, {taken})
+        try:
+            with spinning_once(self.seconds, taken) as alone:
+                how = "no processor" if alone else "half a processor (no permission for real-time priorities)"
+                bench.say(f"{self.process}: {how} for {self.seconds:g} s")
+        finally:
+            _confine(pid, processors)
 
 
 def _confine(pid: int, processors: Set[int]) -> None:

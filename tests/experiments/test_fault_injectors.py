@@ -126,10 +126,10 @@ def test_a_starved_process_may_use_one_processor_only_until_it_is_over(start: St
     pid, processors = bench.pid("it"), os.sched_getaffinity(0)
     seen = set()
 
-    def wait(_: float) -> None:
+    def say(_: str) -> None:
         seen.update(affinities_of(pid))
 
-    with Starved("it").active(replace(bench, wait=wait)):
+    with Starved("it").active(replace(bench, say=say)):
         assert affinities_of(pid) == {frozenset(processors)}
     assert seen == {frozenset({min(processors)})}
     assert supervisor.pid("it") == pid
