@@ -206,3 +206,13 @@ def test_full_stick_of_the_crazyflie_is_the_same_for_its_model_and_its_protocol(
     assert yaw_rate == pytest.approx(math.radians(full.full_yaw_rate_deg_s), rel=0.01)
     low, hover, high = (kind.calibration.throttle.pulse_us(u) for u in (0.0, 0.55, 1.0))
     assert (low, hover, high) == (1100.0, 1540.0, 1900.0), "thrust is linear"
+
+
+def test_full_stick_of_a_quadrotor_with_mavlink_is_the_same_for_its_model_and_its_protocol() -> None:
+    kind = vehicle_type("mavlink_quadrotor")
+    full = protocol_of(parse_fleet(FLEET.format(type="mavlink_quadrotor")), "h1").settings
+    tilt = 9.81 * math.tan(math.radians(full.full_tilt_deg))
+    assert kind.model.input_gain[:2] == pytest.approx((tilt, tilt), rel=0.01)
+    yaw_rate = kind.model.input_gain[3] / -kind.model.damping[3]
+    assert yaw_rate == pytest.approx(math.radians(full.full_yaw_rate_deg_s), rel=0.01)
+    assert [kind.calibration.throttle.pulse_us(u) for u in (0.0, 0.5, 1.0)] == [1100.0, 1500.0, 1900.0]

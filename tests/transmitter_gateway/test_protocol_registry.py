@@ -1,7 +1,14 @@
+import sys
+
 import pytest
 
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError, SerialLine
-from rcopterx.transmitter_gateway.protocols.registry import PROTOCOL_NAMES, create_protocol, default_line
+from rcopterx.transmitter_gateway.protocols.registry import (
+    PROTOCOL_NAMES,
+    create_protocol,
+    default_line,
+    settings_of,
+)
 
 
 @pytest.mark.parametrize("name", PROTOCOL_NAMES)
@@ -17,6 +24,17 @@ def test_options_and_line_reach_the_protocol() -> None:
     protocol = create_protocol("multi", {"rx_num": 3, "channels": 7}, line)
     assert protocol.line is line
     assert protocol.encode([1100])[2:4] == bytes((3, 7))
+
+
+def test_a_protocol_without_its_library_names_the_extra_and_its_settings_need_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for module in [name for name in sys.modules if "mavlink" in name]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, "pymavlink", None)
+    assert settings_of("mavlink", {"system": 3}).system == 3
+    with pytest.raises(ProtocolError, match=r"pip install 'rcopterx\[mavlink\]'"):
+        create_protocol("mavlink")
 
 
 @pytest.mark.parametrize(

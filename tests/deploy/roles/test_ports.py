@@ -33,5 +33,20 @@ def test_a_crazyflie_has_an_address(tmp_path: Path) -> None:
         port_of(parse_fleet(simulated), "h1", tmp_path)
 
 
-def test_the_fleet_of_crazyflies_can_be_set_up(tmp_path: Path) -> None:
-    check_fleet(load_fleet(fleet_path("crazyflies")), tmp_path)
+def test_a_vehicle_with_mavlink_is_at_a_udp_port_or_at_a_serial_device(tmp_path: Path) -> None:
+    text = FLEET.replace("{type}", "mavlink_quadrotor")
+    for port, found in (
+        ("udp://192.168.0.21:14550", "udp://192.168.0.21:14550"),
+        ("/dev/ttyUSB0", "/dev/ttyUSB0"),
+        ("telemetry", str(tmp_path / "telemetry")),
+    ):
+        assert port_of(parse_fleet(text.format(port=port)), "h1", tmp_path) == found
+    with pytest.raises(FleetError, match=r"'udp://14550' is no address such as udp://"):
+        port_of(parse_fleet(text.format(port="udp://14550")), "h1", tmp_path)
+    with pytest.raises(FleetError, match=r"simulated vehicles are at udp://"):
+        port_of(parse_fleet(text.format(port="/dev/ttyUSB0") + "[simulator]\n"), "h1", tmp_path)
+
+
+@pytest.mark.parametrize("name", ["crazyflies", "families"])
+def test_fleets_of_vehicles_with_addresses_can_be_set_up(name: str, tmp_path: Path) -> None:
+    check_fleet(load_fleet(fleet_path(name)), tmp_path)
