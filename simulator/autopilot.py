@@ -7,7 +7,6 @@ from collections import Counter, deque
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
-from pymavlink.quaternion import QuaternionBase
 
 from rcopterx.simulator.plant import Plant
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
@@ -133,11 +132,10 @@ class EmulatedAutopilot(UdpVehicle):
         return packet
 
     def _take(self, packet: Any, now_s: float) -> None:
-        point = set_point_of(packet)
+        point, heading_rad = set_point_of(packet)
         if now_s > self._received_s + SLOWEST_STREAM_S:
             self._streams_since_s = now_s
-        self._heading_rad = QuaternionBase(packet.q).euler[2]
-        self._set_point, self._received_s = point, now_s
+        self._set_point, self._heading_rad, self._received_s = point, heading_rad, now_s
         if self._height_m > FLYING_M:
             self._hover += HOVER_SHARE * (point.thrust - self._hover)
         pulses_us = self._settings.pulses_us(point, armed=self.armed)

@@ -99,7 +99,8 @@ def test_a_frame_of_an_armed_vehicle_is_read_back_at_any_heading(
 ) -> None:
     peer = Peer(yaw_rad)
     sent = (throttle, aileron, elevator, rudder, ARMED)
-    point = set_point_of(peer.set_point(sent)[0])
+    point, heading_rad = set_point_of(peer.set_point(sent)[0])
+    assert math.remainder(heading_rad - yaw_rad, math.tau) == pytest.approx(0.0, abs=1e-5)
     assert peer.protocol.settings.pulses_us(point, armed=True) == pytest.approx(sent, abs=0.01)
 
 
@@ -258,7 +259,7 @@ def test_without_the_arming_channel_or_with_a_kill_there_is_no_thrust(
     peer.heartbeat(armed=True, mode=OFFBOARD << 16)
     channels = (throttle, aileron, 1500.0, 1500.0, ARMED if kill else DISARMED)
     by_kind = {each.get_type(): each for each in peer.frame(channels, FrameFlags(kill=kill))}
-    assert set_point_of(by_kind["SET_ATTITUDE_TARGET"]) == SetPoint()
+    assert set_point_of(by_kind["SET_ATTITUDE_TARGET"])[0] == SetPoint()
     command = by_kind["COMMAND_LONG"]
     assert (command.command, command.param1, command.param2 == FORCE) == (ARM, 0, kill)
 
@@ -403,12 +404,17 @@ def test_an_attitude_that_is_not_finite_is_counted_and_not_used() -> None:
     assert peer.set_point(HOVER)[1][2] == pytest.approx(1.0)
 
 
-def test_a_set_point_that_is_no_rotation_is_refused() -> None:
+@given(st.lists(st.floats(width=32), min_size=4, max_size=4), st.floats(width=32), st.floats(width=32))
+def test_a_set_point_of_any_numbers_is_read_or_refused(q: list[float], rate: float, thrust: float) -> None:
     link = mavlink.MAVLink(None, 255, 190)
-    for q, thrust in (([0.0] * 4, 0.5), ([1.0, math.nan, 0.0, 0.0], 0.5), ([1.0, 0.0, 0.0, 0.0], math.inf)):
-        message = link.set_attitude_target_encode(0, 1, 1, 0, q, 0.0, 0.0, 0.0, thrust)
-        with pytest.raises(FrameDecodeError, match="not finite"):
-            set_point_of(message)
+    for rotation in (q, [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0004]):
+        message = link.set_attitude_target_encode(0, 1, 1, 0, rotation, 0.0, 0.0, rate, thrust)
+        finite = all(map(math.isfinite, (*rotation, rate, thrust)))
+        if finite and abs(math.hypot(*rotation) - 1.0) < 1e-3:
+            assert set_point_of(message)[0].thrust == min(max(thrust, 0.0), 1.0)
+        else:
+            with pytest.raises(FrameDecodeError, match="no rotation" if finite else "not finite"):
+                set_point_of(message)
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,8 @@ FORCE = 21_196
 LARGEST_LEAD_RAD = 0.5
 """Of the heading of set points before that of the vehicle."""
 PACKETS_REMEMBERED = 300
+LONGEST_ERROR = 1e-3
+"""Of the length of a quaternion, as ArduPilot allows it."""
 
 
 class MavlinkProtocol(SetPointRadio):
@@ -224,12 +226,16 @@ class MavlinkProtocol(SetPointRadio):
         return "someone else has armed the vehicle" if state.armed and not state.obeys else None
 
 
-def set_point_of(message: Any) -> SetPoint:
-    """Read a SET_ATTITUDE_TARGET; raises `FrameDecodeError` if it is not finite, or no rotation."""
-    numbers = (*message.q, message.body_yaw_rate, message.thrust)
-    if not all(map(math.isfinite, numbers)) or not any(message.q):
+def set_point_of(message: Any) -> tuple[SetPoint, float]:
+    """Return the set point of a SET_ATTITUDE_TARGET and its heading, clockwise from north [rad].
+
+    Raises `FrameDecodeError` if a number is not finite, or the quaternion is no rotation.
+    """
+    if not all(map(math.isfinite, (*message.q, message.body_yaw_rate, message.thrust))):
         raise FrameDecodeError("mavlink: a set point that is not finite")
-    rotation = QuaternionBase(message.q)
-    rotation.normalize()
-    roll_deg, pitch_deg, yaw_rate_deg_s = map(math.degrees, (*rotation.euler[:2], message.body_yaw_rate))
-    return SetPoint(roll_deg, pitch_deg, yaw_rate_deg_s, message.thrust)
+    length = math.hypot(*message.q)
+    if abs(length - 1.0) > LONGEST_ERROR:
+        raise FrameDecodeError("mavlink: a set point that is no rotation")
+    roll_rad, pitch_rad, yaw_rad = QuaternionBase([part / length for part in message.q]).euler
+    roll_deg, pitch_deg, yaw_rate_deg_s = map(math.degrees, (roll_rad, pitch_rad, message.body_yaw_rate))
+    return SetPoint(roll_deg, pitch_deg, yaw_rate_deg_s, min(max(message.thrust, 0.0), 1.0)), yaw_rad
