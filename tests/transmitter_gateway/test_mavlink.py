@@ -225,6 +225,10 @@ def test_with_thrust_no_vehicle_is_armed_and_the_refusal_is_shown() -> None:
     peer.report(peer.link.statustext_encode(mavlink.MAV_SEVERITY_CRITICAL, b"Preflight Fail: compass"))
     peer.answer(ARM, mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
     assert peer.text == "the autopilot did not arm: Preflight Fail: compass"
+    peer.answer(ARM, mavlink.MAV_RESULT_DENIED)
+    assert peer.text == "the autopilot did not arm: MAV_RESULT 2", "a text belongs to one refusal"
+    peer.report(peer.link.statustext_encode(mavlink.MAV_SEVERITY_CRITICAL, b"Preflight Fail: compass"))
+    peer.answer(ARM, mavlink.MAV_RESULT_DENIED)
     peer.frame(LOW)
     assert peer.text == "ready, link 100 %; refused: Preflight Fail: compass"
 

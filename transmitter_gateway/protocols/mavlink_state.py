@@ -78,7 +78,8 @@ class AutopilotState:
             else:
                 self.armed = arming
         elif message.result != mavlink.MAV_RESULT_IN_PROGRESS:
-            self.complaint = self._text or f"MAV_RESULT {message.result}"
+            # The text may come a moment before or after the answer; a repeated command finds it then.
+            self.complaint, self._text = self._text or f"MAV_RESULT {message.result}", ""
 
     def sees_attitude(self, now_s: float) -> bool:
         """Whether attitudes arrive."""
