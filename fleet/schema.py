@@ -82,7 +82,7 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     speed: Speed = 1.0
     """How fast the time of the fleet passes: 1 in real time, 0.2 five times slower, for slow computers."""
     conditions: str = "helicopter"
-    """Preset: `ideal`, `laboratory`, `helicopter`, `helicopters` or `crazyflies`."""
+    """Preset: `ideal`, `laboratory`, `helicopter`, `helicopters`, `crazyflies` or `vicon_crazyflie`."""
     condition_overrides: dict[str, Any] = {}
     """Values that differ from the preset."""
     start: dict[Name, Four] = {}

@@ -121,6 +121,19 @@ HELICOPTERS: Final = replace(HELICOPTER, coaxial_plant="drawn_helicopter")
 CRAZYFLIES: Final = replace(HELICOPTERS, attitude_plant="drone_models:drawn")
 """The same with Crazyflies drawn around the identified ones."""
 
+# Measured in eleven flights of a Crazyflie 2.1 (NanoBench, docs/real_flights.md): noise from third
+# differences of the poses at 100 Hz; draught by `rcopterx experiment real-flights`; a battery that loses
+# 0.27 V in a minute, and 12 % of the thrust of a command with each volt.
+VICON_CRAZYFLIE: Final = replace(
+    CRAZYFLIES,
+    turbulence_rms=(0.13, 0.13, 0.1, 0.5),
+    turbulence_correlation_s=0.15,
+    position_noise_m=0.00003,
+    angle_noise_rad=0.001,
+    battery_endurance_s=270.0,
+)
+"""Crazyflies in the room, under the Tracker and with the battery of real flights."""
+
 PRESETS: Final = MappingProxyType(
     {
         "ideal": IDEAL,
@@ -128,6 +141,7 @@ PRESETS: Final = MappingProxyType(
         "helicopter": HELICOPTER,
         "helicopters": HELICOPTERS,
         "crazyflies": CRAZYFLIES,
+        "vicon_crazyflie": VICON_CRAZYFLIE,
     }
 )
 """Conditions by name."""

@@ -155,13 +155,13 @@ def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Mo
 
 
 def vertical(model: Model, recording: FlightRecording, offsets: Offsets) -> Motion:
-    """Return the motion in height; where they were measured, tilt and battery take part of the thrust."""
+    """Return the motion in height; a battery that was measured takes part of the thrust as it runs down."""
     system = _single_axis(model, U_THRUST, POSITION_NOISE_M, VERTICAL_WIND_M_S2, _VERTICAL_DRIFT)
     thrust = recording.inputs[:, U_THRUST]
-    if recording.tilt is not None:
-        thrust = thrust * np.sqrt(np.maximum(1.0 - np.sum(recording.tilt**2, axis=1), 0.0))
-    if recording.battery_v is not None:
-        thrust = thrust * (1.0 + offsets.per_volt * (recording.battery_v - recording.battery_v.mean()))
+    if (volts := recording.battery_v) is not None:
+        # Every climb makes the voltage sag; the trend over the flight is the charge.
+        trend = np.polynomial.Polynomial.fit(range(len(volts)), volts, 1)(np.arange(len(volts)))
+        thrust = thrust * (1.0 + offsets.per_volt * (trend - trend.mean()))
     return _of_single_axis(model, recording, system, thrust, recording.position_m[:, Z])
 
 

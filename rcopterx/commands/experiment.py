@@ -15,10 +15,15 @@ if TYPE_CHECKING:
     from rcopterx.experiments.runner import Experiment
 
 QUICK_SEEDS = 2
+REAL_FLIGHTS = "real-flights"
 
 
 def experiment(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of an experiment, see --list.")] = "",
+    flights: Annotated[
+        Path | None,
+        typer.Argument(metavar="DIRECTORY", help="Recorded flights (.csv, .csv.gz), for real-flights."),
+    ] = None,
     as_json: JsonOption = False,
     plot: PlotOption = None,
     seeds: Annotated[
@@ -60,8 +65,14 @@ def experiment(
     if show_list:
         for row in EXPERIMENTS.values():
             typer.echo(f"{row.name:12} {row.title}")
+        typer.echo(f"{REAL_FLIGHTS:12} Estimators and models on flights that others recorded")
         return
-    check_known([name], EXPERIMENTS, "experiment", "NAME")
+    check_known([name], [*EXPERIMENTS, REAL_FLIGHTS], "experiment", "NAME")
+    if (flights is not None) != (name == REAL_FLIGHTS):
+        raise typer.BadParameter(f"{REAL_FLIGHTS} needs a directory, others take none")
+    if flights is not None:
+        _judge(flights, plot, as_json)
+        return
     chosen = EXPERIMENTS[name]
     presets = list(chosen.flights) if conditions is None else [conditions]
     check_known(presets, PRESETS, "preset", "--conditions")
@@ -87,6 +98,21 @@ def experiment(
             path = plot if len(presets) == 1 else plot.with_stem(f"{plot.stem}_{preset}")
             write_plot(partial(chosen.draw, result), path)
     print_document(documents if len(presets) > 1 else documents[presets[0]], as_json)
+
+
+def _judge(directory: Path, plot: Path | None, as_json: bool) -> None:
+    """Judge estimators and models by recorded flights."""
+    from rcopterx.experiments.real_flights import judge, read_flights
+
+    check_plot(plot)
+    try:
+        found, unusable = read_flights(directory)
+        evidence = judge(list(found.values()))
+    except (ValueError, OSError) as error:
+        raise typer.BadParameter(str(error), param_hint="DIRECTORY") from None
+    if plot is not None:
+        write_plot(evidence.draw, plot)
+    print_document({"flights": list(found), "unusable": unusable} | evidence.document(), as_json)
 
 
 def _check_figure(row: "Experiment[Any]", plot: Path | None) -> None:

@@ -31,6 +31,7 @@ def test_experiments_are_listed() -> None:
         "chain",
         "family",
         "fleets",
+        "real-flights",
     ]
 
 
