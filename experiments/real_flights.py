@@ -147,16 +147,12 @@ class Evidence:
     def draw(self, figure: Any) -> None:
         """Draw errors of predictions by time ahead, horizontal and in height."""
         figure.set_size_inches(9, 4)
-        panels = figure.subplots(1, 2, sharey=True)
-        for name, runs in self.models.items():
-            sizes = [_sizes_mm(errors) for errors in runs.errors_m.values()]
-            for axes, size in zip(panels, ("horizontal_mm", "height_mm"), strict=True):
-                axes.loglog(AHEAD_S, [one[size] for one in sizes], "o-", label=name)
-        for axes, title in zip(
-            panels, ("horizontal, rms of the distance [mm]", "height, rms [mm]"), strict=True
-        ):
-            axes.set(xlabel="time ahead [s]", ylabel=title)
-        panels[0].legend(fontsize="small")
+        for axes, part in zip(figure.subplots(1, 2, sharey=True), ("horizontal", "height"), strict=True):
+            for name, runs in self.models.items():
+                sizes_mm = [_sizes_mm(errors)[f"{part}_mm"] for errors in runs.errors_m.values()]
+                axes.loglog(AHEAD_S, sizes_mm, "o-", label=name)
+            axes.set(xlabel="time ahead [s]", ylabel=f"{part}, rms of the distance [mm]")
+        figure.axes[0].legend(fontsize="small")
         finish_figure(figure, "Predictions of real flights that the model was not fitted to")
 
 
@@ -209,9 +205,8 @@ def _joined(runs: Mapping[str, Sequence[Followed]]) -> dict[str, Followed]:
 
 
 def _sizes_mm(errors_m: Array) -> dict[str, float]:
-    plane, height, all_axes = errors_m[:, :2], errors_m[:, 2:], errors_m
-    named = {"horizontal_mm": plane, "height_mm": height, "distance_mm": all_axes}
-    return {name: round(1e3 * rms(np.linalg.norm(part, axis=1)), 1) for name, part in named.items()}
+    parts = {"horizontal_mm": errors_m[:, :2], "height_mm": errors_m[:, 2:], "distance_mm": errors_m}
+    return {name: round(1e3 * rms(np.linalg.norm(part, axis=1)), 1) for name, part in parts.items()}
 
 
 def _innovations(runs: Followed) -> dict[str, Any]:

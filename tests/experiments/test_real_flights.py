@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from rcopterx.command_line import app
 from rcopterx.control.identification.fit import identify
 from rcopterx.control.identification.recording import FlightRecording
+from rcopterx.experiments.figures import save_figure
 from rcopterx.experiments.real_flights import (
     AHEAD_S,
     CONSTANT,
@@ -51,7 +52,9 @@ def test_draught_is_what_tilt_and_drag_do_not_explain() -> None:
     assert np.sqrt(draught(windy)) == pytest.approx(0.1, abs=0.08)
 
 
-def test_every_flight_is_predicted_by_a_fit_to_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_flight_is_predicted_by_a_fit_to_the_others(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     fitted_to: list[tuple[int, ...]] = []
 
     def noted(one: FlightRecording, model: object, *more: FlightRecording) -> object:
@@ -61,12 +64,15 @@ def test_every_flight_is_predicted_by_a_fit_to_the_others(monkeypatch: pytest.Mo
     flights = [flight(1).part(0.0, share) for share in (0.7, 0.8, 0.9, 1.0)]
     known = identify(flight(1), CRAZYFLIE)
     monkeypatch.setattr("rcopterx.experiments.real_flights.identify", noted)
-    document = judge(flights).document()
+    evidence = judge(flights)
+    document = evidence.document()
     assert fitted_to == [(700, 900), (800, 1000)]
     errors = {name: ahead["0.5 s"]["distance_mm"] for name, ahead in document["prediction_rms"].items()}
     assert errors[FITTED] < errors[TYPE]
     assert errors[FITTED] < errors[CONSTANT]
     assert json.loads(json.dumps(document)) == document
+    save_figure(evidence.draw, tmp_path / "errors.svg")
+    assert all(name in (tmp_path / "errors.svg").read_text() for name in (TYPE, FITTED))
 
 
 def test_files_that_are_no_flights_are_named(tmp_path: Path) -> None:
