@@ -37,6 +37,8 @@ from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 BRIDGED_S: Final = 0.18
 """Duration of the planned inputs that go with a command."""
 BLIND_LIMIT_S = 0.3
+OCCLUDED: Final = "occluded"
+"""Counted when the motion capture misses the vehicle in a frame."""
 CONTROLLER_REPLACED: Final = "controller_replaced"
 """Counted when the default controller takes the place of one that fails."""
 
@@ -167,7 +169,7 @@ class Pilot:
             self._predict(acted)
             self._blind_s += frame.period_s
             self._unseen_s += frame.period_s
-            self.fallbacks["occluded"] += 1
+            self.fallbacks[OCCLUDED] += 1
             return True
         unseen_s, self._unseen_s = self._unseen_s, 0.0
         if first or standing or unseen_s >= BLIND_LIMIT_S:

@@ -124,6 +124,7 @@ def exact_model(parameters: HelicopterParameters) -> Model:
         lower_phase_rad=phase_lower,
         upper_share=thrust_upper_n * parameters.link_upper / (parameters.mass_kg * GRAVITY_M_S2),
         direct_m=thrust_lower_n * inertia / (parameters.mass_kg * lever_n_m),
+        flapping_rad_s_m=parameters.flapping_rad_s_m,
     )
     plateau_m_s2 = abs(parameters.plateau_per_swash)
     rotor_lag_s = (

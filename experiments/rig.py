@@ -5,7 +5,7 @@ the pilots are built as the agent process builds them. Plans go from leaders to 
 as on the bus. Same vehicles, conditions, events and seed, same flight.
 """
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
@@ -18,7 +18,7 @@ from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import target_link
 from rcopterx.agents.formation.profile_limits import profile_limits_of
 from rcopterx.agents.formation.topology import leaders_of
-from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
+from rcopterx.agents.pilot import OCCLUDED, ControlOutput, Pilot, StampedMeasurement
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import DEFAULT_ESTIMATOR, Configuration
@@ -42,6 +42,8 @@ NO_BUS: Final = BusAddress((), "rig")
 ROOM_M: Final = 100.0
 PERIOD_S: Final = 0.02
 """Period of the motion capture and of control."""
+SLEW_PER_S: Final[Array] = np.array((20.0, 20.0, 4.0, 8.0))
+"""Slew rates of the sticks, those of a calibration by default."""
 PROGRESS_EVERY_S: Final = 5.0
 SETTLED_S: Final = 5.0
 """Errors of experiments count from here on: estimators start at rest without knowing trim and turbulence."""
@@ -139,6 +141,7 @@ class Rig:
             pilot.observe(self._measured(name))
             # As for an agent that starts while its vehicle is in the air.
             pilot.note_applied("armed", 0, self._vehicles[name].model.hover_input)
+        self._applied = {name: vehicle.model.hover_input for name, vehicle in self._vehicles.items()}
 
     def log(self, name: str) -> FlightLog:
         """Log poses and sticks of a vehicle from now on, for an identification."""
@@ -171,12 +174,16 @@ class Rig:
                 progress(flown / frames)
         return FlightRecord(
             {
-                name: recorder.record(
-                    self.pilots[name].fallbacks + self.guards[name].events, self.laboratory.plants[name]
-                )
+                name: recorder.record(self._fallbacks(name), self.laboratory.plants[name])
                 for name, recorder in recorders.items()
             }
         )
+
+    def _fallbacks(self, name: str) -> Counter[str]:
+        """Fallbacks of a vehicle; frames that the Tracker missed are weather, and none."""
+        fallbacks = self.pilots[name].fallbacks + self.guards[name].events
+        del fallbacks[OCCLUDED]
+        return fallbacks
 
     def _settings(self, vehicle: RigVehicle) -> AgentSettings:
         return AgentSettings(
@@ -198,8 +205,8 @@ class Rig:
         )
 
     def _measured(self, name: str) -> StampedMeasurement:
-        pose = self.laboratory.measured_pose(name)
-        measurement = Measurement.of_pose(pose.position_m, pose.quaternion_xyzw)
+        pose = self.laboratory.seen_pose(name)
+        measurement = None if pose is None else Measurement.of_pose(pose.position_m, pose.quaternion_xyzw)
         self._seen[name] = StampedMeasurement(1, self._frame, PERIOD_S, measurement)
         return self._seen[name]
 
@@ -224,19 +231,22 @@ class Rig:
                 self.guards[name].watch(flight)
                 self.tunings[name].wait()
                 self.tunings[name].finish()
-            self.laboratory.plants[name].set_input(flight.input)
-            self._add_to_log(name, flight)
-            # The transmitter gateway reports the applied input before the next pose.
-            pilot.note_applied("armed", pilot.sequence, flight.input)
+            # The transmitter gateway limits slew rates, and reports the applied input before the next pose.
+            before = self._applied[name]
+            applied = np.clip(flight.input, before - PERIOD_S * SLEW_PER_S, before + PERIOD_S * SLEW_PER_S)
+            self._applied[name] = applied
+            self.laboratory.plants[name].set_input(applied)
+            self._add_to_log(name, applied)
+            pilot.note_applied("armed", pilot.sequence, applied)
             self._plans[name] = (self._frame, flight)
             motion = self.laboratory.plants[name].motion
             recorders[name].add(now_s, motion, flight, self._station(pilot))
 
-    def _add_to_log(self, name: str, flight: ControlOutput) -> None:
+    def _add_to_log(self, name: str, applied: Array) -> None:
         log, measurement = self._logs.get(name), self._seen[name].measurement
         if log is not None and measurement is not None:
             log.add_pose(self._frame, measurement)
-            log.add_input(self._frame, flight.input)
+            log.add_input(self._frame, applied)
 
     @staticmethod
     def _leaders(pilot: Pilot) -> list[str]:

@@ -59,15 +59,22 @@ class Conditions:
     latter need the extra `physics`, have the full sticks of the type `crazyflie`, and ignore `actuator_lag`,
     `lag_mismatch` and `parameter_mismatch`."""
     downwash_m_s2: float = 0.0
-    """Downward acceleration of a vehicle that flies 0.3 m or less below another; above that it falls with
-    1 / distance, and to the sides within 0.15 m."""
+    """Downward acceleration of a vehicle that flies 0.3 m or less below another; further below it falls with
+    1 / distance, and to the sides by e within 0.2 m, more below. Where it grows sidewards it tilts
+    helicopters."""
+    radio_period_s: float = 0.0
+    """Inputs wait for the next radio frame, one every so many seconds; zero for none. A simulation that
+    emulates the radio link needs 0."""
+    dropout_fraction: float = 0.0
+    """Fraction of the frames in which the Tracker misses a vehicle."""
     substep_s: float = 0.002
     """Longest integration step, at most 4 ms."""
 
     def __post_init__(self) -> None:
         for name in ("lag_mismatch", "parameter_mismatch", "battery_sag"):
             _require_between(name, getattr(self, name), 0.0, 0.9)
-        for name in ("position_noise_m", "angle_noise_rad", "trim_offset"):
+        _require_between("radio_period_s", self.radio_period_s, 0.0, 0.2)
+        for name in ("position_noise_m", "angle_noise_rad", "trim_offset", "dropout_fraction"):
             _require_between(name, getattr(self, name), 0.0, 1.0)
         _require_between("turbulence_correlation_s", self.turbulence_correlation_s, 1e-3, 1e3)
         _require_between("battery_endurance_s", self.battery_endurance_s, 1.0, 1e6)
@@ -110,7 +117,9 @@ HELICOPTER: Final = replace(
     LABORATORY,
     coaxial_plant="helicopter",
     battery_sag=0.15,
-    downwash_m_s2=1.0,
+    downwash_m_s2=2.5,
+    radio_period_s=0.022,
+    dropout_fraction=0.001,
     substep_s=0.004,
 )
 """Weather of the laboratory, and coaxial vehicles that are helicopters: each the middle of their family."""
@@ -118,8 +127,8 @@ HELICOPTER: Final = replace(
 HELICOPTERS: Final = replace(HELICOPTER, coaxial_plant="drawn_helicopter")
 """The same with coaxial vehicles drawn from the family, by seed and name."""
 
-CRAZYFLIES: Final = replace(HELICOPTERS, attitude_plant="drone_models:drawn")
-"""The same with Crazyflies drawn around the identified ones."""
+CRAZYFLIES: Final = replace(HELICOPTERS, attitude_plant="drone_models:drawn", radio_period_s=0.0)
+"""The same with Crazyflies drawn around the identified ones, whose radio sends commands at once."""
 
 # Measured in eleven flights of a Crazyflie 2.1 (NanoBench, docs/real_flights.md): noise from third
 # differences of the poses at 100 Hz; draught by `rcopterx experiment real-flights`; a battery that loses

@@ -10,11 +10,12 @@ from rcopterx.compiling.compiled import COUNT, MATRIX, NUMBER, VECTOR, Array, co
 PARAMETERS: Final = 0
 TURBULENCE: Final = 1
 NOISE: Final = 2
+RADIO: Final = 3
 _BLOCK: Final = 256
 
 
 def random_stream(seed: int, vehicle: str, purpose: int) -> np.random.Generator:
-    """Random generator of one vehicle for a purpose (`PARAMETERS`, `TURBULENCE` or `NOISE`).
+    """Random generator of one vehicle for a purpose (`PARAMETERS`, `TURBULENCE`, `NOISE`, `RADIO`).
 
     The stream depends on the seed, not negative, and on the vehicle's name, not on how many others fly:
     adding a vehicle changes neither weather nor parameters of the others.

@@ -50,6 +50,8 @@ class Surroundings(NamedTuple):
     thrust_factor: float
     """Thrust that faults leave, as a fraction."""
     downwash_m_s2: float
+    tilting_rad_s2: tuple[float, float]
+    """Acceleration of the tilt towards inertial x and y by the slopes of the downwash."""
     volume_min_m: Three
     volume_max_m: Three
 
@@ -68,7 +70,7 @@ class Flight(NamedTuple):
 
 
 _THREE: Final = together(*3 * [NUMBER])
-_SURROUNDINGS: Final = record(Surroundings, *5 * [NUMBER], _THREE, _THREE)
+_SURROUNDINGS: Final = record(Surroundings, *5 * [NUMBER], together(NUMBER, NUMBER), _THREE, _THREE)
 
 
 @compiled(AIRFRAME, STATE, CONTROLS, NUMBER, NUMBER)
@@ -76,7 +78,7 @@ def stand(
     airframe: Airframe, state: State, controls: Controls, thrust_factor: float, step_s: float
 ) -> tuple[State, float]:
     """One step on the floor, where only rotors and swash plate move; returns the state and the thrust."""
-    after = step(airframe, state, controls, thrust_factor, (0.0, 0.0, 0.0, 0.0), step_s)
+    after = step(airframe, state, controls, thrust_factor, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), step_s)
     upper, lower = rotor_thrusts(airframe, after.speed_upper, after.speed_lower, 0.0)
     standing = State(
         state.x, state.y, state.z, 0.0, 0.0, 0.0, state.qw, state.qx, state.qy, state.qz, 0.0, 0.0, 0.0,
@@ -106,7 +108,8 @@ def fly(
         used_s += step_s * around.load
         battery = 1.0 - around.battery_sag * min(used_s / around.battery_endurance_s, 1.0)
         x, y, z, yaw = value_at(turbulence, time_s + step_s / 2)
-        air = (x, y, z - around.downwash_m_s2, yaw)
+        tilt_x, tilt_y = around.tilting_rad_s2
+        air = (x, y, z - around.downwash_m_s2, yaw, tilt_x, tilt_y)
         state = step(airframe, state, controls, battery * around.thrust_factor, air, step_s)
         heading = math.atan2(
             2 * (state.qx * state.qy + state.qw * state.qz), 1 - 2 * (state.qy**2 + state.qz**2)
@@ -151,6 +154,7 @@ class Helicopter(Plant):
     ) -> None:  # fmt: skip
         self.parameters = parameters
         self._airframe = airframe_of(parameters)
+        self._tilt_per_slope = parameters.tilt_per_slope
         self._servos = Servo(parameters.servo_step), Servo(parameters.servo_step)
         self._markers = Pose(
             (0.0, 0.0, 0.0), 0.0, parameters.marker_pitch_rad, parameters.marker_roll_rad
@@ -227,7 +231,11 @@ class Helicopter(Plant):
             conditions.battery_sag,
             self._load,
             self.faults.thrust_factor,
-            self.downwash_m_s2,
+            self.wake.down_m_s2,
+            (
+                self._tilt_per_slope * self.wake.slope_x_per_s2,
+                self._tilt_per_slope * self.wake.slope_y_per_s2,
+            ),
             conditions.volume_min_m,
             conditions.volume_max_m,
         )

@@ -14,6 +14,11 @@ from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tuples import Four, Three
 
 _TINY: Final = 1e-9
+_LEAST_DRAG: Final = 0.1
+
+
+Air = tuple[float, float, float, float, float, float]
+"""Accelerations by the air, see `derivative`."""
 
 
 class State(NamedTuple):
@@ -76,6 +81,9 @@ class Airframe(NamedTuple):
     inertia_z: float
     drag_x: float
     drag_y: float
+    flapping: float
+    gust_speed: float
+    """Speed of the wind over the horizontal acceleration that it causes."""
     damping_x: float
     damping_y: float
     bar_time_constant: float
@@ -99,10 +107,10 @@ class Controls(NamedTuple):
 
 
 _ROTOR: Final = record(Rotor, *8 * [NUMBER])
-AIRFRAME: Final = record(Airframe, _ROTOR, _ROTOR, *16 * [NUMBER])
+AIRFRAME: Final = record(Airframe, _ROTOR, _ROTOR, *18 * [NUMBER])
 STATE: Final = record(State, *20 * [NUMBER])
 CONTROLS: Final = record(Controls, NUMBER, NUMBER, FLAG, NUMBER, NUMBER)
-_FOUR: Final = together(*4 * [NUMBER])
+AIR: Final = together(*6 * [NUMBER])
 
 
 def airframe_of(vehicle: HelicopterParameters) -> Airframe:
@@ -116,7 +124,8 @@ def airframe_of(vehicle: HelicopterParameters) -> Airframe:
             vehicle.thrust_lower, vehicle.torque_lower, vehicle.rotor_lag_lower_s, *vehicle.phase_lower,
             vehicle.link_lower, vehicle.arm_lower_m, 2 * vehicle.spring_lower_n_m,
         ),
-        vehicle.mass_kg, *vehicle.inertia_kg_m2, *vehicle.drag_per_s, *vehicle.damping_n_m_s,
+        vehicle.mass_kg, *vehicle.inertia_kg_m2, *vehicle.drag_per_s,
+        vehicle.flapping_rad_s_m, 2.0 / max(sum(vehicle.drag_per_s), _LEAST_DRAG), *vehicle.damping_n_m_s,
         vehicle.bar_time_constant_s, *vehicle.servo_lag_s, vehicle.thrust_gain_m_s2,
         vehicle.yaw_rate_gain_rad_s, vehicle.yaw_gyro_gain_per_s,
         vehicle.ground_effect, vehicle.ground_effect_height_m,
@@ -228,10 +237,8 @@ def rotor_loads(
     return ux + lx, uy + ly, uz + lz, moment_xu + moment_xl, moment_yu + moment_yl, moment_z
 
 
-@compiled(AIRFRAME, STATE, CONTROLS, NUMBER, _FOUR)
-def derivative(
-    airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Four
-) -> State:
+@compiled(AIRFRAME, STATE, CONTROLS, NUMBER, AIR)
+def derivative(airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Air) -> State:
     """Time derivative of the state.
 
     Parameters
@@ -239,7 +246,8 @@ def derivative(
     thrust_factor
         Fraction of the thrust that battery and faults leave.
     air
-        Accelerations by the air: inertial x, y, z [m/s^2], yaw [rad/s^2].
+        Accelerations by the air: inertial x, y, z [m/s^2], yaw [rad/s^2], tilt towards inertial x and y
+        [rad/s^2].
     """
     qw, qx, qy, qz, p, q, r = state.qw, state.qx, state.qy, state.qz, state.p, state.q, state.r
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_matrix(state)
@@ -249,6 +257,9 @@ def derivative(
     ax = force_x / airframe.mass - airframe.drag_x * (r00 * vx + r10 * vy + r20 * vz)
     ay = force_y / airframe.mass - airframe.drag_y * (r01 * vx + r11 * vy + r21 * vz)
     az = force_z / airframe.mass
+    # Airspeed makes the rotors flap, which tilts the vehicle against it.
+    tilt_x = air[4] - airframe.flapping * (vx - airframe.gust_speed * air[0])
+    tilt_y = air[5] - airframe.flapping * (vy - airframe.gust_speed * air[1])
     follow = stretch / airframe.bar_time_constant
     jx, jy, jz = airframe.inertia_x, airframe.inertia_y, airframe.inertia_z
     command_u, command_l = 0.0, 0.0
@@ -265,8 +276,8 @@ def derivative(
         qx=0.5 * (qw * p + qy * r - qz * q),
         qy=0.5 * (qw * q + qz * p - qx * r),
         qz=0.5 * (qw * r + qx * q - qy * p),
-        p=(moment_x + (jy - jz) * q * r - airframe.damping_x * p) / jx,
-        q=(moment_y + (jz - jx) * r * p - airframe.damping_y * q) / jy,
+        p=(moment_x + (jy - jz) * q * r - airframe.damping_x * p) / jx - (r01 * tilt_x + r11 * tilt_y),
+        q=(moment_y + (jz - jx) * r * p - airframe.damping_y * q) / jy + (r00 * tilt_x + r10 * tilt_y),
         r=(moment_z + (jx - jy) * p * q) / jz + air[3],
         speed_upper=(command_u - state.speed_upper) / airframe.upper.lag,
         speed_lower=(command_l - state.speed_lower) / airframe.lower.lag,
@@ -316,9 +327,9 @@ def normalised(s: State) -> State:
     )  # fmt: skip
 
 
-@compiled(AIRFRAME, STATE, CONTROLS, NUMBER, _FOUR, NUMBER)
+@compiled(AIRFRAME, STATE, CONTROLS, NUMBER, AIR, NUMBER)
 def step(
-    airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Four, step_s: float
+    airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Air, step_s: float
 ) -> State:
     """State after one step of the explicit midpoint rule; see `derivative`.
 

@@ -20,6 +20,10 @@ NOMINAL_SIZE: Final = 0.75
 """Time scale of the mCX2 against the CoaX."""
 NOMINAL_PLATEAU_M_S2: Final = (2.0, 2.1)
 """Acceleration per unit of pitch and roll stick before the bar creeps."""
+NOMINAL_FLAPPING_RAD_S_M: Final = 5.0
+"""Angular acceleration against the airspeed of the mCX2's size, as if 0.29 /s were added to its drag."""
+ROTOR_RADIUS_M: Final = 0.17
+"""Of the CoaX."""
 DEGREE: Final = math.pi / 180
 
 
@@ -67,6 +71,8 @@ class HelicopterParameters:
     """Yaw acceleration that the gyro asks for per error of the yaw rate."""
     drag_per_s: tuple[float, float]
     """Translational drag over mass along body x and y, positive."""
+    flapping_rad_s_m: float
+    """Angular acceleration by which airspeed tilts the vehicle back [rad/s^2 per m/s]: the rotors flap."""
     added_damping: float
     """Aerodynamic damping of pitch and roll as a damping ratio of the fast mode."""
     servo_lag_s: tuple[float, float]
@@ -85,7 +91,7 @@ class HelicopterParameters:
 
     def __post_init__(self) -> None:
         offsets = ("trim", "phase_upper", "phase_lower", "marker_roll_rad", "marker_pitch_rad")
-        not_negative = ("servo_step", "ground_effect", "added_damping", "drag_per_s")
+        not_negative = ("servo_step", "ground_effect", "added_damping", "drag_per_s", "flapping_rad_s_m")
         for field in fields(self):
             value = getattr(self, field.name)
             for number in value if isinstance(value, tuple) else (value,):
@@ -138,6 +144,7 @@ class HelicopterParameters:
             yaw_rate_gain_rad_s=22.2,
             yaw_gyro_gain_per_s=5.0 * NOMINAL_SIZE / size,
             drag_per_s=(0.5, 0.4),
+            flapping_rad_s_m=NOMINAL_FLAPPING_RAD_S_M * (NOMINAL_SIZE / size) ** 3,
             added_damping=0.3,
             servo_lag_s=(0.03, 0.03),
             servo_step=1 / 200,
@@ -156,7 +163,7 @@ class HelicopterParameters:
         Size 0.6 to 1, added damping 0.1 to 0.5, servos 20 to 40 ms, trim up to 0.03, markers tilted by up to
         5 degrees, ground effect 5 to 10 %. Around the nominal vehicle of that size: arms and links 5 %,
         inertia, springs, thrust and torque coefficients and thrust gain 10 %, lags, bar, gyro and the stick's
-        gains 15 %, drag 25 %, phase lags 0.06 rad. All uniform.
+        gains 15 %, drag and flapping 25 %, phase lags 0.06 rad. All uniform.
         """
 
         def within(low: float, high: float) -> float:
@@ -199,7 +206,8 @@ class HelicopterParameters:
             ground_effect=within(0.05, 0.10),
         )
         pitch, roll = NOMINAL_PLATEAU_M_S2
-        return vehicle.rigged((spread(pitch, 0.15), spread(roll, 0.15)))
+        rigged = vehicle.rigged((spread(pitch, 0.15), spread(roll, 0.15)))
+        return replace(rigged, flapping_rad_s_m=spread(middle.flapping_rad_s_m, 0.25))
 
     def rigged(self, plateau_m_s2: tuple[float, float]) -> Self:
         """Copy whose swash plate linkage gives the pitch and roll sticks these plateaus [m/s^2 per unit]."""
@@ -239,6 +247,15 @@ class HelicopterParameters:
         """Natural frequency sqrt(K_b / I) of the body against its bar, of the mean of roll and pitch."""
         inertia = (self.inertia_kg_m2[0] + self.inertia_kg_m2[1]) / 2
         return math.sqrt(self.bar_stiffness_n_m / inertia)
+
+    @property
+    def tilt_per_slope(self) -> float:
+        """Angular acceleration per slope of the air's acceleration over the rotor discs.
+
+        A downwash that grows across a disc takes lift from one side: m R^2 / (4 I), with R of the size.
+        """
+        radius_m = ROTOR_RADIUS_M * self.size**2
+        return self.mass_kg * radius_m**2 / (2 * (self.inertia_kg_m2[0] + self.inertia_kg_m2[1]))
 
     @property
     def damping_n_m_s(self) -> tuple[float, float]:

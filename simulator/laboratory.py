@@ -6,6 +6,7 @@ No sockets and no clock; the caller advances the time.
 
 import math
 from collections.abc import Mapping
+from dataclasses import astuple
 from typing import Final
 
 from rcopterx.simulator.conditions import Conditions
@@ -13,23 +14,26 @@ from rcopterx.simulator.disturbance import NOISE, random_stream
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, crazyflie_of
-from rcopterx.simulator.plant import Plant, Pose
+from rcopterx.simulator.plant import STILL, Plant, Pose, Wake
 from rcopterx.vehicles.model import Model
 
 CLOSE_M: Final = 0.3
 """Distance below a rotor up to which its downwash is at full strength; beyond, it falls with 1 / distance."""
-WIDTH_M: Final = 0.15
-"""Horizontal distance at which it has fallen by e."""
+WIDTH_M: Final = 0.17
+SPREAD: Final = 0.1
+"""Horizontal distance at which it has fallen by e: at the rotor, and what is added per distance below."""
 
 
-def downwash_m_s2(below_m: float, aside_m: float, strength_m_s2: float) -> float:
-    """Downward acceleration in the wake of a vehicle in flight; 0 at its height and above.
+def wake_below(x_m: float, y_m: float, below_m: float, strength_m_s2: float) -> Wake:
+    """Wake of a vehicle in flight at a place relative to it; none at its height and above.
 
-    `strength_m_s2` is the acceleration close below it.
+    `strength_m_s2` is the downward acceleration close below it.
     """
     if below_m <= 0.0:
-        return 0.0
-    return strength_m_s2 * min(CLOSE_M / below_m, 1.0) * math.exp(-((aside_m / WIDTH_M) ** 2))
+        return STILL
+    width_m = WIDTH_M + SPREAD * below_m
+    down = strength_m_s2 * min(CLOSE_M / below_m, 1.0) * math.exp(-(x_m**2 + y_m**2) / width_m**2)
+    return Wake(down, -2.0 * x_m / width_m**2 * down, -2.0 * y_m / width_m**2 * down)
 
 
 def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> Plant:
@@ -77,25 +81,30 @@ class Laboratory:
         self._noise = {name: random_stream(seed, name, NOISE) for name in models}
 
     def advance(self, duration_s: float) -> None:
-        """Advance all vehicles by a duration, not negative, under the downwash at its start."""
+        """Advance all vehicles by a duration, not negative, under the wakes at its start."""
         if self._conditions.downwash_m_s2:
-            self._set_downwash(self._conditions.downwash_m_s2)
+            self._set_wakes(self._conditions.downwash_m_s2)
         for plant in self.plants.values():
             plant.advance(duration_s)
 
-    def _set_downwash(self, strength_m_s2: float) -> None:
-        """Set the downwash of every plant from all others that fly now."""
+    def _set_wakes(self, strength_m_s2: float) -> None:
+        """Set the wakes that every plant is in, of all others that fly now."""
         places = [(plant, plant.position_m) for plant in self.plants.values()]
         flying = [(plant, place) for plant, place in places if plant.motors_running and not plant.on_floor]
         for plant, (x, y, z) in places:
-            plant.downwash_m_s2 = sum(
-                [
-                    downwash_m_s2(above[2] - z, math.hypot(above[0] - x, above[1] - y), strength_m_s2)
-                    for other, above in flying
-                    if above[2] > z and other is not plant
-                ],
-                start=0.0,
-            )
+            wakes = [
+                wake_below(x - above[0], y - above[1], above[2] - z, strength_m_s2)
+                for other, above in flying
+                if above[2] > z and other is not plant
+            ]
+            plant.wake = Wake(*(sum(parts) for parts in zip(*map(astuple, wakes), strict=True)))
+
+    def seen_pose(self, name: str) -> Pose | None:
+        """Pose as `measured_pose`, or None in a frame in which the Tracker misses the vehicle."""
+        missed = self._conditions.dropout_fraction
+        if missed and self._noise[name].random() < missed:
+            return None
+        return self.measured_pose(name)
 
     def measured_pose(self, name: str) -> Pose:
         """Pose of the markers of vehicle `name` as measured now: with fresh noise, yaw wrapped."""

@@ -5,11 +5,12 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from msgspec import Struct
 
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.disturbance import TURBULENCE, ColouredNoise, random_stream
+from rcopterx.simulator.disturbance import RADIO, TURBULENCE, ColouredNoise, random_stream
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST, Array
 from rcopterx.vehicles.tuples import Four, Three
@@ -43,6 +44,18 @@ class Pose(Struct, frozen=True):
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Wake:
+    """Air that vehicles above push down: its acceleration, and how that grows along inertial x and y."""
+
+    down_m_s2: float = 0.0
+    slope_x_per_s2: float = 0.0
+    slope_y_per_s2: float = 0.0
+
+
+STILL: Final = Wake()
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlantFaults:
     """Faults of a vehicle.
@@ -65,8 +78,8 @@ class Plant(ABC):
 
     Public besides the methods: `on_floor`, `touchdowns`, `touchdown_speed_m_s` (of the last one, None
     before), `motors_running`, `left_volume` (since the start or the last `place`), and two that may be set at
-    any time: `downwash_m_s2`, the downward acceleration by vehicles above, and `faults`, of which those of
-    the sticks act from the next input on.
+    any time: `wake`, by vehicles above, and `faults`, of which those of the sticks act from the next input
+    on.
 
     It starts standing with motors stopped if the start pose is on the floor (z = 0), else hovering at rest.
     On the floor it stands level and neither slides nor yaws; it leaves when its thrust exceeds its weight.
@@ -96,11 +109,13 @@ class Plant(ABC):
             if any(conditions.turbulence_rms)
             else None
         )
-        delay_s = conditions.transport_delay_s
-        self._delay_s = model.delay_s if delay_s is None else delay_s
+        self._radio_s, delay_s = conditions.radio_period_s, conditions.transport_delay_s
+        # A command waits half a radio period on average; that is part of the model's delay.
+        self._delay_s = max(model.delay_s - 0.5 * self._radio_s, 0.0) if delay_s is None else delay_s
+        self._first_frame_s = self._radio_s * float(random_stream(seed, name, RADIO).uniform())
         self._time_s = 0.0
         self._hover_seconds_used = 0.0
-        self.downwash_m_s2 = 0.0
+        self.wake = STILL
         self.faults = PlantFaults()
         self.place(start)
 
@@ -182,8 +197,14 @@ class Plant(ABC):
     def _expect(self, sticks: Four | None, after_s: float) -> None:
         if not 0.0 <= after_s < math.inf:
             raise ValueError(f"{self._name}: cannot be commanded after {after_s} s")
-        delay_s = self._delay_s + self.faults.delay_s
-        self._pending.append((self._time_s + after_s + delay_s, sticks))
+        sent_s = self._time_s + after_s
+        if self._radio_s:
+            frame = math.ceil((sent_s - self._first_frame_s) / self._radio_s - _TIME_TOLERANCE_S)
+            sent_s = self._first_frame_s + frame * self._radio_s
+        acts_s = sent_s + self._delay_s + self.faults.delay_s
+        if self._pending and self._pending[-1][0] == acts_s:
+            self._pending.pop()  # the same frame carries the newer command
+        self._pending.append((acts_s, sticks))
 
     def advance(self, duration_s: float) -> None:
         """Advance the time; raises `ValueError` for a duration that is negative or not finite."""
@@ -266,7 +287,7 @@ class SteppedPlant(Plant):
     def _fly_on(self, count: int, step_s: float) -> int:  # noqa: ARG002 - one at a time is as good
         self._use_battery(step_s * self._load)
         x, y, z, yaw = CALM if self._weather is None else self._weather.at(self._time_s + step_s / 2)
-        self._fly(step_s, (x, y, z - self.downwash_m_s2, yaw))
+        self._fly(step_s, (x, y, z - self.wake.down_m_s2, yaw))
         self._meet_room()
         self._time_s += step_s
         return 1

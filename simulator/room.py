@@ -2,7 +2,6 @@
 
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
-from rcopterx.simulator.plant import Pose
 from rcopterx.simulator.radio_kinds import radio_end_of
 from rcopterx.simulator.settings import SimulatedVehicle
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
@@ -67,7 +66,9 @@ class Room:
         return TrackerFrame(frame, tuple(self._body(vehicle) for vehicle in self.vehicles))
 
     def _body(self, vehicle: SimulatedVehicle) -> TrackedBody:
-        pose: Pose = self.laboratory.measured_pose(vehicle.name)
+        pose = self.laboratory.seen_pose(vehicle.name)
+        if pose is None:
+            return TrackedBody(vehicle.subject, (0.0, 0.0, 0.0), occluded=True)
         return TrackedBody(vehicle.subject, pose.position_m, pose.quaternion_xyzw)
 
     def close(self) -> None:

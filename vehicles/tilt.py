@@ -5,10 +5,11 @@ Its dynamics do not prefer any direction, so the heading enters at one place onl
 body frame. A *demand* e [m/s^2] is the stick times its gain b, turned into the inertial frame, after the
 servo's lag; a model of this module gives the acceleration a:
 
-    core' = A core + B e,    a = C core + D e,    tilt = S core
+    core' = A core + B e + E (w - v),    a = C core + D e,    tilt = S core
 
-with a steady gain of one from demand to acceleration, before the stabilizer bar follows the mast. A vehicle
-without a tilt model answers by a first-order lag, as equation (1) of the paper assumes.
+with the velocities w of the air and v of the vehicle, as airspeed makes rotors flap, and a steady gain of
+one from demand to acceleration in still air, before the stabilizer bar follows the mast. A vehicle without a
+tilt model answers by a first-order lag, as equation (1) of the paper assumes.
 """
 
 import math
@@ -24,7 +25,8 @@ class TiltDynamics:
     """Continuous dynamics from demand to acceleration, inertial frame; n core states.
 
     Matrices a, b, c, d have the shapes (n, n), (n, 2), (2, n), (2, 2). The first two core states are the
-    tilt; `rate` are the indices of its rates.
+    tilt; `rate` are the indices of its rates, which the air accelerates by `flapping` times its velocity past
+    the vehicle.
     """
 
     a: Array
@@ -32,6 +34,7 @@ class TiltDynamics:
     c: Array
     d: Array
     rate: slice
+    flapping: float
 
     @property
     def size(self) -> int:
@@ -68,6 +71,8 @@ class TiltModel:
     direct_m: float = 0.0
     """Acceleration by the tilted lower rotor itself over the angular acceleration it causes
     [m/s^2 per rad/s^2]: T_l I / (m (T_l d_l + 2 k_sl))."""
+    flapping_rad_s_m: float = 0.0
+    """M_u: angular acceleration by which airspeed tilts the vehicle back [rad/s^2 per m/s]."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -85,6 +90,12 @@ class TiltModel:
             raise ValueError("bar_time_constant_s: must be above 0, got 0")
         if self.upper_share >= 1.0:
             raise ValueError(f"upper_share: must be below 1, got {self.upper_share}")
+
+    @property
+    def flapping_drag_per_s(self) -> float:
+        """Deceleration per airspeed by the tilt that flapping causes, before the bar follows [1/s]."""
+        share = math.cos(self.upper_phase_rad) - self.upper_share
+        return GRAVITY_M_S2 * share * self.flapping_rad_s_m / self.frequency_rad_s**2
 
     def dynamics(self) -> TiltDynamics:
         """Continuous dynamics with the core states tilt (2), tilt rate (2) and, with a bar, its direction
@@ -104,4 +115,4 @@ class TiltModel:
             following = eye / self.bar_time_constant_s
             a = np.block([[a, np.vstack((none, pull))], [following, none, -following]])
             b, c = np.vstack((b, none)), np.hstack((c, hanging))
-        return TiltDynamics(a, b, c, self.direct_m * lever, slice(2, 4))
+        return TiltDynamics(a, b, c, self.direct_m * lever, slice(2, 4), self.flapping_rad_s_m)

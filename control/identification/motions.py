@@ -114,6 +114,8 @@ _VELOCITY_DENSITY: Final = 0.01
 _RATE_DENSITY: Final = 0.1
 """Errors of the tilt model as a random walk of the tilt rate. A larger value biases frequency and servo lag
 upwards, because the fit then trusts single noisy tilts."""
+_FLAPPING_RATE_DENSITY: Final = 0.35
+"""The same where rotors flap: with less, the fit explains the wait for radio frames by flapping."""
 _SERVO_DENSITY: Final = 0.01
 _ACTUATOR_DENSITY: Final = 0.001
 WIND_M_S2: Final = 0.15
@@ -203,7 +205,9 @@ def _horizontal_system(model: Model, period_s: float, with_tilt: bool) -> Linear
         servo, wind, rate = lateral.servo.start // 2, lateral.wind.start // 2, [lateral.tilt_rate.start // 2]
     c = np.eye(3, len(b), dtype=complex)[[0, 2] if with_tilt else [0]]
     density = np.zeros(len(b))
-    density[1], density[servo], density[rate] = _VELOCITY_DENSITY, _SERVO_DENSITY, _RATE_DENSITY
+    flaps = model.tilt is not None and model.tilt.flapping_rad_s_m > 0.0
+    density[1], density[servo] = _VELOCITY_DENSITY, _SERVO_DENSITY
+    density[rate] = _FLAPPING_RATE_DENSITY if flaps else _RATE_DENSITY
     density[wind] = WIND_M_S2 * np.sqrt(2.0 / WIND_CORRELATION_S)
     noise = np.array([POSITION_NOISE_M, TILT_NOISE])[: len(c)]
     return LinearSystem(a, b, c, density**2, noise**2)

@@ -109,6 +109,7 @@ DAMPING: Final = _number("tilt damping", "model.tilt.damping_ratio", "", 0.7)
 _DELAY: Final = Parameter(
     "transport delay", "s", 0.01, False, lambda candidate: candidate.model.delay_s, _with_delay
 )
+FLAPPING: Final = _number("flapping", "model.tilt.flapping_rad_s_m", "rad/(s m)", 0.35)
 _HORIZONTAL: Final = (PITCH_GAIN, ROLL_GAIN, _of_both("drag", "damping", "1/s", 0.4, -1.0), _DELAY)
 _TRIM: Final = (
     _number("pitch trim", "offsets.trim", "", 0.03, 0, positive=False),
@@ -122,7 +123,7 @@ _TILT: Final = (
     _number("upper phase", "model.tilt.upper_phase_rad", "rad", 0.1, positive=False),
     _number("lower phase", "model.tilt.lower_phase_rad", "rad", 0.1, positive=False),
     _number("upper share", "model.tilt.upper_share", "", 0.15),
-    _number("direct lift", "model.tilt.direct_m", "m", 0.2),
+    _number("direct lift", "model.tilt.direct_m", "m", 0.35),
 )
 _PLAIN_TILT: Final = _TILT[:3]
 _BAR: Final = (_number("bar time constant", "model.tilt.bar_time_constant_s", "s", 0.3),)
@@ -164,6 +165,7 @@ def horizontal_parameters(model: Model, with_tilt: bool) -> tuple[Parameter, ...
         *_HORIZONTAL,
         *(_TILT if bar else _PLAIN_TILT),
         *(_BAR if bar else ()),
+        *((FLAPPING,) if model.tilt.flapping_rad_s_m else ()),
         *_TRIM,
         *(_BODY if with_tilt else ()),
     )

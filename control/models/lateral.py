@@ -4,7 +4,7 @@
     input   demand e = R(psi) b (stick + trim)                                   [m/s^2]
 
 Nothing in it depends on the heading except the direction of the demand, so its matrices are computed once.
-The drag is the mean of the two body axes.
+The drag is the mean of the two body axes; the wind, an acceleration by drag, also makes the rotors flap.
 
 A vehicle is predicted with sticks instead of demands: its *lateral state* has the servo's stick in place of
 the servo's demand, and the trim after the wind. Both turn with the body.
@@ -27,6 +27,7 @@ VELOCITY: Final = slice(2, 4)
 CORE_FROM: Final = 4
 WIND_CORRELATION_S: Final = 0.5
 """Correlation time of the wind's acceleration."""
+_LEAST_DRAG_PER_S: Final = 0.2
 
 
 class LateralStep(NamedTuple):
@@ -79,6 +80,11 @@ def predict_lateral(step: LateralStep, x: Array, stick: Array, yaw_rad: float) -
     return after, F
 
 
+def gust_speed_s(model: Model) -> float:
+    """Return the speed of the wind over the acceleration that it causes by drag."""
+    return 2.0 / max(-sum(model.damping[:2]), _LEAST_DRAG_PER_S)
+
+
 class LateralSystem:
     """Continuous dynamics, and discrete matrices for one period during which the demand is constant.
 
@@ -114,6 +120,8 @@ class LateralSystem:
         self.continuous[VELOCITY, self.core] = dynamics.c
         self.continuous[VELOCITY, self.servo] = dynamics.d
         self.continuous[VELOCITY, self.wind] = np.eye(2)
+        self.continuous[self.tilt_rate, VELOCITY] = -dynamics.flapping * np.eye(2)
+        self.continuous[self.tilt_rate, self.wind] = dynamics.flapping * gust_speed_s(model) * np.eye(2)
         self.continuous[self.core, self.core] = dynamics.a
         self.continuous[self.core, self.servo] = dynamics.b
         self.continuous[self.servo, self.servo] = -np.eye(2) / model.tilt.servo_lag_s

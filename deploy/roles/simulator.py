@@ -38,7 +38,8 @@ def conditions_of(fleet: FleetFile) -> Conditions:
     low, high = fleet.volume.min_m, fleet.volume.max_m
     conditions = replace(
         PRESETS[preset],
-        transport_delay_s=0.0,  # the emulated radio link has its own
+        transport_delay_s=0.0,  # the emulated radio link has its own delay and frames
+        radio_period_s=0.0,
         volume_min_m=(low[0], low[1], -0.1),
         volume_max_m=high,
     )

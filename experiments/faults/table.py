@@ -294,9 +294,9 @@ VEHICLE_ROWS: Final = (
     ),
     _broken(
         "vehicle-drifts",
-        "Pitch and roll of h2 act eight times as strongly and late for 5 s, then its roll trim steps by 0.08",
+        "Pitch and roll of h2 act eight times as strongly and late for 5 s, then its roll trim steps by 0.07",
         _inject("break_vehicle", "h2", 5.0, cyclic_factor=8.0, delay_s=0.08),
-        _inject("break_vehicle", "h2", trim=(0.0, 0.08, 0.0, 0.0)),
+        _inject("break_vehicle", "h2", trim=(0.0, 0.07, 0.0, 0.0)),
         promise=Promise.LANDS_AND_REPORTS,
     ),
     FaultFlight(

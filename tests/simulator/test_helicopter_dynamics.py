@@ -23,7 +23,7 @@ from rcopterx.simulator.helicopter_dynamics import (
 from rcopterx.simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters
 from rcopterx.vehicles.state import GRAVITY_M_S2, Array
 
-CALM = (0.0, 0.0, 0.0, 0.0)
+CALM = 6 * (0.0,)
 HIGH = (0.0, 0.0, 50.0)
 HOVER = (GRAVITY_M_S2 / 18.0, 0.0)
 STEP_S = 0.004
@@ -81,7 +81,7 @@ def test_hover_speeds_of_the_published_vehicle_are_an_equilibrium(size: float) -
 def test_small_motions_have_the_fast_mode_and_the_creep_of_the_published_vehicle(
     size: float, fast_rad_s: float
 ) -> None:
-    vehicle = replace(HelicopterParameters.nominal(size), added_damping=0.0)
+    vehicle = replace(HelicopterParameters.nominal(size), added_damping=0.0, flapping_rad_s_m=0.0)
     assert vehicle.fast_mode_rad_s == pytest.approx(fast_rad_s, rel=0.01)
     eigenvalues = np.linalg.eigvals(linearised(vehicle))
     fast = [value for value in eigenvalues if value.imag > 0.7 * fast_rad_s]
@@ -121,12 +121,37 @@ def test_step_of_the_pitch_stick_tilts_as_published() -> None:
 @settings(max_examples=5, deadline=None)
 def test_stick_has_the_gain_of_the_identified_vehicle_before_the_bar_creeps(axis: int, size: float) -> None:
     # A bar that never follows the mast leaves the plateau standing.
-    vehicle = replace(HelicopterParameters.nominal(size), bar_time_constant_s=1e6, drag_per_s=(0.0, 0.0))
+    vehicle = replace(
+        HelicopterParameters.nominal(size),
+        bar_time_constant_s=1e6,
+        drag_per_s=(0.0, 0.0),
+        flapping_rad_s_m=0.0,
+    )
     swash = swash_target(vehicle, *(0.01 * np.eye(2)[axis]))
     state = flown(vehicle, hovering(vehicle), 4.0, swash)
     later = flown(vehicle, state, 1.0, swash)
     acceleration = np.subtract(later[3:5], state[3:5])[axis] / 0.01
     assert acceleration == pytest.approx(NOMINAL_PLATEAU_M_S2[axis], rel=0.01)
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 2.0])
+def test_airspeed_tilts_the_vehicle_against_it(yaw_rad: float) -> None:
+    vehicle = HelicopterParameters.nominal()
+    airframe, state = airframe_of(vehicle), hovering(vehicle, yaw_rad)
+    hover = Controls(0.0, 0.0, True, *HOVER)
+
+    def tilting(state: State, air: tuple[float, ...]) -> Array:
+        """Angular acceleration of the mast towards inertial x and y."""
+        rate = derivative(airframe, state, hover, 1.0, air)
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        return np.array((c * rate.q + s * rate.p, s * rate.q - c * rate.p))
+
+    still = tilting(state, CALM)
+    flying = tilting(state._replace(vx=0.4, vy=-0.2), CALM) - still
+    assert flying == pytest.approx([-0.4 * vehicle.flapping_rad_s_m, 0.2 * vehicle.flapping_rad_s_m])
+    drag = sum(vehicle.drag_per_s) / 2
+    gust = tilting(state, (0.4 * drag, -0.2 * drag, 0.0, 0.0, 0.0, 0.0)) - still
+    assert gust == pytest.approx(-flying)
 
 
 @given(thrust=st.floats(0.2, 1.0))
@@ -167,6 +192,7 @@ def test_body_without_rotors_and_air_keeps_its_energy_and_angular_momentum(
         spring_upper_n_m=1e-12,
         spring_lower_n_m=1e-12,
         drag_per_s=(0.0, 0.0),
+        flapping_rad_s_m=0.0,
         added_damping=0.0,
     )
     inertia = np.array(vehicle.inertia_kg_m2)

@@ -14,10 +14,12 @@ from rcopterx.simulator.disturbance import TURBULENCE, ColouredNoise, random_str
 from rcopterx.simulator.helicopter import Helicopter
 from rcopterx.simulator.helicopter_dynamics import Controls, airframe_of, step, swash_target
 from rcopterx.simulator.helicopter_parameters import HelicopterParameters
-from rcopterx.simulator.plant import PlantFaults, Pose
+from rcopterx.simulator.plant import PlantFaults, Pose, Wake
 from rcopterx.vehicles.state import U_THRUST
 
-WINDY = replace(HELICOPTER, transport_delay_s=0.0, battery_endurance_s=2.0, battery_sag=0.3)
+WINDY = replace(
+    HELICOPTER, transport_delay_s=0.0, radio_period_s=0.0, battery_endurance_s=2.0, battery_sag=0.3
+)
 VEHICLE = replace(HelicopterParameters.nominal(), servo_step=0.0, trim=(0.0, 0.0, 0.0, 0.0))
 STICKS = (0.3, -0.2, 0.55, 0.4)
 
@@ -44,7 +46,7 @@ class StepByStep:
         self.used_s += step_s * STICKS[U_THRUST] / COAXIAL.hover_input[U_THRUST]
         left = 1.0 - conditions.battery_sag * min(self.used_s / conditions.battery_endurance_s, 1.0)
         x, y, z, yaw = self.noise.at(self.time_s + step_s / 2)
-        air = (x, y, z - plant.downwash_m_s2, yaw)
+        air = (x, y, z - plant.wake.down_m_s2, yaw, 0.0, 0.0)
         state = step(self.airframe, self.state, self.controls, left * plant.faults.thrust_factor, air, step_s)
         self.state = state
         w, i, j, k = state.qw, state.qx, state.qy, state.qz
@@ -63,7 +65,7 @@ def test_flight_is_that_of_single_steps(
 ) -> None:
     conditions = replace(WINDY, turbulence_rms=rms, volume_min_m=(-0.01, -0.01, 0.0))
     plant = Helicopter("h1", COAXIAL, conditions, seed, Pose((0.0, 0.0, height_m), 3.1), VEHICLE)
-    plant.downwash_m_s2, plant.faults = 0.3, PlantFaults(thrust_factor=thrust)
+    plant.wake, plant.faults = Wake(0.3), PlantFaults(thrust_factor=thrust)
     plain = StepByStep(plant, conditions, seed)
     plant.set_input(STICKS)
     for count in (1, 7, 90):

@@ -133,7 +133,7 @@ class LateralTilt:
         system, tilt = lateral_system(model, period_s), model.tilt
         assert tilt is not None
         lag_s = tilt.servo_lag_s + 2.0 * tilt.damping_ratio / tilt.frequency_rad_s
-        drag = float(model.k[HORIZONTAL].mean())
+        drag = float(model.k[HORIZONTAL].mean()) - tilt.flapping_drag_per_s
         self._steering = steering = Steering(model.b[HORIZONTAL], drag, lag_s / period_s)
         A, B = system.transition, system.demand
         W = np.zeros(ROWS)

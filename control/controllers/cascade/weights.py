@@ -20,7 +20,7 @@ from rcopterx.vehicles.tuples import Four
 
 _LAG_STATES: Final = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 40.0, 1.0)
 _TILT_POSITIONS: Final = (100.0, 100.0, 100.0, 10.0)
-LAG_FLOORS: Final = (1.5, 1.5, 1.5, 5.0)
+LAG_FLOORS: Final = (1.5, 1.5, 5.0, 5.0)
 """Least weights of pitch, roll, thrust and yaw of a vehicle without a tilt model."""
 
 

@@ -33,7 +33,13 @@ def others() -> list[LinearVehicle]:
     tilt = COAXIAL.tilt
     assert isinstance(tilt, TiltModel)
     return [
-        linear(replace(COAXIAL, tilt=replace(tilt, frequency_rad_s=frequency), uncertainty=IDENTIFIED))
+        linear(
+            replace(
+                COAXIAL,
+                tilt=replace(tilt, frequency_rad_s=frequency, damping_ratio=0.3),
+                uncertainty=IDENTIFIED,
+            )
+        )
         for frequency in (10.0, 17.0)
     ]
 
