@@ -105,6 +105,11 @@ class Arbiter:
         """Thrust at which the vehicle hovers, as far as the arbiter has learned it."""
         return self._shaping.hover_thrust
 
+    @property
+    def grounded(self) -> bool:
+        """Whether the thrust has been low for so long that the vehicle stands on the floor."""
+        return self._grounded(self._now_s)
+
     def pose(self, pose: PoseInput, now_s: float) -> None:
         """Take a raw pose of the own or another vehicle."""
         if pose.vehicle != self._vehicle:

@@ -92,7 +92,8 @@ class LastApplied(Struct, frozen=True):
     """What a process of this gateway wrote last, for its successor; `written_s` is on the monotonic clock.
 
     `hover_thrust` is the learned one; `commanded`: commands count; `mistaken`: the own poses may be those of
-    another body; `ready`: the module was ready.
+    another body; `ready`: the module was ready; `grounded`: the thrust had been low for so long that the
+    vehicle stood on the floor.
     """
 
     state: State
@@ -104,6 +105,7 @@ class LastApplied(Struct, frozen=True):
     commanded: bool = False
     mistaken: bool = False
     ready: bool = False
+    grounded: bool = False
 
 
 class Answer(Struct, frozen=True):

@@ -18,11 +18,11 @@ from typing import Final
 
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, LastApplied, State
 
-RECORD: Final = struct.Struct("<Qd4dQQdB???")
+RECORD: Final = struct.Struct("<Qd4dQQdB????")
 CHECKSUM: Final = struct.Struct("<I")
 SLOT_BYTES: Final = 128
 PAGE_BYTES: Final = 2 * SLOT_BYTES
-FORMAT: Final = b"rcopterx state 1"
+FORMAT: Final = b"rcopterx state 2"
 BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 STATES: Final = tuple(State)
 NOT_FLYING: Final = LastApplied(State.DISARMED, NEUTRAL, -math.inf, lease=0, issued=0, hover_thrust=0.0)
@@ -41,6 +41,7 @@ def encode(number: int, last: LastApplied, boot: bytes) -> bytes:
         last.commanded,
         last.mistaken,
         last.ready,
+        last.grounded,
     )
     return record + CHECKSUM.pack(_checksum(record, boot))
 
@@ -52,13 +53,11 @@ def decode(slot: bytes, boot: bytes) -> tuple[int, LastApplied] | None:
         _checksum(record, boot),
     ):
         return None
-    number, written_s, *u, lease, issued, hover_thrust, state, commanded, mistaken, ready = RECORD.unpack(
+    number, written_s, pitch, roll, thrust, yaw, lease, issued, hover_thrust, state, *flags = RECORD.unpack(
         record
     )
-    inputs = u[0], u[1], u[2], u[3]
-    return number, LastApplied(
-        STATES[state], inputs, written_s, lease, issued, hover_thrust, commanded, mistaken, ready
-    )
+    u = pitch, roll, thrust, yaw
+    return number, LastApplied(STATES[state], u, written_s, lease, issued, hover_thrust, *flags)
 
 
 def _checksum(record: bytes, boot: bytes) -> int:

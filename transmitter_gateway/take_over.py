@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rcopterx.transmitter_gateway.inputs import FLYING, THRUST, LastApplied
+from rcopterx.transmitter_gateway.inputs import FLYING, LastApplied
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.surveillance import Track
 
@@ -13,14 +13,15 @@ def take_over_problem(
     """Why a vehicle with this last output and this track is not taken over, None if it is.
 
     The silence is that of an earlier process of this gateway, or of a port that was away. A vehicle that is
-    not seen yet is taken over: its rotor turns by the last frame, and a pose may be late.
+    not seen yet is taken over: its rotor turns by the last frame, and a pose may be late. A thrust that was
+    low for a moment belongs to a flight.
     """
     if last.state not in FLYING:
         return f"{last.state} before"
     if now_s >= last.written_s + limits.take_over_s:
         return f"no frames for {now_s - last.written_s:.2f} s, longer than {limits.take_over_s:g} s"
-    if not last.u[THRUST] > limits.low_thrust:
-        return "the thrust was low"
+    if last.grounded:
+        return "it stood on the floor"
     if seen_on_floor(track, limits):
         return "it may stand on the floor"
     return None

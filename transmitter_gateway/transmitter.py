@@ -164,6 +164,7 @@ class Transmitter:
             commanded=arbiter.commanded and not self._shutdown,
             mistaken=arbiter.surveillance.mistaken,
             ready=self._ready,
+            grounded=arbiter.grounded,
         )
 
     @property
@@ -177,7 +178,7 @@ class Transmitter:
         seen = track is not None and track.position_m is not None
         if seen and now_s < self._unknown_until_s:
             self._written_u, self._written_s = (0.0, 0.0, self.arbiter.hover_thrust, 0.0), now_s
-            self._last = structs.replace(self._applied(), state=State.LAND)
+            self._last = structs.replace(self._applied(), state=State.LAND, grounded=False)
         if seen or now_s >= self._unknown_until_s:
             self._unknown_until_s = -math.inf
         last = self._last
