@@ -101,7 +101,7 @@ def test_normal_flights_of_drawn_vehicles_are_left_alone(seed: int, events: Sequ
 
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_long_turn_at_the_largest_rate_is_calm_although_sticks_act_late(seed: int) -> None:
-    """50 ms later than the model says, with radio frames and slew rates; the rule of the margins has 30 ms."""
+    """50 ms later than the model says, with radio frames and slew rates; the rule has 30 ms."""
     turn = GoTo(1.0, "h1", (0.0, 0.0, 1.0), 3 * np.pi)
     rig, record = flown(COAXIAL, seed, 6.0, (turn,), delay_s=0.07)
     assert rig.guards["h1"].events[OSCILLATION] == 0
