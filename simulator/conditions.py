@@ -59,8 +59,8 @@ class Conditions:
     latter need the extra `physics`, have the full sticks of the type `crazyflie`, and ignore `actuator_lag`,
     `lag_mismatch` and `parameter_mismatch`."""
     downwash_m_s2: float = 0.0
-    """Downward acceleration of a vehicle that flies 0.3 m or less below another; further below it falls with
-    1 / distance, and to the sides by e within 0.2 m, more below. Where it grows sidewards it tilts
+    """Downward acceleration of a vehicle that flies 0.1 to 0.3 m below another; further below it falls with
+    1 / distance, and to the sides by e within 0.16 m, more below. Where it grows sidewards it tilts
     helicopters."""
     radio_period_s: float = 0.0
     """Inputs wait for the next radio frame, one every so many seconds; zero for none. A simulation that

@@ -19,8 +19,10 @@ from rcopterx.vehicles.model import Model
 
 CLOSE_M: Final = 0.3
 """Distance below a rotor up to which its downwash is at full strength; beyond, it falls with 1 / distance."""
-WIDTH_M: Final = 0.17
-SPREAD: Final = 0.1
+BEGIN_M: Final = 0.1
+"""Distance below a rotor over which its downwash develops."""
+WIDTH_M: Final = 0.1
+SPREAD: Final = 0.2
 """Horizontal distance at which it has fallen by e: at the rotor, and what is added per distance below."""
 
 
@@ -32,7 +34,8 @@ def wake_below(x_m: float, y_m: float, below_m: float, strength_m_s2: float) -> 
     if below_m <= 0.0:
         return STILL
     width_m = WIDTH_M + SPREAD * below_m
-    down = strength_m_s2 * min(CLOSE_M / below_m, 1.0) * math.exp(-(x_m**2 + y_m**2) / width_m**2)
+    share = min(below_m / BEGIN_M, CLOSE_M / below_m, 1.0)
+    down = strength_m_s2 * share * math.exp(-(x_m**2 + y_m**2) / width_m**2)
     return Wake(down, -2.0 * x_m / width_m**2 * down, -2.0 * y_m / width_m**2 * down)
 
 
