@@ -37,9 +37,9 @@ LIMIT_CYCLE_MRAD: Final = 100.0
 
 TARGETS_MM: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(
     {
-        "default / tilt measured": (22.0, 40.0),
+        "default / tilt measured": (20.0, 35.0),
         "default / positions only": (25.0, 50.0),
-        "identified / tilt measured": (12.0, 22.0),
+        "identified / tilt measured": (9.0, 16.0),
         "identified / positions only": (14.0, 28.0),
         "exact / tilt measured": (9.0, 16.0),
         "exact / positions only": (11.0, 20.0),
