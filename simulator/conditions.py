@@ -140,6 +140,7 @@ VICON_CRAZYFLIE: Final = replace(
     position_noise_m=0.00003,
     angle_noise_rad=0.001,
     battery_endurance_s=270.0,
+    dropout_fraction=0.0006,
 )
 """Crazyflies in the room, under the Tracker and with the battery of real flights."""
 
