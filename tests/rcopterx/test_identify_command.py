@@ -45,6 +45,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     position = np.column_stack((plane, upright[:, 0])) + 3e-4 * random.standard_normal((rows, 3))
     path = tmp_path_factory.mktemp("flight") / "flight.npz"
     noisy = upright[:, 1] + 2e-3 * random.standard_normal(rows)
+    tilt += 2e-3 * random.standard_normal((rows, 2))
     FlightRecording(model.kind, PERIOD_S, position, noisy, tilt, inputs).save(path)
     return path
 
