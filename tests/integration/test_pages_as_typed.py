@@ -94,11 +94,18 @@ NOT_TYPED = {
             "fleets --resume fleets.jsonl",
             "family --json --plot docs/figures/family.svg",
             "hover --conditions helicopters --seeds 100,101,102,103,104",
-            "family --seeds 0,1,2,3,4,5,6,7,8,9",
+            "family --seeds 100,101,102,103,104,105,106,107,108,109,110,111",
             "family --conditions crazyflies",
             "fleets --conditions crazyflies",
+            "family --conditions vicon_crazyflie --seeds 100,101,102,103,104,105,106,107,108,109 "
+            "--knowledge default",
         )
     },
+    "rcopterx experiment real-flights nanobench --json --plot docs/figures/real_flights.svg": (
+        "wants recorded flights",
+        "tests/experiments/test_real_flights.py",
+    ),
+    "python examples/hundred.py 0.05": (HOURS, "tests/benchmarks/test_scale_benchmark.py"),
     "echo '@dialout - rtprio 40' | sudo tee /etc/security/limits.d/rcopterx.conf": (
         COMPUTER,
         "tests/test_real_time_page.py",
