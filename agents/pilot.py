@@ -220,7 +220,7 @@ class Pilot:
         event = EVENT_OF_STATE[state]
         if event is Event.OVERRIDE:
             # No command of this agent acts.
-            self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, value)
+            self._record_input(value)
         if not self.informed and event is not Event.DISARM and self._in_the_air(value):
             event = Event.RESUME
             if not self._watched:
@@ -238,7 +238,7 @@ class Pilot:
         self._watched = EVENT_OF_STATE[state] is not Event.DISARM and self._in_the_air(value)
         if self._watched and not before:
             self.input_history = InputHistory(value)
-        self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, value)
+        self._record_input(value)
 
     def take_off(self, height_m: float) -> str | None:
         """Begin to take off; a refusal is returned as its reason."""
@@ -307,7 +307,7 @@ class Pilot:
             flying = guidance.phase is Phase.FLYING
             exciter.watch(time_s, self.estimate.motion[:YAW], self._blind_s, flying)
         if self._standing:
-            return self._stand(time_s + delay_s)
+            return self._stand()
         if self.step_guard.given_up:
             self._use_default_controller()
         controller, last_input = self.controller, self.input_history.newest
@@ -331,15 +331,19 @@ class Pilot:
         inputs = as_sent(self.vehicle_watch.without_broken_axis(inputs), self.model)
         command, self._planned = inputs[0], inputs[1:]
         self._check_vehicle(command, time_s)
-        self.input_history.append(time_s + delay_s, self.sequence, command)
+        self._record_input(command)
         return ControlOutput(command, self._planned, step.plan, delay_s, self.reference, nominal)
 
     def fly_as_planned(self) -> None:
         """Leave out a control period: the transmitter gateway plays the input planned for it."""
         if len(self._planned):
-            self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, self._planned[0])
+            self._record_input(self._planned[0])
             self._planned = self._planned[1:]
             self.fallbacks["control_left_out"] += 1
+
+    def _record_input(self, value: Array) -> None:
+        """Record an input sent now, which acts a transport delay later."""
+        self.input_history.append(self.clock.time_s + self.model.delay_s, self.sequence, value)
 
     def _check_vehicle(self, command: Array, time_s: float) -> None:
         """Land if the vehicle does not follow its sticks."""
@@ -374,7 +378,7 @@ class Pilot:
     def _in_the_air(self, value: Array) -> bool:
         return bool(value[U_THRUST] > 0.5 * self.model.hover_input[U_THRUST])
 
-    def _stand(self, effect_from_s: float) -> ControlOutput:
+    def _stand(self) -> ControlOutput:
         """Return the output on the floor: rotor off, or turning up in open loop."""
         period_s, rising = self.controller.period_s, self._lift_off.under_way
         inputs = np.zeros((self._bridged_rows if rising else 1, INPUT_SIZE))
@@ -384,7 +388,7 @@ class Pilot:
         self._flown_by_controller = False
         self.plan = self.reference = None
         self._planned = inputs[1:]
-        self.input_history.append(effect_from_s, self.sequence, inputs[0])
+        self._record_input(inputs[0])
         plan = resting(self.estimate, period_s, self.controller.horizon)
         return ControlOutput(inputs[0], inputs[1:], plan, self.model.delay_s, None)
 
