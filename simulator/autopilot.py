@@ -12,7 +12,7 @@ from rcopterx.simulator.plant import Plant
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.simulator.vehicle_udp import UdpVehicle
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
-from rcopterx.transmitter_gateway.protocols.mavlink import FORCE, set_point_of
+from rcopterx.transmitter_gateway.protocols.mavlink import FORCE, packed, set_point_of
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import MODES, MavlinkSettings
 from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
@@ -127,9 +127,7 @@ class EmulatedAutopilot(UdpVehicle):
         ]
 
     def _packed(self, message: Any) -> bytes:
-        packet: bytes = message.pack(self._mav)
-        self._mav.seq = (self._mav.seq + 1) % 256
-        return packet
+        return packed(self._mav, message)
 
     def _take(self, packet: Any, now_s: float) -> None:
         point, heading_rad = set_point_of(packet)

@@ -77,9 +77,7 @@ class MavlinkProtocol(SetPointRadio):
         return b"".join(packets)
 
     def _packed(self, message: Any) -> bytes:
-        packet: bytes = message.pack(self._mav)
-        self._mav.seq = (self._mav.seq + 1) % 256
-        return packet
+        return packed(self._mav, message)
 
     def probe(self) -> bytes:
         """Return a heartbeat; an autopilot answers to its sender."""
@@ -224,6 +222,13 @@ class MavlinkProtocol(SetPointRadio):
                 "a pilot or a failsafe has changed the mode" if state.armed else "the autopilot has disarmed"
             )
         return "someone else has armed the vehicle" if state.armed and not state.obeys else None
+
+
+def packed(mav: mavlink.MAVLink, message: Any) -> bytes:
+    """Pack a message with the next sequence number of its sender."""
+    packet: bytes = message.pack(mav)
+    mav.seq = (mav.seq + 1) % 256
+    return packet
 
 
 def set_point_of(message: Any) -> tuple[SetPoint, float]:
