@@ -27,7 +27,7 @@ from rcopterx.simulator.identified_crazyflie import (
     crazyflie_of,
 )
 from rcopterx.simulator.plant import Pose
-from rcopterx.vehicles.model import DAMPING_FACTOR, IDENTIFIED, Model, Uncertainty
+from rcopterx.vehicles.model import IDENTIFIED, Model, Uncertainty, damping_range
 from rcopterx.vehicles.state import GRAVITY_M_S2, four
 from rcopterx.vehicles.tilt import TiltModel
 from rcopterx.vehicles.tuples import Three
@@ -159,8 +159,7 @@ def exact_model(parameters: HelicopterParameters) -> Model:
 
 def _known(tilt: TiltModel) -> Uncertainty:
     """Uncertainty of a vehicle with a tilt that an identification found."""
-    ratio = tilt.damping_ratio
-    return replace(IDENTIFIED, tilt_damping=(ratio / DAMPING_FACTOR, ratio * DAMPING_FACTOR))
+    return replace(IDENTIFIED, tilt_damping=damping_range(tilt.damping_ratio))
 
 
 def exact_crazyflie(vehicle: IdentifiedCrazyflie) -> Model:

@@ -68,6 +68,11 @@ DAMPING_FACTOR: Final = 1.25
 """Factor by which the damping ratio of its tilt may be off."""
 
 
+def damping_range(ratio: float, factor: float = DAMPING_FACTOR) -> Two:
+    """Return the least and the largest damping ratio that differ from one by a factor."""
+    return ratio / factor, ratio * factor
+
+
 @dataclass(frozen=True)
 class Model:
     """Parameters of equation (1) with actuator lag and delay and the limits of one vehicle.

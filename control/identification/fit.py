@@ -37,7 +37,7 @@ from rcopterx.control.identification.residuals import (
     plane_innovations,
     settled,
 )
-from rcopterx.vehicles.model import DAMPING_FACTOR, IDENTIFIED, Model, Uncertainty
+from rcopterx.vehicles.model import DAMPING_FACTOR, IDENTIFIED, Model, Uncertainty, damping_range
 from rcopterx.vehicles.state import U_THRUST, Array
 from rcopterx.vehicles.tuples import Two
 
@@ -349,10 +349,10 @@ def _damping_range(model: Model, before: Model, deviation: float) -> Two | None:
     known = before.uncertainty.tilt_damping
     if model.tilt is None:
         return known
-    ratio, factor = model.tilt.damping_ratio, max(DAMPING_FACTOR, 1.0 + _THREE_DEVIATIONS * deviation)
+    factor = max(DAMPING_FACTOR, 1.0 + _THREE_DEVIATIONS * deviation)
     if known is not None and factor**2 > known[1] / known[0]:
         return known
-    return ratio / factor, ratio * factor
+    return damping_range(model.tilt.damping_ratio, factor)
 
 
 def _too_little(numbers: Sequence[FittedParameter]) -> list[str]:
