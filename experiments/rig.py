@@ -32,6 +32,7 @@ from rcopterx.experiments.record import FlightRecord, Recorder
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
+from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
 
@@ -42,7 +43,7 @@ NO_BUS: Final = BusAddress((), "rig")
 ROOM_M: Final = 100.0
 PERIOD_S: Final = 0.02
 """Period of the motion capture and of control."""
-SLEW_PER_S: Final[Array] = np.array((20.0, 20.0, 4.0, 8.0))
+SLEW_PER_S: Final[Array] = np.array(Calibration().slew_per_s)
 """Slew rates of the sticks, those of a calibration by default."""
 PROGRESS_EVERY_S: Final = 5.0
 SETTLED_S: Final = 5.0
