@@ -13,8 +13,9 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from rcopterx.control.identification.fit import Identification, identify
-from rcopterx.control.identification.flight_csv import FullSticks, is_csv, read_flight
+from rcopterx.control.identification.flight_csv import CommandScale, is_csv, read_flight
 from rcopterx.control.identification.recording import FlightRecording, RecordingError
+from rcopterx.control.identification.residuals import SETTLE_S
 from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Measurement
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.plugins import ESTIMATORS
@@ -31,7 +32,6 @@ FIRMWARE_THRUST: Final = 65535.0
 FEWEST: Final = 4
 AHEAD_S: Final = (0.1, 0.25, 0.5, 1.0)
 EVERY_S: Final = 0.1
-SETTLED_S: Final = 2.0
 SMOOTHED_S: Final = 0.3
 CONSTANT, TYPE, HOVERING, FITTED = "constant velocity", "type", "type, hover thrust set", "fitted"
 
@@ -50,7 +50,7 @@ class Followed:
 
 def follow(flight: FlightRecording, model: Model, estimator_name: str, constant: bool = False) -> Followed:
     """Run an estimator through a flight, and predict from it by the model, or at a constant velocity."""
-    period_s, settled = flight.period_s, round(SETTLED_S / flight.period_s)
+    period_s, settled = flight.period_s, round(SETTLE_S / flight.period_s)
     estimator = ESTIMATORS.build(estimator_name, model, period_s, {})
     noise_m = getattr(ESTIMATORS.load(estimator_name).Settings(), "position_noise_m", 0.0)
     time_s = period_s * np.arange(len(flight.yaw_rad))
@@ -96,7 +96,7 @@ def read_flights(directory: Path) -> tuple[dict[str, FlightRecording], dict[str,
     Raises `RecordingError` for fewer than `FEWEST` flights.
     """
     settings = CrazyflieSettings()
-    full = FullSticks(settings.full_tilt_deg, settings.full_yaw_rate_deg_s, FIRMWARE_THRUST)
+    full = CommandScale(settings.full_tilt_deg, settings.full_yaw_rate_deg_s, FIRMWARE_THRUST)
     flights, unusable = {}, {}
     for path in sorted(filter(is_csv, directory.iterdir())):
         name = path.name.partition(".")[0]

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any, Final
 
-from rcopterx.control.identification.flight_csv import FullSticks
+from rcopterx.control.identification.flight_csv import CommandScale
 from rcopterx.fleet.reading import replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import type_of
@@ -45,9 +45,9 @@ def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
     return radio
 
 
-def full_sticks_of(fleet: FleetFile, name: str) -> FullSticks:
+def command_scale_of(fleet: FleetFile, name: str) -> CommandScale:
     """Return what full sticks command a Crazyflie over its own radio; raises `FleetError` for others."""
     radio = protocol_of(fleet, name)
     if not isinstance(radio, CrazyflieProtocol):
         raise FleetError(f"vehicles.{name}: a CSV file is of a vehicle with the radio protocol 'crazyflie'")
-    return FullSticks(radio.settings.full_tilt_deg, radio.settings.full_yaw_rate_deg_s, FULL_THRUST)
+    return CommandScale(radio.settings.full_tilt_deg, radio.settings.full_yaw_rate_deg_s, FULL_THRUST)

@@ -1,4 +1,4 @@
-"""Flights recorded elsewhere: CSV files of poses and of what a firmware's attitude control was told.
+"""Flights recorded elsewhere: CSV files of poses and of the commands to a firmware's attitude control.
 
 The columns are those of NanoBench (https://github.com/syediu/nanobench-iros2026): seconds, metres, quaternion
 components, degrees, units of thrust, volts. Further columns are ignored.
@@ -33,7 +33,7 @@ _UNIT: Final = 0.01
 
 
 @dataclass(frozen=True)
-class FullSticks:
+class CommandScale:
     """What full sticks command: roll and pitch, rate of yaw, thrust in the firmware's units."""
 
     tilt_deg: float
@@ -46,7 +46,7 @@ def is_csv(path: Path) -> bool:
     return path.name.endswith(SUFFIXES)
 
 
-def read_flight(path: Path, kind: str, full: FullSticks) -> FlightRecording:
+def read_flight(path: Path, kind: str, full: CommandScale) -> FlightRecording:
     """Read the part of a CSV file in which the vehicle flies, as one of a type, at regular times.
 
     Raises `RecordingError`: the file cannot be read, a column is missing, a value is not a number, times do
@@ -89,7 +89,7 @@ def _number(text: str, line: int, column: str) -> float:
     return value
 
 
-def _recording(rows: Array, kind: str, full: FullSticks) -> FlightRecording:
+def _recording(rows: Array, kind: str, full: CommandScale) -> FlightRecording:
     height_m = rows[:, 1 + POSE.index("pz")] if len(rows) else np.zeros(1)
     flying = np.flatnonzero(height_m > height_m.min() + AIRBORNE_M)
     if len(flying) < 2:

@@ -121,14 +121,14 @@ def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
     """Read the recording of a vehicle."""
     from rcopterx.control.identification.flight_csv import is_csv, read_flight
     from rcopterx.control.identification.recording import load_recording
-    from rcopterx.fleet.radios import full_sticks_of
+    from rcopterx.fleet.radios import command_scale_of
     from rcopterx.fleet.vehicle_types import type_of
 
     try:
         if not is_csv(path):
             return load_recording(path)
         with user_errors():
-            full = full_sticks_of(file, name)
+            full = command_scale_of(file, name)
         return read_flight(path, type_of(file, name).name, full)
     except (ValueError, OSError) as error:
         raise failure(f"{name}: {error}") from None

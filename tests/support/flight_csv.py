@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rcopterx.control.identification.flight_csv import COLUMNS, FullSticks
+from rcopterx.control.identification.flight_csv import COLUMNS, CommandScale
 from rcopterx.control.identification.recording import FlightRecording
 
-FULL = FullSticks(tilt_deg=30.0, yaw_rate_deg_s=200.0, thrust=60_000.0)
+FULL = CommandScale(tilt_deg=30.0, yaw_rate_deg_s=200.0, thrust=60_000.0)
 FLOOR_ROWS = 20
 
 
