@@ -19,7 +19,7 @@ from rcopterx.experiments.events import Event, GoTo
 from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.knowledge import Knowledge, beyond_equation_1
 from rcopterx.experiments.record import rms, rms_and_max_mm
-from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigVehicle
+from rcopterx.experiments.rig import ROOM_M, SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, Scheme
 from rcopterx.simulator.conditions import Conditions
@@ -41,6 +41,8 @@ DEEP_HORIZON: Final = 30
 DEEP_START: Final = (1.0, 0.0, 1.0, 0.0)
 HOVER_FROM_S: Final = 4.0
 """Horizon of chains of helicopters, where their head begins, and from when on their hovering counts."""
+APART_M: Final = 0.6
+"""Distance of the vehicles of such a chain; nearer ones are in each other's wake."""
 STEPPED_S: Final = 12.0
 STEP_S: Final = 8.0
 STEP_M: Final = 0.4
@@ -136,17 +138,18 @@ def fly_helicopters(
     """Fly a chain of helicopters: hover, then a step of the head across the chain."""
     names = [f"h{number}" for number in range(1, length + 1)]
     links: FormationGraph = {HEAD: ()}
-    links |= {name: (_behind(leader, -0.1, 0.0, "inertial"),) for leader, name in pairwise(names)}
+    links |= {name: (_behind(leader, -APART_M, 0.0, "inertial"),) for leader, name in pairwise(names)}
     scheme = replace(CASCADE.knowing(knowledge), horizon=QUICK_HORIZON if quick else DEEP_HORIZON)
+    x, y, z, yaw = DEEP_START
+    low_m, high_m = (x - ROOM_M, y - ROOM_M, 0.0), (x + ROOM_M, y + ROOM_M, 2.0 * z)
     rig = Rig(
         [
-            replace(vehicle, deviation_share=share)
+            replace(vehicle, model=vehicle.model.within(low_m, high_m), deviation_share=share)
             for vehicle in vehicles(links, conditions, seed, scheme, DEEP_START)
         ],
         conditions,
         seed,
     )
-    x, y, z, yaw = DEEP_START
     stepped_s, end_s = (HOVER_FROM_S + 1.0, HOVER_FROM_S + 3.0) if quick else (STEPPED_S, STEPPED_S + STEP_S)
     record = rig.fly(end_s, [GoTo(stepped_s, HEAD, (x, y + STEP_M, z), yaw)], progress)
     where = places(links, {HEAD: np.array(DEEP_START)})

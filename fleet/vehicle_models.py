@@ -18,11 +18,7 @@ def model_of(fleet: FleetFile, name: str) -> Model:
     model = replaced(type_of(fleet, name).model, fleet.vehicles[name].model, f"vehicles.{name}.model")
     # Set points stay within the volume, which may begin above the floor; flights begin and end on the floor.
     (low_x, low_y, low_z), high = fleet.volume.min_m, fleet.volume.max_m
-    return replace(
-        model,
-        state_min=(low_x, low_y, min(low_z, 0.0), *model.state_min[3:]),
-        state_max=(*high, *model.state_max[3:]),
-    )
+    return model.within((low_x, low_y, min(low_z, 0.0)), high)
 
 
 SLOWER: Final = 2.0

@@ -7,7 +7,7 @@ and, in the simulator, in the tilt of their thrust.
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Final, Literal
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from rcopterx.vehicles.state import GRAVITY_M_S2, INPUT_SIZE, U_THRUST, U_YAW, Array
 from rcopterx.vehicles.tilt import TiltModel
-from rcopterx.vehicles.tuples import Four, Two
+from rcopterx.vehicles.tuples import Four, Three, Two
 
 Seven = tuple[float, float, float, float, float, float, float]
 
@@ -129,6 +129,14 @@ class Model:
     @cached_property
     def _hash(self) -> int:
         return hash(tuple(getattr(self, field.name) for field in fields(self)))
+
+    def within(self, low_m: Three, high_m: Three) -> "Model":
+        """Return the same model with other bounds of the position."""
+        return replace(
+            self,
+            state_min=(*low_m, *self.state_min[3:]),
+            state_max=(*high_m, *self.state_max[3:]),
+        )
 
     def __getstate__(self) -> dict[str, object]:
         """Fields only: hashes of strings differ from process to process."""
