@@ -5,7 +5,7 @@ import os
 import signal
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -347,3 +347,40 @@ def not_killed(flying: Flying, name: str) -> bool:
         except (RefusedError, RequestFailedError):
             return False
     return True
+
+
+def of_types(types: Mapping[str, str], ports: Sequence[str]) -> str:
+    """Fleet file of three vehicles of these types at these ports; two of them follow the first."""
+    vehicles = "\n".join(
+        f"""
+[vehicles.{name}]
+type = "{types[name]}"
+subject = "subject-{name}"
+transmitter = {{ port = "{port}" }}
+{"" if name == "h1" else f'follow = [{{ leader = "h1", offset_m = [-0.4, {side}, 0.0] }}]'}
+"""
+        for name, port, side in zip(NAMES, ports, (0.0, 0.5, -0.5), strict=True)
+    )
+    return fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, vehicles=vehicles)
+
+
+def module(flying: Flying, name: str) -> str:
+    """What the radio module of a vehicle reports, empty before its first report."""
+    status = flying.fleet.state_of(name).transmitter
+    return "" if status is None else status.module
+
+
+def kill_gateway_in_flight(flying: Flying) -> None:
+    """Kill the transmitter gateway and wait until its successor flies all vehicles."""
+    flying.wait_for_spare("transmitters")
+    restarts = flying.restarts("transmitters")
+    flying.kill("transmitters")
+    flying.fleet.wait_until(
+        lambda: (
+            flying.restarts("transmitters") == restarts + 1
+            and all(counter(flying, name, "openings") == 1 and flown_by(flying, name) for name in NAMES)
+        ),
+        30,
+        "not taken over",
+        NAMES,
+    )
