@@ -33,10 +33,7 @@ TRAJECTORY_CHECKED: Final = "trajectory_checked"
 def build_pilot(settings: AgentSettings) -> Pilot:
     """Return a pilot with the controller, the estimator and the leaders of the settings.
 
-    Raises
-    ------
-    ValueError
-        Unknown controller or estimator, or a setting it does not accept.
+    Raises `ValueError`: unknown controller or estimator, or a setting it does not accept.
     """
     parts = settings.configuration.parts(settings.model, settings.period_s)
     return Pilot(

@@ -41,10 +41,7 @@ class Trial:
 def fleet_figures(document: Any) -> Figures:
     """Of `bench scale` with one fleet: shares of one processor per vehicle, latency.
 
-    Raises
-    ------
-    CostError
-        The fleet could not be flown.
+    Raises `CostError`: the fleet could not be flown.
     """
     (row,) = document["runs"]
     if row["missed_ticks"] is None:
@@ -62,10 +59,7 @@ def fleet_figures(document: Any) -> Figures:
 def manoeuvre_figures(document: Any) -> Figures:
     """Of a flown manoeuvre, whether it passed its checks or not.
 
-    Raises
-    ------
-    CostError
-        It was not flown to its end.
+    Raises `CostError`: it was not flown to its end.
     """
     if document["frame_to_radio_ms"] is None:
         raise CostError(f"{document['manoeuvre']}: {document['problem']}")
@@ -102,10 +96,7 @@ TRIALS: Final[Mapping[str, Trial]] = {
 def run(other: Path, names: Sequence[str], rounds: int, show: Show) -> dict[str, Any]:
     """Run the trials `names` in both checkouts in turn; returns the JSON document of `rcopterx bench cost`.
 
-    Raises
-    ------
-    CostError
-        The directory is not a checkout.
+    Raises `CostError`: the directory is not a checkout.
     """
     if not (other / "benchmarks" / "scale.py").is_file():
         raise CostError(f"{other} is no checkout of rcopterx with benchmarks/scale.py")
@@ -141,10 +132,7 @@ def compared(here: Sequence[Figures], there: Sequence[Figures]) -> dict[str, dic
 def measured(trial: Trial, checkout: Path) -> Figures:
     """Figures of a trial, run once by a checkout's own command line and, if it has one, environment.
 
-    Raises
-    ------
-    CostError
-        The command printed no JSON document.
+    Raises `CostError`: the command printed no JSON document.
     """
     environment = os.environ | {"PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1"}
     memory_mb, last_line = 0.0, ""

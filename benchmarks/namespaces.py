@@ -33,10 +33,7 @@ class Network:
     def build(self) -> None:
         """Create namespaces, bridges and cables.
 
-        Raises
-        ------
-        NetworkUnavailableError
-            The right or the program for it is missing.
+        Raises `NetworkUnavailableError`: the right or the program for it is missing.
         """
         _ip("netns", "add", self.switch)
         self._in_switch("link", "add", "hub", "type", "bridge")
@@ -109,10 +106,7 @@ class Network:
 def network(hosts: Sequence[str]) -> Iterator[Network]:
     """A network of these hosts; it is removed at the end.
 
-    Raises
-    ------
-    NetworkUnavailableError
-        See `Network.build`.
+    Raises `NetworkUnavailableError`: see `Network.build`.
     """
     made = Network(hosts)
     try:

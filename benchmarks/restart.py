@@ -58,10 +58,7 @@ def victims_of(fleet: Fleet) -> list[Victim]:
 def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
     """Measure; returns the JSON document of `rcopterx bench restart`.
 
-    Raises
-    ------
-    NotReachedError
-        A vehicle did not come back.
+    Raises `NotReachedError`: a vehicle did not come back.
     """
     kills: dict[str, list[dict[str, Any]]] = {}
     with launched(path) as fleet:

@@ -48,24 +48,12 @@ OURS: Final = {"cascade": "-", "cascade_lags": "--"}
 
 @dataclass(frozen=True, slots=True)
 class Contestant:
-    """A controller of a vehicle with a solver.
+    """A controller of a vehicle with a solver."""
 
-    Attributes
-    ----------
-    solver
-        Solver of the optimal control problems.
-    model
-        The vehicle.
-    controller
-        `cascade` or `paper`.
-    package
-        What must be installed.
-    """
-
-    solver: Callable[[], Solver]
-    model: Model = COAXIAL
-    controller: str = "cascade"
-    package: str | None = None
+    solver: Callable[[], Solver]  # solver of the optimal control problems
+    model: Model = COAXIAL  # the vehicle
+    controller: str = "cascade"  # `cascade` or `paper`
+    package: str | None = None  # what must be installed
 
     @property
     def installed(self) -> bool:

@@ -40,34 +40,16 @@ DATA_LOW: Final = "data_low"
 
 @dataclass(frozen=True)
 class Channel(Generic[M]):
-    """One row: what travels where, how often, and when it is too old.
+    """One row: what travels where, how often, and when it is too old."""
 
-    Attributes
-    ----------
-    topic
-        Last chunk of the key `rcopterx/<fleet>/<unit>/<topic>`.
-    unit
-        `vehicle`, `host`, or the fixed unit of the channel.
-    publisher
-        Role that publishes it.
-    rate_hz
-        Nominal rate; 0 for messages on events only.
-    stale_after_s
-        Age from which the sender counts as silent.
-    priority
-        Zenoh priority. All channels drop on congestion, none is express.
-    recorded
-        Whether flight logs keep it.
-    """
-
-    topic: str
+    topic: str  # last chunk of the key `rcopterx/<fleet>/<unit>/<topic>`
     message: type[M]
-    unit: str
-    publisher: str
-    rate_hz: float
-    stale_after_s: float
-    priority: str
-    recorded: bool = True
+    unit: str  # `vehicle`, `host`, or the fixed unit of the channel
+    publisher: str  # role that publishes it
+    rate_hz: float  # nominal rate; 0 for messages on events only
+    stale_after_s: float  # age from which the sender counts as silent
+    priority: str  # Zenoh priority. All channels drop on congestion, none is express.
+    recorded: bool = True  # whether flight logs keep it
 
     @property
     def encoding(self) -> str:

@@ -111,8 +111,5 @@ class Message(Struct, frozen=True, kw_only=True):
     def check(self) -> None:
         """Reject contents that the types allow but the meaning forbids.
 
-        Raises
-        ------
-        InvalidMessageError
-            Names the field and what is allowed.
+        Raises `InvalidMessageError`: Names the field and what is allowed.
         """

@@ -72,20 +72,11 @@ class PartClass(Protocol[Built]):
 
 @dataclass(frozen=True)
 class Registry(Generic[Part]):
-    """Classes of one kind by name; a class is imported on its first use.
+    """Classes of one kind by name; a class is imported on its first use."""
 
-    Attributes
-    ----------
-    kind
-        `controller` or `estimator`, for error messages.
-    entry_point_group
-        Group of entry points by which packages add classes.
-    built_in
-        Modules and classes that work without installed metadata: `package.module:Class`.
-    """
-
-    kind: str
-    entry_point_group: str
+    kind: str  # `controller` or `estimator`, for error messages
+    entry_point_group: str  # group of entry points by which packages add classes
+    # modules and classes that work without installed metadata: `package.module:Class`
     built_in: Mapping[str, str]
 
     def available(self) -> list[str]:

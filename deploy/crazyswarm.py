@@ -61,12 +61,8 @@ def read_vehicles(path: Path) -> list[NewVehicle]:
     """Return the enabled vehicles of a `crazyflies.yaml`, in its order.
 
     The first one leads; the others keep the distances of the initial positions. A robot's name is that of its
-    rigid body; the vehicle's name has small letters.
-
-    Raises
-    ------
-    FleetError
-        The file cannot be read, PyYAML is not installed, or no vehicle can be used; says which file and why.
+    rigid body; the vehicle's name has small letters. Raises `FleetError`: the file cannot be read, PyYAML is
+    not installed, or no vehicle can be used; says which file and why.
     """
     robots = {name: robot for name, robot in _decoded(path, Robots).robots.items() if robot.enabled}
     if not robots:

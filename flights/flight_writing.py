@@ -25,29 +25,15 @@ PART_CHUNKS: Final = 20_000
 
 @dataclass(frozen=True)
 class FlightSettings:
-    """Where and how much is recorded.
-
-    Attributes
-    ----------
-    metadata
-        Texts about the flight for every part.
-    fleet
-        Snapshot of the fleet file.
-    schemas
-        See `McapFile`.
-    part_bytes
-        Size from which a part is followed by the next one.
-    keep_bytes
-        Limit of all flights of the fleet in the directory; the oldest parts are removed.
-    """
+    """Where and how much is recorded."""
 
     directory: Path
     flight: str
-    metadata: Mapping[str, str]
-    fleet: bytes
-    schemas: Mapping[str, tuple[str, bytes]]
-    part_bytes: int
-    keep_bytes: int
+    metadata: Mapping[str, str]  # texts about the flight for every part
+    fleet: bytes  # snapshot of the fleet file
+    schemas: Mapping[str, tuple[str, bytes]]  # see `McapFile`
+    part_bytes: int  # size from which a part is followed by the next one
+    keep_bytes: int  # limit of all flights of the fleet in the directory; the oldest parts are removed
 
 
 class FlightWriter:

@@ -65,10 +65,7 @@ def records_of(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 def messages_of(path: Path, contents: Contents | None = None) -> Iterator[LoggedMessage]:
     """Yield the messages of a file in the order of recording; `contents` is filled meanwhile.
 
-    Raises
-    ------
-    FlightLogError
-        It cannot be read, or is no MCAP file of ours.
+    Raises `FlightLogError`: it cannot be read, or is no MCAP file of ours.
     """
     contents = Contents() if contents is None else contents
     channels: dict[int, str] = {}

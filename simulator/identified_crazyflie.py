@@ -46,24 +46,12 @@ def missing_library(conditions: Conditions) -> str | None:
 
 @dataclass(frozen=True)
 class IdentifiedCrazyflie:
-    """One vehicle: an identified type, and how it differs from that.
+    """One vehicle: an identified type, and how it differs from that."""
 
-    Attributes
-    ----------
-    drone
-        Name of the type in `drone-models`.
-    scales
-        Factors of its parameters by their names there.
-    trim
-        Offset of every stick.
-    marker_tilt_rad
-        Pitch and roll of the markers against the body.
-    """
-
-    drone: str
-    scales: tuple[tuple[str, float], ...] = ()
-    trim: Four = CALM
-    marker_tilt_rad: tuple[float, float] = (0.0, 0.0)
+    drone: str  # name of the type in `drone-models`
+    scales: tuple[tuple[str, float], ...] = ()  # factors of its parameters by their names there
+    trim: Four = CALM  # offset of every stick
+    marker_tilt_rad: tuple[float, float] = (0.0, 0.0)  # pitch and roll of the markers against the body
 
     def parameters(self) -> dict[str, Any]:
         """Parameters by the names of `drone-models`; raises `ModuleNotFoundError` without that package."""

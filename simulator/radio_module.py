@@ -108,23 +108,15 @@ class SerialInput:
 
 
 class RadioModule(ABC):
-    """State machine over timestamped bytes without a clock; `advance` advances the time.
-
-    Attributes
-    ----------
-    frames
-        Accepted frames, newest last.
-    rejected
-        Frames and bytes that were not accepted, by reason.
-    """
+    """State machine over timestamped bytes without a clock; `advance` advances the time."""
 
     def __init__(self, byte_s: float, end_of_frame_s: float, frame_length: int) -> None:
         self.frame_length = frame_length
         self._byte_s = byte_s
         self._end_of_frame_s = end_of_frame_s
         self._input = SerialInput(byte_s, end_of_frame_s)
-        self.frames: deque[SerialFrame] = deque(maxlen=FRAME_LOG_LENGTH)
-        self.rejected: Counter[str] = Counter()
+        self.frames: deque[SerialFrame] = deque(maxlen=FRAME_LOG_LENGTH)  # accepted frames, newest last
+        self.rejected: Counter[str] = Counter()  # frames and bytes that were not accepted, by reason
         self._packets: list[AirPacket] = []
         self._answers = bytearray()
 

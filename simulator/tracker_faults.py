@@ -27,17 +27,11 @@ class TrackerFaults:
 
     The server carries out faults of bytes and connections, with `active` and `take_pending`. `offer` are the
     object types of the Tracker; faults that need others are refused.
-
-    Attributes
-    ----------
-    applied
-        Number of faults started.
-    refused
-        Lines of a time table that could not be carried out when their time came, the newest last.
     """
 
     def __init__(self, offer: frozenset[int]) -> None:
-        self.applied = 0
+        self.applied = 0  # number of faults started
+        # lines of a time table that could not be carried out when their time came, the newest last
         self.refused: deque[str] = deque(maxlen=20)
         self._offer = offer
         self._subjects: frozenset[str] | None = None

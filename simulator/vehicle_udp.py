@@ -11,15 +11,9 @@ from rcopterx.transmitter_gateway.udp_port import LONGEST_DATAGRAM, udp_address
 
 
 class UdpVehicle(Reception, ABC):
-    """The firmware of one vehicle, without any port or clock.
+    """The firmware of one vehicle, without any port or clock."""
 
-    Attributes
-    ----------
-    powered
-        Whether its battery is in.
-    """
-
-    powered: bool
+    powered: bool  # whether its battery is in
 
     @abstractmethod
     def receive(self, raw: bytes, now_s: float) -> list[bytes]:

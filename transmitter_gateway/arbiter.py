@@ -44,30 +44,20 @@ ON_THE_WAY_DOWN = frozenset({State.LAND, State.DESCEND})
 
 
 class Arbiter:
-    """Decides what one vehicle does from commands, raw poses, requests, link state and time.
-
-    Attributes
-    ----------
-    state, reason
-        Current state and why.
-    counters
-        Rejections, state entries, planned inputs played and steps that slew rates limited, by name.
-    commanded
-        Whether commands count: from arming until the flight is over.
-    leases
-        Control leases of the vehicle's agents.
-    """
+    """Decides what one vehicle does from commands, raw poses, requests, link state and time."""
 
     def __init__(self, vehicle: str, limits: ArbiterLimits, u_hover: float, slew_per_s: Input) -> None:
         self._vehicle = vehicle
         self.limits = limits
+        # current state and why
         self.state = State.DISARMED
         self.reason = "started"
+        # rejections, state entries, planned inputs played and steps that slew rates limited, by name
         self.counters: Counter[str] = Counter()
-        self.commanded = False
+        self.commanded = False  # whether commands count: from arming until the flight is over
         self.surveillance = Surveillance(limits.surveillance, self.counters)
         self._admission = Admission(limits, self.counters)
-        self.leases = self._admission.leases
+        self.leases = self._admission.leases  # control leases of the vehicle's agents
         self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
         self._link = LinkState.LOST

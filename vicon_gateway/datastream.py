@@ -105,26 +105,14 @@ _CARRIED = STATIC_TYPES | DYNAMIC_TYPES | {ObjectType.CONTENTS}
 
 
 class StreamCounters(Struct):
-    """Counters of frames; one object outlives the sessions of a client.
-
-    Attributes
-    ----------
-    skipped
-        Received, but a newer one arrived before the caller's next call.
-    lost
-        Missing frame ids within a connection.
-    repeated
-        Frames with the id of the frame before; not delivered.
-    rejected
-        Malformed packets, and values refused: not finite, out of range, not a rotation.
-    """
+    """Counters of frames; one object outlives the sessions of a client."""
 
     frames: int = 0
-    skipped: int = 0
-    lost: int = 0
-    repeated: int = 0
+    skipped: int = 0  # received, but a newer one arrived before the caller's next call
+    lost: int = 0  # missing frame ids within a connection
+    repeated: int = 0  # frames with the id of the frame before; not delivered
     restarts: int = 0
-    rejected: int = 0
+    rejected: int = 0  # malformed packets, and values refused: not finite, out of range, not a rotation
 
 
 class _Subject(NamedTuple):

@@ -22,24 +22,15 @@ class SubjectPose(NamedTuple):
 
 
 class CapturedFrame(NamedTuple):
-    """All subjects at one capture instant.
+    """All subjects at one capture instant."""
 
-    Attributes
-    ----------
-    frame
-        Raw frame id of the wire, from 0; tools built on SDK 1.11 and later show this number plus one.
-    connection
-        Number of the connection that delivered it, from 1; a change means the stream was interrupted.
-    received_s
-        Local clock at arrival.
-    latency_s, latency_samples
-        Capture to arrival: a sum, and its stages, "Network Transmission" among them once a ping was answered.
-    """
-
+    # raw frame id of the wire, from 0; tools built on SDK 1.11 and later show this number plus one
     frame: int
+    # number of the connection that delivered it, from 1; a change means the stream was interrupted
     connection: int
     period_s: float
-    received_s: float
+    received_s: float  # local clock at arrival
+    # capture to arrival: a sum, and its stages, "Network Transmission" among them once a ping was answered
     latency_s: float
     latency_samples: tuple[tuple[str, float], ...]
     subjects: tuple[SubjectPose, ...]

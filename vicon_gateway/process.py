@@ -56,15 +56,7 @@ second."""
 
 
 class TrackerGateway:
-    """Publishes the frames of a client; `recording` is the file the client records into.
-
-    Attributes
-    ----------
-    epochs
-        The fleet's clock.
-    standbys
-        How often it stood by because another gateway published.
-    """
+    """Publishes the frames of a client; `recording` is the file the client records into."""
 
     def __init__(
         self,
@@ -81,12 +73,12 @@ class TrackerGateway:
         self._session = session
         self._realtime = realtime
         self._subjects = SubjectMap(settings.subjects)
-        self.epochs = EpochCounter()
+        self.epochs = EpochCounter()  # the fleet's clock
         self._stamp = Stamp(0, 0)
         self._frame: CapturedFrame | None = None
         self._report_at_s = 0.0
         self._standby_until_s = -math.inf
-        self.standbys = 0
+        self.standbys = 0  # how often it stood by because another gateway published
         # One vehicle's poses are enough to detect another gateway.
         vehicle = next(iter(settings.subjects.values()))
         self._published = session.subscribe(channels.POSE, vehicle, depth=POSES_KEPT, waking=False, own=False)

@@ -55,10 +55,7 @@ AXES: Final = ((U_PITCH, "pitch"), (U_ROLL, "roll"), (U_YAW, "yaw"))
 class HoverThrustLimits:
     """Hover thrust at which the battery counts as nearly empty and as empty; shares of the largest thrust.
 
-    Raises
-    ------
-    ValueError
-        Not in order, or not above 0 and at most 1.
+    Raises `ValueError`: not in order, or not above 0 and at most 1.
     """
 
     warn_at: float = 0.8

@@ -28,23 +28,14 @@ class EstimatorGuard:
     """An `Estimator` that continues with the default one when the selected one fails.
 
     Without a default estimator, the last good estimate stays.
-
-    Attributes
-    ----------
-    calls
-        Counts and describes failures.
-    default
-        Replaces an estimator that fails.
-    estimate
-        The last good estimate.
-    replaced
-        Whether the default estimator has replaced the selected one.
     """
 
     def __init__(self, estimator: Estimator, default: Estimator | None = None) -> None:
+        # counts and describes failures
         self.calls = GuardedCall("estimator", FIRST_CALLS, FIRST_CALLS_FACTOR)
-        self.replaced = False
-        self.default = default
+        self.replaced = False  # whether the default estimator has replaced the selected one
+        self.default = default  # replaces an estimator that fails
+        # the last good estimate
         self.estimate = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
         self._estimator = estimator
         self._started = False

@@ -96,10 +96,7 @@ class Configuration:
     def flown_model(self, model: Model) -> Model:
         """Return the model of the fleet file with the parameters identified in flight.
 
-        Raises
-        ------
-        ValueError
-            A parameter that the vehicle cannot have, or another structure of the tilt.
+        Raises `ValueError`: a parameter that the vehicle cannot have, or another structure of the tilt.
         """
         flown = with_parameters(model, self.model)
         sizes = [0 if one.tilt is None else one.tilt.dynamics().size for one in (model, flown)]
@@ -110,20 +107,14 @@ class Configuration:
     def controller_for(self, model: Model, period_s: float) -> Controller:
         """Build the controller.
 
-        Raises
-        ------
-        ValueError
-            Unknown controller, or a setting it does not accept.
+        Raises `ValueError`: unknown controller, or a setting it does not accept.
         """
         return CONTROLLERS.build(self.controller, self.flown_model(model), period_s, self.controller_settings)
 
     def estimator_for(self, model: Model, period_s: float) -> Estimator:
         """Build the estimator.
 
-        Raises
-        ------
-        ValueError
-            Unknown estimator, or a setting it does not accept.
+        Raises `ValueError`: unknown estimator, or a setting it does not accept.
         """
         return ESTIMATORS.build(self.estimator, self.flown_model(model), period_s, self.estimator_settings)
 

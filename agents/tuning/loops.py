@@ -36,12 +36,7 @@ def loops_of(model: Model, period_s: float, configuration: Configuration) -> Map
     """Loops of a vehicle by axis: `horizontal`, or `x` and `y` without a tilt model, `height` and `yaw`.
 
     Integral action, which the cascade needs only without an estimated disturbance, is left out.
-    `unknown_loops` has to accept the configuration.
-
-    Raises
-    ------
-    SettingsError
-        A setting that is not allowed.
+    `unknown_loops` has to accept the configuration. Raises `SettingsError`: a setting that is not allowed.
     """
     cascade = parse_settings(CascadeSettings, configuration.controller_settings)
     estimator = parse_settings(ExtendedKalmanSettings, configuration.estimator_settings)

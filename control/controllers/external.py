@@ -19,24 +19,12 @@ from rcopterx.vehicles.state import Array
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What an external controller is to solve.
+    """What an external controller is to solve."""
 
-    Attributes
-    ----------
-    number
-        Counts up; the answer names it.
-    estimate
-        State at the instant the answer begins to act.
-    reference
-        N stages from that instant on.
-    last_input
-        Input that acts until then, shape (4,).
-    """
-
-    number: int
-    estimate: Estimate
-    reference: Trajectory
-    last_input: Array
+    number: int  # counts up; the answer names it
+    estimate: Estimate  # state at the instant the answer begins to act
+    reference: Trajectory  # N stages from that instant on
+    last_input: Array  # input that acts until then, shape (4,)
 
 
 class ExternalController:

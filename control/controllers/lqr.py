@@ -34,10 +34,7 @@ class LqrSettings(ControllerSettings, frozen=True, kw_only=True):
 class LqrController(FeedbackController):
     """Infinite-horizon regulator of equation (2), gains turned with the heading.
 
-    Raises
-    ------
-    SettingsError
-        Bounds that the vehicle cannot have.
+    Raises `SettingsError`: bounds that the vehicle cannot have.
     """
 
     Settings = LqrSettings

@@ -25,10 +25,7 @@ class PidSettings(ControllerSettings, frozen=True, kw_only=True):
 class PidController(FeedbackController):
     """PID in the body frame of the present heading; the model serves the plan alone.
 
-    Raises
-    ------
-    SettingsError
-        Bounds that the vehicle cannot have.
+    Raises `SettingsError`: bounds that the vehicle cannot have.
     """
 
     Settings = PidSettings

@@ -28,10 +28,7 @@ class FiniteDifferenceSettings(EstimatorSettings, frozen=True, kw_only=True):
 class FiniteDifferenceEstimator(PoseEstimator):
     """Pose as measured; velocity from smoothed differences of poses. Disturbances are not estimated.
 
-    Raises
-    ------
-    ValueError
-        The cut-off frequency is above half the pose rate.
+    Raises `ValueError`: the cut-off frequency is above half the pose rate.
     """
 
     Settings = FiniteDifferenceSettings

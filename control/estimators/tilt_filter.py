@@ -161,10 +161,7 @@ class TiltFilter:
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Correct by a measured position and tilt, inertial frame, shape (2,).
 
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            The covariance of the innovation is not positive definite.
+        Raises `numpy.linalg.LinAlgError`: the covariance of the innovation is not positive definite.
         """
         H, R, z = self._H[:2], self.R[:2], position_m
         if tilt is not None:

@@ -94,29 +94,16 @@ class PredictionErrors:
 
 @dataclass(frozen=True)
 class Identification:
-    """Result of a fit.
+    """Result of a fit."""
 
-    Attributes
-    ----------
-    model
-        The fitted model with its uncertainty.
-    offsets
-        Trim and tilt of the markers in this flight.
-    before, after
-        Errors of the old and the new model in the part of the flight that was not fitted.
-    problems
-        Why the result must not be used; empty if it may be.
-    remarks
-        What the flight does not show, so that the uncertainty is not narrowed.
-    """
-
-    model: Model
-    offsets: Offsets
+    model: Model  # the fitted model with its uncertainty
+    offsets: Offsets  # trim and tilt of the markers in this flight
     parameters: tuple[FittedParameter, ...]
+    # errors of the old and the new model in the part of the flight that was not fitted
     before: PredictionErrors
     after: PredictionErrors
-    problems: tuple[str, ...]
-    remarks: tuple[str, ...]
+    problems: tuple[str, ...]  # why the result must not be used; empty if it may be
+    remarks: tuple[str, ...]  # what the flight does not show, so that the uncertainty is not narrowed
 
 
 def identify(recording: FlightRecording, model: Model, *more: FlightRecording) -> Identification:

@@ -20,20 +20,14 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of a candidate.
-
-    Attributes
-    ----------
-    spread
-        Standard deviation among vehicles of a type: of the logarithm if `positive`, else of the number.
-    read, write
-        Return the number; return the candidate with another number.
-    """
+    """One number of a candidate."""
 
     name: str
     unit: str
+    # standard deviation among vehicles of a type: of the logarithm if `positive`, else of the number
     spread: float
     positive: bool
+    # return the number; return the candidate with another number
     read: Callable[[Candidate], float]
     write: Callable[[Candidate, float], Candidate]
 

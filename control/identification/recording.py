@@ -22,30 +22,16 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True)
 class FlightRecording:
-    """Measured poses and commanded sticks at a fixed period, K rows without gaps; raises `RecordingError`.
+    """Measured poses and commanded sticks at a fixed period, K rows without gaps; raises `RecordingError`."""
 
-    Attributes
-    ----------
-    kind
-        Type of the vehicle (`rcopterx.vehicles.model.Model.kind`).
-    position_m
-        Inertial frame, shape (K, 3).
-    yaw_rad
-        Unwrapped, shape (K,).
-    tilt
-        Horizontal components of the body's upward axis, inertial frame, shape (K, 2); None if not measured.
-    inputs
-        Sticks sent to the vehicle on these poses, shape (K, 4); they act a transport delay later.
-    battery_v
-        Voltage that the vehicle logged with its sticks, shape (K,); None if nothing was logged.
-    """
-
-    kind: str
+    kind: str  # type of the vehicle (`rcopterx.vehicles.model.Model.kind`)
     period_s: float
-    position_m: Array
-    yaw_rad: Array
+    position_m: Array  # inertial frame, shape (K, 3)
+    yaw_rad: Array  # unwrapped, shape (K,)
+    # horizontal components of the body's upward axis, inertial frame, shape (K, 2); None if not measured
     tilt: Array | None
-    inputs: Array
+    inputs: Array  # sticks sent to the vehicle on these poses, shape (K, 4); they act a transport delay later
+    # voltage that the vehicle logged with its sticks, shape (K,); None if nothing was logged
     battery_v: Array | None = None
 
     def __post_init__(self) -> None:

@@ -23,15 +23,7 @@ Indices = NDArray[np.int64]
 
 
 class SparseQP:
-    """The sparse form of problems of one shape; zeros keep their places in the matrices.
-
-    Attributes
-    ----------
-    equalities
-        Number of rows of the constraints that are equalities; they come first.
-    variables
-        Number of variables z.
-    """
+    """The sparse form of problems of one shape; zeros keep their places in the matrices."""
 
     def __init__(self, p: OptimalControlProblem) -> None:
         N, nx, nu = p.B.shape
@@ -39,10 +31,11 @@ class SparseQP:
         self._bounded = p.s > 0.0
         self._soft = self._bounded & (p.s < HARD)
         self._stage = nx + nu
+        # number of rows of the constraints that are equalities; they come first
         self.equalities = (N + 1) * nx
         excesses = self._soft.sum(axis=1)
         self._starts: Indices = np.concatenate(([0], np.cumsum(self._stage + excesses)))
-        self.variables = int(self._starts[-1]) + nx
+        self.variables = int(self._starts[-1]) + nx  # number of variables z
         stage = np.nonzero(self._soft)[0]
         before = np.concatenate(([0], np.cumsum(excesses)))[stage]
         self._excess: Indices = self._starts[stage] + self._stage + np.arange(len(stage)) - before

@@ -88,10 +88,7 @@ def excited_flights(
 ) -> Excited:
     """Excite hovering vehicles without leaders at the same time, and record poses and applied sticks.
 
-    Raises
-    ------
-    RequestFailedError
-        An agent did not answer.
+    Raises `RequestFailedError`: an agent did not answer.
     """
     recordings: dict[str, FlightRecording] = {}
     failures: dict[str, str] = {}
@@ -165,11 +162,8 @@ def _wait(fleet: Observer, names: Sequence[str], duration_s: float, progress: Pr
 def recording_of(recording: Recording, name: str, kind: str, period_s: float) -> FlightRecording:
     """Flight of a vehicle of type `kind` from recorded poses and applied inputs.
 
-    Raises
-    ------
-    IdentificationError
-        Nothing was applied, messages are missing for long, the arbiter overrode the agent, or the motion
-        capture restarted meanwhile.
+    Raises `IdentificationError`: nothing was applied, messages are missing for long, the arbiter overrode the
+    agent, or the motion capture restarted meanwhile.
     """
     poses = [pose for pose, _ in recording.messages(channels.POSE, name)]
     applied = [one for one, _ in recording.messages(channels.APPLIED, name) if one.fresh]

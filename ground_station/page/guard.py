@@ -39,23 +39,14 @@ class PageServer(viser.ViserServer):
     """A web server on this computer whose address contains a secret.
 
     The path of the address is the secret, which the script of the page repeats for its WebSocket. Cookies
-    would reach other servers of this computer, because browsers ignore the port.
-
-    Attributes
-    ----------
-    pages
-        Makes the HTML at each path below the secret; viser is at `VIEW`.
-    requests
-        Called in a thread of its own when the page requests a path.
-
-    Raises
-    ------
-    RuntimeError
-        viser does not use the guard.
+    would reach other servers of this computer, because browsers ignore the port. Raises `RuntimeError`: viser
+    does not use the guard.
     """
 
     def __init__(self, port: int, label: str, key: str) -> None:
+        # makes the HTML at each path below the secret; viser is at `VIEW`
         self.pages: dict[str, Callable[[], str]] = {}
+        # called in a thread of its own when the page requests a path
         self.requests: dict[str, Callable[[], object]] = {}
         self._key, self._guarded = key, False
         # The greeting of viser has an address without the secret.

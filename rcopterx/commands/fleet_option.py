@@ -67,10 +67,7 @@ HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host
 def chosen_host(fleet: "FleetFile", host: str | None) -> str:
     """Host on which a command runs: the only one, or the named one.
 
-    Raises
-    ------
-    FleetError
-        Several hosts and none was named, or an unknown one.
+    Raises `FleetError`: several hosts and none was named, or an unknown one.
     """
     from rcopterx.fleet.schema import FleetError
 

@@ -46,10 +46,7 @@ class Dialogue:
     def line(self, question: str, seconds: float = 3600.0) -> str | None:
         """Next line in lower case without blanks; None if there is none in time.
 
-        Raises
-        ------
-        WorkbenchError
-            Standard input has ended.
+        Raises `WorkbenchError`: standard input has ended.
         """
         typer.echo(question, err=True)
         if not self._bench.run(seconds, self.has_line, [self._input]):
@@ -106,10 +103,7 @@ def _wait(descriptors: Sequence[int], timeout_s: float) -> Sequence[int]:
 def own_model_match(file: FleetFile, vehicle: str) -> int:
     """Number of the vehicle's model match.
 
-    Raises
-    ------
-    FleetError
-        Another vehicle has the same number: its transmitter could fly this one.
+    Raises `FleetError`: another vehicle has the same number: its transmitter could fly this one.
     """
     number = file.vehicles[vehicle].transmitter.model_match
     for name, other in file.vehicles.items():

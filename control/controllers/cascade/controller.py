@@ -65,10 +65,7 @@ class CascadeSettings(MpcSettings, frozen=True, kw_only=True):
 class CascadeController(MpcController):
     """Trajectory MPC, yaw first; `new_solver` makes other solvers than the one that the settings name.
 
-    Raises
-    ------
-    SettingsError
-        Bounds or weights that the vehicle cannot have.
+    Raises `SettingsError`: bounds or weights that the vehicle cannot have.
     """
 
     Settings = CascadeSettings

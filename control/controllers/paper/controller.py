@@ -53,10 +53,7 @@ class PaperSettings(MpcSettings, frozen=True, kw_only=True):
 class PaperController(MpcController):
     """Set-point MPC of the paper; `new_solver` makes another solver than the one that the settings name.
 
-    Raises
-    ------
-    SettingsError
-        Bounds that the vehicle cannot have.
+    Raises `SettingsError`: bounds that the vehicle cannot have.
     """
 
     Settings = PaperSettings

@@ -49,21 +49,11 @@ INPUT_WEIGHTS: Final = (5.0, 5.0, 5.0, 1.0)
 
 @dataclass(frozen=True)
 class PaperModel:
-    """Equation (2) for one vehicle and period.
+    """Equation (2) for one vehicle and period."""
 
-    Attributes
-    ----------
-    model
-        The vehicle.
-    period_s
-        T_s.
-    z_integrator
-        Whether z_int integrates; [11] had none.
-    """
-
-    model: Model
-    period_s: float
-    z_integrator: bool = True
+    model: Model  # the vehicle
+    period_s: float  # T_s
+    z_integrator: bool = True  # whether z_int integrates; [11] had none
 
     @property
     def integrator_gains(self) -> Array:
