@@ -24,10 +24,8 @@ from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus import channels
 from rcopterx.bus.stepping import StepBus
 
-TUNED: Final = "tuned"
-"""Event of the thread that prepares another controller."""
-TRAJECTORY_CHECKED: Final = "trajectory_checked"
-"""Event of the thread that checks a trajectory."""
+TUNED: Final = "tuned"  # event of the thread that prepares another controller
+TRAJECTORY_CHECKED: Final = "trajectory_checked"  # event of the thread that checks a trajectory
 
 
 def build_pilot(settings: AgentSettings) -> Pilot:

@@ -12,8 +12,7 @@ from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.subscription import Inbox, Received
 from rcopterx.control.interfaces import Measurement
 
-OF_ANOTHER_AGENT: Final = -1
-"""Sequence of no command of this agent."""
+OF_ANOTHER_AGENT: Final = -1  # sequence of no command of this agent
 
 
 class Observation:
@@ -34,8 +33,7 @@ class Observation:
         self.applied = applied
         self._lease = lease
         self._clock = clock
-        self.seen: Received[Pose] | None = None
-        """Newest pose that the pilot accepted; None before the first."""
+        self.seen: Received[Pose] | None = None  # newest pose that the pilot accepted; None before the first
 
     @property
     def rejected(self) -> Mapping[str, int]:

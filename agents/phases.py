@@ -11,34 +11,26 @@ class Phase(StrEnum):
     # Phases in messages are plain strings, which have to be found in sets of phases.
     __hash__ = str.__hash__
 
-    GROUND = "ground"
-    """Not armed; thrust zero."""
-    ARMED = "armed"
-    """Commands reach the transmitter; standing, thrust zero."""
+    GROUND = "ground"  # not armed; thrust zero
+    ARMED = "armed"  # commands reach the transmitter; standing, thrust zero
     TAKEOFF = "takeoff"
     FLYING = "flying"
     LANDING = "landing"
-    EMERGENCY = "emergency"
-    """In the air, but the transmitter gateway brings the vehicle down by itself."""
+    EMERGENCY = "emergency"  # in the air, but the transmitter gateway brings the vehicle down by itself
 
 
 class Event(StrEnum):
     """Event that may change the phase."""
 
-    ARM = "arm"
-    """The transmitter gateway applies the commands of the agent."""
-    DISARM = "disarm"
-    """The transmitter gateway keeps the throttle low."""
+    ARM = "arm"  # the transmitter gateway applies the commands of the agent
+    DISARM = "disarm"  # the transmitter gateway keeps the throttle low
     TAKE_OFF = "take_off"
-    NOT_LIFTED = "not_lifted"
-    """The rotor turned up, and the vehicle stayed on the floor."""
+    NOT_LIFTED = "not_lifted"  # the rotor turned up, and the vehicle stayed on the floor
     CLIMBED = "climbed"
     LAND = "land"
     TOUCHED_DOWN = "touched_down"
-    OVERRIDE = "override"
-    """The transmitter gateway flies by itself."""
-    RESUME = "resume"
-    """An agent that restarts finds its vehicle in the air."""
+    OVERRIDE = "override"  # the transmitter gateway flies by itself
+    RESUME = "resume"  # an agent that restarts finds its vehicle in the air
 
 
 EVENT_OF_STATE: Final = MappingProxyType(

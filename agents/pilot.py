@@ -29,16 +29,13 @@ from rcopterx.agents.separation.avoidance import Neighbour, PlanAvoidance, Separ
 from rcopterx.control.identification.excitation import Exciter
 from rcopterx.control.interfaces import Controller, Estimate, Estimator, Measurement
 from rcopterx.control.models.prediction import predict
-from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.control.references.turns import nearest_heading
+from rcopterx.control.references.trajectory import Trajectory, nearest_heading
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
-BRIDGED_S: Final = 0.18
-"""Duration of the planned inputs that go with a command."""
+BRIDGED_S: Final = 0.18  # duration of the planned inputs that go with a command
 BLIND_LIMIT_S = 0.3
-OCCLUDED: Final = "occluded"
-"""Counted when the motion capture misses the vehicle in a frame."""
+OCCLUDED: Final = "occluded"  # counted when the motion capture misses the vehicle in a frame
 CONTROLLER_REPLACED: Final = "controller_replaced"
 """Counted when the default controller takes the place of one that fails."""
 
@@ -59,15 +56,12 @@ class StampedMeasurement(Struct, frozen=True):
 class ControlOutput(Struct, frozen=True):
     """Result of one control period."""
 
-    input: Array
-    """Command, shape (4,)."""
+    input: Array  # command, shape (4,)
     next_inputs: Array
     """The planned inputs after it, shape (k, 4), for the gateway to play if the next command is late."""
-    plan: Trajectory
-    """N stages, the first one `start_s` after the frame."""
+    plan: Trajectory  # N stages, the first one `start_s` after the frame
     start_s: float
-    reference: Array | None
-    """First stage of the reference: x, y, z [m], yaw [rad]; None on the floor."""
+    reference: Array | None  # first stage of the reference: x, y, z [m], yaw [rad]; None on the floor
     nominal: Trajectory | None = None
     """Stages of the undisturbed reference, at the times of the plan; None on the floor."""
 
@@ -94,8 +88,7 @@ class Pilot:
         self.estimator = EstimatorGuard(estimator, default_estimator)
         self.guidance = guidance
         self.avoidance = PlanAvoidance(separation, self.step_guard)
-        self.plan: Trajectory | None = None
-        """Newest plan of the controller; None on the floor."""
+        self.plan: Trajectory | None = None  # newest plan of the controller; None on the floor
         self.reference: Array | None = None
         """Position and yaw at which the plan should begin; None on the floor."""
         self.vehicle_watch = VehicleWatch(model, hover_thrust_limits, controller.period_s)
@@ -107,18 +100,14 @@ class Pilot:
         self.informed = False
         """Whether the state of the transmitter is known; before that nothing may be commanded."""
         self._seen = False
-        self._watched = False
-        """Whether another agent flies the vehicle in the air, and this one watches."""
+        self._watched = False  # whether another agent flies the vehicle in the air, and this one watches
         self._expected_yaw_rad = 0.0
         self._lift_off = LiftOff(model)
-        self._blind_s = 0.0
-        """Time since the last pose that the estimator accepted."""
-        self._unseen_s = 0.0
-        """Time since the last pose, accepted or not."""
+        self._blind_s = 0.0  # time since the last pose that the estimator accepted
+        self._unseen_s = 0.0  # time since the last pose, accepted or not
         self._flown_by_controller = False
         self._transfer = BumplessTransfer(model)
-        self._planned: Array = np.zeros((0, INPUT_SIZE))
-        """Inputs planned after the newest command."""
+        self._planned: Array = np.zeros((0, INPUT_SIZE))  # inputs planned after the newest command
 
     @property
     def events(self) -> Mapping[str, int]:

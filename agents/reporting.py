@@ -32,8 +32,7 @@ from rcopterx.bus.subscription import Received
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.vehicles.state import YAW, three, turned_about_z
 
-REFERENCE_BITS: Final = 14
-"""References are rounded to a sixteenth of a millimetre."""
+REFERENCE_BITS: Final = 14  # references are rounded to a sixteenth of a millimetre
 
 
 def command_message(
@@ -143,13 +142,10 @@ def _error_m(pilot: Pilot) -> float | None:
 _LOG = logging.getLogger(__name__)
 
 REPORT_PERIOD_S: Final = 0.2
-SPARSE: Final = 2
-"""Factor of the period while the computer cannot keep up; a status counts for a second."""
+SPARSE: Final = 2  # factor of the period while the computer cannot keep up; a status counts for a second
 
-DEVIATION_BITS: Final = 17
-"""Standard deviations are rounded to a hundredth of a millimetre."""
-HOVER_THRUST_BITS: Final = 10
-"""Hover thrusts are rounded to a tenth of a per cent."""
+DEVIATION_BITS: Final = 17  # standard deviations are rounded to a hundredth of a millimetre
+HOVER_THRUST_BITS: Final = 10  # hover thrusts are rounded to a tenth of a per cent
 
 
 class Reporter:
@@ -167,8 +163,7 @@ class Reporter:
         self._settings, self._pilot, self._bus, self._parts = settings, pilot, bus, parts
         self._realtime = realtime
         self._logged_remarks: set[str] = set()
-        self.last_status: AgentStatus | None = None
-        """Newest status that was published; None before the first."""
+        self.last_status: AgentStatus | None = None  # newest status that was published; None before the first
         self.begin()
 
     def begin(self) -> None:

@@ -19,28 +19,22 @@ class AgentSettings:
 
     bus: BusAddress
     vehicle: str
-    vehicles: tuple[str, ...]
-    """Names of all vehicles of the fleet."""
+    vehicles: tuple[str, ...]  # names of all vehicles of the fleet
     model: Model
     volume_min_m: Three
-    volume_max_m: Three
-    """Flight volume, inertial frame; set points outside are refused."""
-    configuration: Configuration = field(default_factory=Configuration)
-    """Controller and estimator at start."""
+    volume_max_m: Three  # flight volume, inertial frame; set points outside are refused
+    configuration: Configuration = field(default_factory=Configuration)  # controller and estimator at start
     period_s: float = 0.02
     following: tuple[LeaderLink, ...] = ()
-    models: Mapping[str, Model] = field(default_factory=dict)
-    """Models of all vehicles of the fleet."""
+    models: Mapping[str, Model] = field(default_factory=dict)  # models of all vehicles of the fleet
     realtime_priority: int = 0
     leader_wait_s: float = 0.003
     """Time for which a follower waits for the leader's plan of the same frame, per leader above it."""
-    deviation_share: float = 0.25
-    """Share of a leader's deviation from its nominal trajectory that it copies."""
+    deviation_share: float = 0.25  # share of a leader's deviation from its nominal trajectory that it copies
     minimum_distance_m: float | None = 0.3
     """Offsets that bring vehicles closer together are refused; None for no limit."""
     succession: Succession = field(default_factory=Succession)
     separation: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
     """Ellipsoid around a vehicle that others do not enter; None for no avoidance."""
     hover_thrust_limits: HoverThrustLimits = DEFAULT_LIMITS
-    take_over: bool = False
-    """Whether it takes over from an agent that flies the vehicle, once it is warm."""
+    take_over: bool = False  # whether it takes over from an agent that flies the vehicle, once it is warm

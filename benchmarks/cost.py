@@ -17,8 +17,7 @@ from typing import Any, Final
 from rcopterx.benchmarks.processes import Show, descendants, memory_of
 
 OWN: Final = Path(__file__).resolve().parents[1]
-_FLYING: Final = "s flown"
-"""In a line of `bench scale` while it measures."""
+_FLYING: Final = "s flown"  # in a line of `bench scale` while it measures
 SECONDS: Final = 20.0
 LARGEST_SECONDS: Final = 60.0
 LARGEST_SIZES: Final = "2,3,4,5,6,8,10,12,14,16,18,20,24"

@@ -26,15 +26,13 @@ from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
 
-LABORATORY: Final = "main"
-"""Host of the simulated laboratory and its gateways."""
+LABORATORY: Final = "main"  # host of the simulated laboratory and its gateways
 ONE: Final[Mapping[str, str]] = {"h1": "main", "h2": "main", "h3": "main"}
 FOUR: Final[Mapping[str, str]] = {"h1": "compute1", "h2": "compute2", "h3": "compute3"}
 """Host of each vehicle's agent."""
 ROUTER_PORT: Final = 7447
 TRACKER_PORT: Final = 8010
-FIRST_ROUTER_S: Final = 180.0
-"""Limit that includes compiling the kernels."""
+FIRST_ROUTER_S: Final = 180.0  # limit that includes compiling the kernels
 READY_S: Final = 60.0
 SETTLE_S: Final = 5.0
 STAGES: Final = ("pose to agent", "until the controller begins", "control", "command to transmitters")

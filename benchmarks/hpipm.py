@@ -18,8 +18,7 @@ from rcopterx.control.solver.problem import OptimalControlProblem, Trajectories
 from rcopterx.vehicles.state import Array
 
 MOST_ITERATIONS: Final = 100
-BALANCED: Final = 2
-"""HPIPM's mode BALANCE."""
+BALANCED: Final = 2  # HPIPM's mode BALANCE
 
 
 class Hpipm(PeerSolver):

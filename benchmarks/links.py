@@ -29,12 +29,10 @@ PORT: Final = 7447
 PERIOD_S: Final = 0.01
 PLANS: Final = 3
 PLAN_BYTES: Final = 9700
-FRESH_S: Final = 0.03
-"""Largest age of a fresh sample on arrival."""
+FRESH_S: Final = 0.03  # largest age of a fresh sample on arrival
 STALE_S: Final = 0.1
 SETTLE_S: Final = 1.0
-LIMIT_S: Final = 15.0
-"""A link that has not healed by then counts as dead."""
+LIMIT_S: Final = 15.0  # a link that has not healed by then counts as dead
 _STAMP = struct.Struct("<d")
 _ROUTER: Final = """
 import json, sys

@@ -9,8 +9,7 @@ from contextlib import contextmanager
 from typing import IO, Final
 
 NETWORK: Final = "10.213.7"
-STOP_S: Final = 30.0
-"""Time that a program has to end before it is killed."""
+STOP_S: Final = 30.0  # time that a program has to end before it is killed
 
 
 class NetworkUnavailableError(RuntimeError):

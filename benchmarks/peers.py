@@ -24,8 +24,7 @@ EXACT: Final = 1e-9
 class PeerSolver(ABC):
     """A `rcopterx.control.solver.problem.Solver` of another library."""
 
-    package: ClassVar[str]
-    """What must be installed."""
+    package: ClassVar[str]  # what must be installed
 
     def __init__(self, tolerance: float = TOLERANCE) -> None:
         self._tolerance = tolerance

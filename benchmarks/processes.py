@@ -4,8 +4,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-Show = Callable[[str], None]
-"""Shows a line about the progress of a benchmark."""
+Show = Callable[[str], None]  # shows a line about the progress of a benchmark
 
 
 def descendants(process: int, proc: Path = Path("/proc")) -> list[int]:

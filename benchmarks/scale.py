@@ -26,22 +26,16 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 
-RATE_HZ: Final = 50.0
-"""Frames of the motion capture; control periods stay 20 ms."""
-SETTLE_S: Final = 3.0
-"""Pause after the formation is reached, so that the take-off is not measured."""
-LEG_S: Final = 4.0
-"""Between two set points of the leader."""
+RATE_HZ: Final = 50.0  # frames of the motion capture; control periods stay 20 ms
+SETTLE_S: Final = 3.0  # pause after the formation is reached, so that the take-off is not measured
+LEG_S: Final = 4.0  # between two set points of the leader
 LEGS_M: Final = ((0.2, 0.0, 1.0), (0.2, 0.2, 1.2), (0.0, 0.2, 1.0), (0.0, 0.0, 1.0))
-RING_M: Final = 0.75
-"""Radius of the first ring, and distance from ring to ring."""
-FIRST_RING: Final = 9
-"""Vehicles on the first ring; twice as many on the second, and so on."""
+RING_M: Final = 0.75  # radius of the first ring, and distance from ring to ring
+FIRST_RING: Final = 9  # vehicles on the first ring; twice as many on the second, and so on
 MARGIN_M: Final = 0.45
 COUNTED_S: Final = 2.0
 """Time for which messages are counted, after the flight: counting them takes processor time itself."""
-LEFT_OUT: Final = "control_left_out"
-"""Fallback of agents that control at half rate."""
+LEFT_OUT: Final = "control_left_out"  # fallback of agents that control at half rate
 ROLES: Final = ("router", "simulator", "tracker", "transmitters", "agent")
 WAKE_UPS: Final = "wake_ups"
 
@@ -51,11 +45,9 @@ class Series:
     """What the fleets of a series have in common."""
 
     horizon: int = 30
-    seconds: float = 60.0
-    """Time for which each flies from set point to set point, in the time of the fleet."""
+    seconds: float = 60.0  # time for which each flies from set point to set point, in the time of the fleet
     rate_hz: float = RATE_HZ
-    speed: float = 1.0
-    """Seconds of the fleet in a second of real time."""
+    speed: float = 1.0  # seconds of the fleet in a second of real time
 
 
 def fleet_text(vehicles: int, horizon: int, rate_hz: float = RATE_HZ) -> str:

@@ -37,10 +37,8 @@ COAXIAL: Final = vehicle_type("coaxial").model
 COAXIAL_LAG: Final = vehicle_type("coaxial_lag").model
 PERIOD_S: Final = 0.02
 WARM_UP_STEPS: Final = 20
-EVERY: Final = 10
-"""One problem in so many is judged."""
-ON_LIMIT: Final = 1e-6
-"""An input this close to a limit is on it."""
+EVERY: Final = 10  # one problem in so many is judged
+ON_LIMIT: Final = 1e-6  # an input this close to a limit is on it
 SAMPLING_MS: Final = 20.0
 OURS: Final = {"cascade": "-", "cascade_lags": "--"}
 """Lines of our own, thick and black; the others take what comes."""

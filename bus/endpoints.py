@@ -9,8 +9,7 @@ from typing import Final
 
 import zenoh
 
-TLS: Final = "tls/"
-"""Prefix of an endpoint at which both ends show a certificate."""
+TLS: Final = "tls/"  # prefix of an endpoint at which both ends show a certificate
 QUEUE_SIZE = 16
 LEASE_MS = 1000
 _THREADS: Final = "ZENOH_RUNTIME", "(rx: (handover: app), tx: (handover: app), acc: (handover: app))"

@@ -10,10 +10,8 @@ from enum import IntEnum
 from functools import cache
 from typing import Final
 
-VARIABLE: Final = "RCOPTERX_HEARTBEAT"
-"""Environment variable with the file descriptor of the page."""
-LONGEST_WAIT_S: Final = 0.05
-"""Longest wait of a loop for events: an idle loop makes progress as well."""
+VARIABLE: Final = "RCOPTERX_HEARTBEAT"  # environment variable with the file descriptor of the page
+LONGEST_WAIT_S: Final = 0.05  # longest wait of a loop for events: an idle loop makes progress as well
 _COUNT, _PHASE = 0, 1
 _BYTES = 16
 
@@ -21,13 +19,10 @@ _BYTES = 16
 class Phase(IntEnum):
     """What a process reports beside the count."""
 
-    STARTING = 0
-    """Its loop does not run yet."""
+    STARTING = 0  # its loop does not run yet
     WORKING = 1
-    FLYING = 2
-    """Working, and a vehicle's rotor turns."""
-    ENDING = 3
-    """Its loop has ended."""
+    FLYING = 2  # working, and a vehicle's rotor turns
+    ENDING = 3  # its loop has ended
 
 
 _WORKING, _FLYING = int(Phase.WORKING), int(Phase.FLYING)

@@ -16,16 +16,14 @@ DIAL_LIMIT_S: Final = 0.06
 """In a laboratory connecting takes a millisecond; TCP repeats a lost request for a connection after 1 s."""
 RETRANSMIT_US: Final = 10_000
 TCP_THIN_LINEAR_TIMEOUTS: Final = 16
-TCP_RTO_MIN_US: Final = 45
-"""Socket options of Linux, the second since 6.15; Python does not name them."""
+TCP_RTO_MIN_US: Final = 45  # socket options of Linux, the second since 6.15; Python does not name them
 HASTE: Final[tuple[tuple[int, int | bytes], ...]] = (
     (TCP_THIN_LINEAR_TIMEOUTS, 1),
     (TCP_RTO_MIN_US, RETRANSMIT_US),
     # With BBR, the default of some distributions, no stream ever counts as thin.
     (socket.TCP_CONGESTION, b"cubic"),
 )
-SYN_SENT: Final = 2
-"""State of a TCP socket that waits for the answer to its request for a connection."""
+SYN_SENT: Final = 2  # state of a TCP socket that waits for the answer to its request for a connection
 
 
 def close_link(link: RouterLink) -> bool:

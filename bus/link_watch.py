@@ -14,8 +14,7 @@ from msgspec import structs
 
 from rcopterx.bus.host_messages import Beat, Echo, LinkState
 
-SAMPLES: Final = 125
-"""Newest exchanges that are kept: ten seconds of beats."""
+SAMPLES: Final = 125  # newest exchanges that are kept: ten seconds of beats
 
 
 class ClockOffset(NamedTuple):
@@ -47,15 +46,11 @@ class ClockFilter:
 
 SILENCE_S: Final = 0.32
 """A direction without a beat for so long is dead: four beats. A stall of 0.2 s must not close a link."""
-LONGEST_PATIENCE_S: Final = 2.0
-"""With a router whose beats never arrive: dialling does not help then."""
-MOST_DOUBLINGS: Final = 8
-"""Doublings until the patience is the longest."""
-STALL_S: Final = 0.25
-"""A watch that was not called for so long cannot judge the silence of others."""
+LONGEST_PATIENCE_S: Final = 2.0  # with a router whose beats never arrive: dialling does not help then
+MOST_DOUBLINGS: Final = 8  # doublings until the patience is the longest
+STALL_S: Final = 0.25  # a watch that was not called for so long cannot judge the silence of others
 LATE_S: Final = 0.1
-RECENT_S: Final = 5.0
-"""Delays are compared with the shortest one of this time, in which clocks drift little."""
+RECENT_S: Final = 5.0  # delays are compared with the shortest one of this time, in which clocks drift little
 
 
 class RouterLink(NamedTuple):
@@ -92,8 +87,7 @@ class _Neighbour:
 
     beat: Beat
     arrived_s: float
-    answered_s: float
-    """Arrival of its newest beat that contains a fresh echo of this router."""
+    answered_s: float  # arrival of its newest beat that contains a fresh echo of this router
     delay: RecentMinimum = field(default_factory=RecentMinimum)
     """Between its clock at sending and the clock of this host at arrival."""
     clock: ClockFilter = field(default_factory=ClockFilter)

@@ -16,8 +16,7 @@ from rcopterx.bus.link_watch import LinkWatch, RouterLink
 from rcopterx.bus.subscription import Subscription
 
 BEAT_S: Final = 0.08
-DIAL_CHECK_S: Final = 0.02
-"""Pause between checks of dialling attempts while a host is missing."""
+DIAL_CHECK_S: Final = 0.02  # pause between checks of dialling attempts while a host is missing
 SHORTEST_PAUSE_S: Final = 0.005
 STATUS_S: Final = 0.5
 BEATS_KEPT: Final = 32

@@ -8,10 +8,8 @@ from math import floor
 from time import monotonic
 from typing import Final
 
-TIME_BITS: Final = 20
-"""Times are multiples of 2^-20 s, a little less than a microsecond."""
-PULSE_BITS: Final = 4
-"""Pulse widths are multiples of a sixteenth of a microsecond, finer than radios resolve."""
+TIME_BITS: Final = 20  # times are multiples of 2^-20 s, a little less than a microsecond
+PULSE_BITS: Final = 4  # pulse widths are multiples of a sixteenth of a microsecond, finer than radios resolve
 _TICKS: Final = 2.0**TIME_BITS
 
 

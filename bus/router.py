@@ -93,11 +93,9 @@ def _identify(session: zenoh.Session, identity: IdentifyReply) -> None:
     session.declare_queryable(key, Callback(answer, indirect=False), complete=True)
 
 
-CONTENT: Final = b"probe"
-"""`rcopterx doctor` sends messages without content on the same key."""
+CONTENT: Final = b"probe"  # `rcopterx doctor` sends messages without content on the same key
 PERIOD_S: Final = LONGEST_WAIT_S
-OPENING_LIMIT_S: Final = 10.0
-"""Longest wait until the router accepts its own process."""
+OPENING_LIMIT_S: Final = 10.0  # longest wait until the router accepts its own process
 
 
 class Probe:

@@ -23,8 +23,7 @@ from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.subscription import Deliver, Inbox, OnArrival, Subscription, UnitSubscriptions, Waking
 
-_COUNTER: Final = Struct("<I")
-"""Attachment of every message: its number on this key."""
+_COUNTER: Final = Struct("<I")  # attachment of every message: its number on this key
 
 
 class Publisher:
@@ -49,14 +48,10 @@ def number_of(attachment: zenoh.ZBytes | None) -> int:
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Reply)
 
-MOST_REQUESTS: Final = 256
-"""Requests that wait for the loop of a process; further ones are rejected."""
-RETRY_S = 0.02
-"""Pause before a request is sent again where no process serves it."""
-FIRST_ATTEMPT_S = 0.1
-"""Time for one endpoint; it doubles in each round, for routers on a busy machine."""
-SILENT_SHARE = 0.8
-"""Share of the time-out after which an empty result means that the server did not answer."""
+MOST_REQUESTS: Final = 256  # requests that wait for the loop of a process; further ones are rejected
+RETRY_S = 0.02  # pause before a request is sent again where no process serves it
+FIRST_ATTEMPT_S = 0.1  # time for one endpoint; it doubles in each round, for routers on a busy machine
+SILENT_SHARE = 0.8  # share of the time-out after which an empty result means that the server did not answer
 
 _PRIORITIES = {
     channels.REAL_TIME: zenoh.Priority.REAL_TIME,
@@ -103,12 +98,9 @@ class Incoming:
     unit: str
     verb: str
     request: Request
-    payload: bytes
-    """The request as it arrived."""
-    arrived_s: float
-    """Monotonic clock of the process."""
-    send: Callable[[bytes], None]
-    """Sends the encoded reply."""
+    payload: bytes  # the request as it arrived
+    arrived_s: float  # monotonic clock of the process
+    send: Callable[[bytes], None]  # sends the encoded reply
 
     def answer(self, reply: Reply) -> None:
         """Send the reply and close the request."""

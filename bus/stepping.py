@@ -23,13 +23,10 @@ from rcopterx.bus.subscription import Deliver, Inbox, Waking
 
 M = TypeVar("M", bound=Message)
 
-MAX_WAITING: Final = 4096
-"""Inputs that wait for a step; then the oldest are dropped."""
-STEPS_PER_MESSAGE: Final = 20
-"""Largest number of steps without a control period that are published together."""
+MAX_WAITING: Final = 4096  # inputs that wait for a step; then the oldest are dropped
+STEPS_PER_MESSAGE: Final = 20  # largest number of steps without a control period that are published together
 REQUEST: Final = "request"
-LIFE_BITS: Final = 53
-"""Integers of this size are exact in every language."""
+LIFE_BITS: Final = 53  # integers of this size are exact in every language
 
 
 class Inboxes(Protocol[M]):

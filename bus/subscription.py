@@ -54,8 +54,7 @@ class Inbox(Generic[M]):
     def __init__(self, channel: Channel[M], depth: int = 1, unit: str = "") -> None:
         self.channel = channel
         self.unit = unit
-        self.key = f"{unit}/{channel.topic}"
-        """As in `AgentSteps.keys`."""
+        self.key = f"{unit}/{channel.topic}"  # as in `AgentSteps.keys`
         self.reason = ""
         self.unread: deque[tuple[bytes, float]] = deque(maxlen=depth)
         self._rejections = Rejections()

@@ -19,8 +19,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-COMPLETE: Final = "complete"
-"""Empty file in a directory of kernels that holds all of them."""
+COMPLETE: Final = "complete"  # empty file in a directory of kernels that holds all of them
 MODULES: Final = (
     "control.solver.sweep",
     "simulator.helicopter",
@@ -49,8 +48,7 @@ RECORDS: Final = (
 """Further modules on which machine code depends: types of arguments, and constants."""
 VARIABLE: Final = "RCOPTERX_KERNELS"
 """Environment variable with the directory of the cache, instead of the user's."""
-KEPT: Final = 10
-"""Number of versions that stay in the cache, besides those of the last `KEPT_S`."""
+KEPT: Final = 10  # number of versions that stay in the cache, besides those of the last `KEPT_S`
 KEPT_S: Final = 24 * 3600.0
 _PREFIX: Final = "kernels-"
 _PROCESSOR: Final = ("model name", "flags", "Features", "CPU part", "CPU implementer")

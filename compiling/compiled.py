@@ -34,8 +34,7 @@ _OPTIONS: Final = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 VECTOR: Final[Any] = types.float64[::1]
 MATRIX: Final[Any] = types.float64[:, ::1]
-BLOCKS: Final[Any] = types.float64[:, :, ::1]
-"""Types of contiguous arrays, which loops pass through fastest."""
+BLOCKS: Final[Any] = types.float64[:, :, ::1]  # types of contiguous arrays, which loops pass through fastest
 ANY_VECTOR: Final[Any] = types.Array(types.float64, 1, "A", readonly=True)
 ANY_MATRIX: Final[Any] = types.Array(types.float64, 2, "A", readonly=True)
 """Types of arrays that a kernel only reads, in any memory layout."""

@@ -134,9 +134,9 @@ CONTROLLERS: Final = Registry[Controller](
     "rcopterx.controllers",
     {
         "cascade": "rcopterx.control.controllers.cascade.controller:CascadeController",
-        "lqr": "rcopterx.control.controllers.lqr:LqrController",
+        "lqr": "rcopterx.control.controllers.feedback:LqrController",
         "paper": "rcopterx.control.controllers.paper.controller:PaperController",
-        "pid": "rcopterx.control.controllers.pid:PidController",
+        "pid": "rcopterx.control.controllers.feedback:PidController",
     },
 )
 ESTIMATORS: Final = Registry[Estimator](

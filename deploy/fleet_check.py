@@ -13,8 +13,7 @@ from rcopterx.fleet.reading import read_snapshot, write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
 
 MODULE: Final = "rcopterx.deploy.fleet_check"
-EXIT_WRONG: Final = 3
-"""Exit code for a fleet with a wrong field."""
+EXIT_WRONG: Final = 3  # exit code for a fleet with a wrong field
 
 
 def check_fleet(fleet: FleetFile, directory: Path) -> None:

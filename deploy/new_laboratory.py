@@ -22,10 +22,8 @@ class NewVehicle(NamedTuple):
     """A vehicle."""
 
     name: str
-    subject: str
-    """Its name in the Tracker."""
-    port: str
-    """Serial device, or address of a radio."""
+    subject: str  # its name in the Tracker
+    port: str  # serial device, or address of a radio
     offset_m: tuple[float, float, float] | None = None
     """Offset to the first vehicle in formation; None for a place in rows behind it."""
 
@@ -33,23 +31,15 @@ class NewVehicle(NamedTuple):
 class NewLaboratory(NamedTuple):
     """The answers about a laboratory."""
 
-    name: str
-    """Name of the fleet."""
-    tracker: str
-    """HOST:PORT of the Tracker's data stream."""
+    name: str  # name of the fleet
+    tracker: str  # HOST:PORT of the Tracker's data stream
     volume_min_m: tuple[float, float, float]
-    volume_max_m: tuple[float, float, float]
-    """Corners of the flight volume in the Tracker's frame."""
-    protocol: str | None
-    """Protocol of all radio modules; None for that of the type."""
-    type: str
-    """Type of all vehicles."""
-    vehicles: Sequence[NewVehicle]
-    """The first one leads."""
-    brand: str = "vicon"
-    """Kind of the motion capture."""
-    rate_hz: float | None = None
-    """Capture rate; None where the motion capture reports it."""
+    volume_max_m: tuple[float, float, float]  # corners of the flight volume in the Tracker's frame
+    protocol: str | None  # protocol of all radio modules; None for that of the type
+    type: str  # type of all vehicles
+    vehicles: Sequence[NewVehicle]  # the first one leads
+    brand: str = "vicon"  # kind of the motion capture
+    rate_hz: float | None = None  # capture rate; None where the motion capture reports it
 
     @property
     def binds(self) -> bool:

@@ -17,8 +17,7 @@ NAMES_OF_KIND: Final[Mapping[str, Callable[[], list[str]]]] = {
 }
 """Names that exist already, by what a package can add."""
 TEMPLATES: Final = Path(__file__).parent / "plugins"
-PLACEHOLDER: Final = "NAME"
-"""Stands for the name in the templates and in the names of their files."""
+PLACEHOLDER: Final = "NAME"  # stands for the name in the templates and in the names of their files
 SUFFIX: Final = ".template"
 
 

@@ -90,8 +90,7 @@ def at_speed(fleet: FleetFile, speed: float | None) -> FleetFile:
 
 T = TypeVar("T")
 
-DEEPEST = 16
-"""Tables and arrays within each other."""
+DEEPEST = 16  # tables and arrays within each other
 _STEP = re.compile(r"\.(\w+)|\[")
 
 

@@ -13,10 +13,8 @@ from rcopterx.bus.clock import NANO
 from rcopterx.flights.mcap_reading import messages_of
 from rcopterx.flights.mcap_writing import LoggedMessage
 
-TIME: Final = "time_s"
-"""Wall clock of arrival at the recorder, seconds since 1970."""
-LONGEST_LIST: Final = 32
-"""Longer lists are not columns of a table."""
+TIME: Final = "time_s"  # wall clock of arrival at the recorder, seconds since 1970
+LONGEST_LIST: Final = 32  # longer lists are not columns of a table
 
 
 def export_csv(parts: Sequence[Path], directory: Path) -> list[Path]:

@@ -12,13 +12,11 @@ from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
 
 METADATA: Final = "flight"
 FLEET_ATTACHMENT: Final = "fleet.json"
-FREE_BYTES: Final = 64 * 1024 * 1024
-"""Left free on the disk for logs, reports and the fleet file."""
+FREE_BYTES: Final = 64 * 1024 * 1024  # left free on the disk for logs, reports and the fleet file
 KEPT_FLIGHTS: Final = 5
 """Newest earlier flights of a fleet that are never removed for a disk that is almost full."""
 CHECK_FREE_WRITES: Final = 10
-RETRY_WRITES: Final = 50
-"""After a failure, every so many writes, about 5 s, the disk is tried again."""
+RETRY_WRITES: Final = 50  # after a failure, every so many writes, about 5 s, the disk is tried again
 PART_CHUNKS: Final = 20_000
 """A part ends after half an hour at the latest: the index of its chunks is kept in memory."""
 
@@ -56,8 +54,7 @@ class FlightWriter:
         self._earlier_bytes = 0
         self._writes = 0
         self.path: Path | None = None
-        self.problem = ""
-        """Why nothing is recorded; empty while it works."""
+        self.problem = ""  # why nothing is recorded; empty while it works
 
     @property
     def written_bytes(self) -> int:

@@ -18,15 +18,12 @@ from mcap.records import Attachment, Channel, Chunk, Metadata
 from rcopterx.flights.mcap_writing import COMPRESSION, MAGIC, LoggedMessage
 
 MAX_RECORD_BYTES: Final = 256 * 1024 * 1024
-MAX_CHUNK_BYTES: Final = 64 * 1024 * 1024
-"""Decompressed. The recorder writes some kilobytes."""
-SIZE_UNKNOWN: Final = -1
-"""Size of a frame of zstandard that declares none."""
+MAX_CHUNK_BYTES: Final = 64 * 1024 * 1024  # Decompressed. The recorder writes some kilobytes.
+SIZE_UNKNOWN: Final = -1  # size of a frame of zstandard that declares none
 MALFORMED: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError)
 """Raised by the library for records that contradict themselves."""
 _HEAD: Final = struct.Struct("<BQ")
-_MESSAGE: Final = struct.Struct("<HIQQ")
-"""Channel, sequence, log time, publish time."""
+_MESSAGE: Final = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 
 
 class FlightLogError(ValueError):

@@ -36,10 +36,8 @@ LIBRARY: Final = "rcopterx"
 JSON: Final = "application/json"
 COMPRESSION: Final = "zstd"
 COMPRESSION_LEVEL: Final = 6
-_MESSAGE: Final = Struct("<BQHIQQ")
-"""Opcode, length, channel, sequence, log time, publish time."""
-_MESSAGE_FIXED: Final = 22
-"""Bytes of a message record between its length and its data."""
+_MESSAGE: Final = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+_MESSAGE_FIXED: Final = 22  # bytes of a message record between its length and its data
 _FOOTER_CHECKED: Final = Struct("<BQQQ")
 
 
@@ -85,8 +83,7 @@ class McapFile:
         self._counts: Counter[int] = Counter()
         self._start_ns: int | None = None
         self._end_ns = 0
-        self.written_bytes = 0
-        """Whole records only."""
+        self.written_bytes = 0  # whole records only
         head = RecordBuilder()
         head.write(MAGIC)
         Header(profile="", library=LIBRARY).write(head)

@@ -19,8 +19,7 @@ from rcopterx.bus.session import BusAddress, RawMessage, Session
 from rcopterx.flights.flight_writing import FlightSettings, FlightWriter
 from rcopterx.flights.mcap_writing import LoggedMessage
 
-FLUSH_S: Final = 0.1
-"""Time between two chunks; a recorder that is killed loses no more than twice this."""
+FLUSH_S: Final = 0.1  # time between two chunks; a recorder that is killed loses no more than twice this
 REPORT_S: Final = 1.0
 MAX_WAITING_BYTES: Final = 64 * 1024 * 1024
 """About a minute of three vehicles; further messages are dropped and counted while the disk is slower."""

@@ -19,15 +19,11 @@ EVENT_CHANNELS: Final[tuple[Channel[Any], ...]] = (
     channels.KILL,
 )  # fmt: skip
 """Channels from which `EventFeed` reads."""
-QUIET_VERBS: Final = frozenset({"recall", "prepare_leaders"})
-"""Requests of processes, not of people."""
-KILL_PAUSE_S: Final = 1.0
-"""Kills are repeated while they are active; one after such a pause is another one."""
+QUIET_VERBS: Final = frozenset({"recall", "prepare_leaders"})  # requests of processes, not of people
+KILL_PAUSE_S: Final = 1.0  # kills are repeated while they are active; one after such a pause is another one
 KEPT: Final = 200
-MERGED_S: Final = 30.0
-"""Counted events with the same text within this time share a line."""
-QUIET_COUNTS: Final = frozenset({"not_converged"})
-"""Fallbacks that happen too often to be shown."""
+MERGED_S: Final = 30.0  # counted events with the same text within this time share a line
+QUIET_COUNTS: Final = frozenset({"not_converged"})  # fallbacks that happen too often to be shown
 
 
 @dataclass(frozen=True)

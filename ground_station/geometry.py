@@ -10,8 +10,7 @@ import numpy as np
 from rcopterx.bus.messages import LeaderLink, Plan
 from rcopterx.vehicles.state import Array, heading_matrix, three
 
-NOWHERE: Final = np.zeros((1, 2, 3))
-"""An invisible line."""
+NOWHERE: Final = np.zeros((1, 2, 3))  # an invisible line
 
 
 def heading_quaternion(yaw_rad: float) -> tuple[float, float, float, float]:

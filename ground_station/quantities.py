@@ -16,8 +16,7 @@ class Quantity(NamedTuple):
 
     name: str
     text: Text
-    width: int = 0
-    """Of its column in the terminal; 0 for the page only."""
+    width: int = 0  # of its column in the terminal; 0 for the page only
     alarming: Callable[[VehicleState], bool] = lambda _: False
 
 

@@ -5,8 +5,7 @@ import sys
 
 from rcopterx.bus.realtime import ONE_THREAD, request_realtime
 
-KILL_PRIORITY = 60
-"""SCHED_FIFO, where the operating system permits it: above every process of a fleet."""
+KILL_PRIORITY = 60  # SCHED_FIFO, where the operating system permits it: above every process of a fleet
 
 
 def main() -> None:

@@ -89,8 +89,7 @@ def _common(
         next_steps.show_next_steps()
 
 
-WITH_COORDINATES = (steer.goto,)
-"""Commands that do not check for unknown options, so that -0.5 is a number."""
+WITH_COORDINATES = (steer.goto,)  # commands that do not check for unknown options, so that -0.5 is a number
 for panel, commands in COMMANDS.items():
     for command in commands:
         settings = {"ignore_unknown_options": command in WITH_COORDINATES}

@@ -16,20 +16,15 @@ from rcopterx.transmitter_gateway.protocols.mavlink import FORCE, packed, set_po
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import MODES, MavlinkSettings
 from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
-LOITER, LAND = 4 << 16 | 3 << 24, 4 << 16 | 6 << 24
-"""Modes of PX4 as reported."""
+LOITER, LAND = 4 << 16 | 3 << 24, 4 << 16 | 6 << 24  # modes of PX4 as reported
 SLOWEST_STREAM_S: Final = 0.5
 STREAM_BEFORE_S: Final = 1.0
-LOSS_S: Final = 1.0
-"""`COM_OF_LOSS_T`."""
+LOSS_S: Final = 1.0  # `COM_OF_LOSS_T`
 YAW_GAIN_PER_S: Final = 2.8
-HOVER_SHARE: Final = 0.02
-"""Of each set point in the thrust that it learns to hover with."""
-SINKING: Final = 0.95
-"""Share of that thrust in a landing."""
+HOVER_SHARE: Final = 0.02  # of each set point in the thrust that it learns to hover with
+SINKING: Final = 0.95  # share of that thrust in a landing
 FLYING_M: Final = 0.02
-NORTH_RAD: Final = 1.0
-"""Heading of the x axis of the laboratory: north is zero for an autopilot."""
+NORTH_RAD: Final = 1.0  # heading of the x axis of the laboratory: north is zero for an autopilot
 FULL_V: Final = 16.8
 EMPTY_V: Final = 14.0
 ENDURANCE_S: Final = 600.0

@@ -45,10 +45,8 @@ class Surroundings(NamedTuple):
 
     battery_endurance_s: float
     battery_sag: float
-    load: float
-    """Consumption from the battery as a fraction of that of hovering."""
-    thrust_factor: float
-    """Thrust that faults leave, as a fraction."""
+    load: float  # consumption from the battery as a fraction of that of hovering
+    thrust_factor: float  # thrust that faults leave, as a fraction
     downwash_m_s2: float
     tilting_rad_s2: tuple[float, float]
     """Acceleration of the tilt towards inertial x and y by the slopes of the downwash."""
@@ -61,8 +59,7 @@ class Flight(NamedTuple):
 
     steps: int
     state: State
-    yaw_rad: float
-    """Heading, unwrapped."""
+    yaw_rad: float  # heading, unwrapped
     time_s: float
     hover_seconds_used: float
     landed: bool

@@ -17,57 +17,45 @@ _TINY: Final = 1e-9
 _LEAST_DRAG: Final = 0.1
 
 
-Air = tuple[float, float, float, float, float, float]
-"""Accelerations by the air, see `derivative`."""
+Air = tuple[float, float, float, float, float, float]  # accelerations by the air, see `derivative`
 
 
 class State(NamedTuple):
     """State of a helicopter, or its time derivative."""
 
-    x: float
-    """Position and velocity in the inertial frame."""
+    x: float  # position and velocity in the inertial frame
     y: float
     z: float
     vx: float
     vy: float
     vz: float
-    qw: float
-    """Attitude as a unit quaternion."""
+    qw: float  # attitude as a unit quaternion
     qx: float
     qy: float
     qz: float
-    p: float
-    """Rates of the body about its axes."""
+    p: float  # rates of the body about its axes
     q: float
     r: float
-    speed_upper: float
-    """Speeds of the rotors."""
+    speed_upper: float  # speeds of the rotors
     speed_lower: float
-    bar_x: float
-    """Axis of the bar, a unit vector in the inertial frame."""
+    bar_x: float  # axis of the bar, a unit vector in the inertial frame
     bar_y: float
     bar_z: float
-    swash_x: float
-    """Tilt of the swash plate towards body x and y."""
+    swash_x: float  # tilt of the swash plate towards body x and y
     swash_y: float
 
 
 class Rotor(NamedTuple):
     """Parameters of a rotor."""
 
-    thrust: float
-    """Thrust and drag torque over the square of the speed."""
+    thrust: float  # thrust and drag torque over the square of the speed
     torque: float
     lag: float
-    phase_per_speed: float
-    """Phase lag: angle between the lean of the disc and the lean that it follows."""
+    phase_per_speed: float  # phase lag: angle between the lean of the disc and the lean that it follows
     phase_at_rest: float
-    link: float
-    """Lean of the disc over the lean that it follows."""
-    arm: float
-    """Height above the centre of gravity."""
-    spring: float
-    """Moment of both blades per lean."""
+    link: float  # lean of the disc over the lean that it follows
+    arm: float  # height above the centre of gravity
+    spring: float  # moment of both blades per lean
 
 
 class Airframe(NamedTuple):
@@ -82,8 +70,7 @@ class Airframe(NamedTuple):
     drag_x: float
     drag_y: float
     flapping: float
-    gust_speed: float
-    """Speed of the wind over the horizontal acceleration that it causes."""
+    gust_speed: float  # speed of the wind over the horizontal acceleration that it causes
     damping_x: float
     damping_y: float
     bar_time_constant: float

@@ -16,14 +16,12 @@ import numpy as np
 
 from rcopterx.vehicles.state import GRAVITY_M_S2
 
-NOMINAL_SIZE: Final = 0.75
-"""Time scale of the mCX2 against the CoaX."""
+NOMINAL_SIZE: Final = 0.75  # time scale of the mCX2 against the CoaX
 NOMINAL_PLATEAU_M_S2: Final = (2.0, 2.1)
 """Acceleration per unit of pitch and roll stick before the bar creeps."""
 NOMINAL_FLAPPING_RAD_S_M: Final = 5.0
 """Angular acceleration against the airspeed of the mCX2's size, as if 0.29 /s were added to its drag."""
-ROTOR_RADIUS_M: Final = 0.17
-"""Of the CoaX."""
+ROTOR_RADIUS_M: Final = 0.17  # of the CoaX
 DEGREE: Final = math.pi / 180
 
 
@@ -34,26 +32,19 @@ class HelicopterParameters:
     Raises `ValueError` for a number that is not finite or out of its range; the message begins with its name.
     """
 
-    size: float
-    """Time scale against the CoaX; the other numbers are those of this size."""
+    size: float  # time scale against the CoaX; the other numbers are those of this size
     mass_kg: float
     inertia_kg_m2: tuple[float, float, float]
-    arm_upper_m: float
-    """Height of the upper rotor above the centre of gravity."""
+    arm_upper_m: float  # height of the upper rotor above the centre of gravity
     arm_lower_m: float
-    link_upper: float
-    """Tilt of the upper rotor disc per tilt of the bar against the mast."""
-    link_lower: float
-    """Tilt of the lower rotor disc per tilt of the swash plate."""
-    spring_upper_n_m: float
-    """Stiffness of the blades against flapping [N m/rad] of each of two blades."""
+    link_upper: float  # tilt of the upper rotor disc per tilt of the bar against the mast
+    link_lower: float  # tilt of the lower rotor disc per tilt of the swash plate
+    spring_upper_n_m: float  # stiffness of the blades against flapping [N m/rad] of each of two blades
     spring_lower_n_m: float
     bar_time_constant_s: float
-    thrust_upper: float
-    """Thrust over the square of the rotor speed [N s^2/rad^2]."""
+    thrust_upper: float  # thrust over the square of the rotor speed [N s^2/rad^2]
     thrust_lower: float
-    torque_upper: float
-    """Drag torque over the square of the rotor speed [N m s^2/rad^2]."""
+    torque_upper: float  # drag torque over the square of the rotor speed [N m s^2/rad^2]
     torque_lower: float
     rotor_lag_upper_s: float
     rotor_lag_lower_s: float
@@ -61,33 +52,22 @@ class HelicopterParameters:
     """Phase lag of the upper rotor: slope over rotor speed [s], constant [rad]."""
     phase_lower: tuple[float, float]
     swash_limit_rad: float
-    swash_gain_rad: tuple[float, float]
-    """Swash plate tilt per unit of pitch and roll stick."""
+    swash_gain_rad: tuple[float, float]  # swash plate tilt per unit of pitch and roll stick
     thrust_gain_m_s2: float
     """Thrust over mass per unit of thrust stick with a full battery, away from the floor."""
-    yaw_rate_gain_rad_s: float
-    """Yaw rate that the gyro holds per unit of yaw stick."""
-    yaw_gyro_gain_per_s: float
-    """Yaw acceleration that the gyro asks for per error of the yaw rate."""
-    drag_per_s: tuple[float, float]
-    """Translational drag over mass along body x and y, positive."""
+    yaw_rate_gain_rad_s: float  # yaw rate that the gyro holds per unit of yaw stick
+    yaw_gyro_gain_per_s: float  # yaw acceleration that the gyro asks for per error of the yaw rate
+    drag_per_s: tuple[float, float]  # translational drag over mass along body x and y, positive
     flapping_rad_s_m: float
     """Angular acceleration by which airspeed tilts the vehicle back [rad/s^2 per m/s]: the rotors flap."""
-    added_damping: float
-    """Aerodynamic damping of pitch and roll as a damping ratio of the fast mode."""
-    servo_lag_s: tuple[float, float]
-    """First-order lags of the pitch and roll servos."""
-    servo_step: float
-    """Resolution of the servos and half-width of their dead band."""
-    trim: tuple[float, float, float, float]
-    """Offset of every stick."""
-    marker_roll_rad: float
-    """Rotation of the markers against the body, about body x."""
+    added_damping: float  # aerodynamic damping of pitch and roll as a damping ratio of the fast mode
+    servo_lag_s: tuple[float, float]  # first-order lags of the pitch and roll servos
+    servo_step: float  # resolution of the servos and half-width of their dead band
+    trim: tuple[float, float, float, float]  # offset of every stick
+    marker_roll_rad: float  # rotation of the markers against the body, about body x
     marker_pitch_rad: float
-    ground_effect: float
-    """Fraction by which the thrust is larger on the floor."""
-    ground_effect_height_m: float
-    """Height over which the ground effect decays by e."""
+    ground_effect: float  # fraction by which the thrust is larger on the floor
+    ground_effect_height_m: float  # height over which the ground effect decays by e
 
     def __post_init__(self) -> None:
         offsets = ("trim", "phase_upper", "phase_lower", "marker_roll_rad", "marker_pitch_rad")

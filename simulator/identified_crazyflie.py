@@ -33,8 +33,7 @@ FULL_TILT_RAD: Final = math.radians(CrazyflieSettings().full_tilt_deg)
 FULL_YAW_RATE_RAD_S: Final = math.radians(CrazyflieSettings().full_yaw_rate_deg_s)
 FULL_THRUST_SHARE: Final = 4 * FULL_THRUST / 65535
 """Thrust command at full stick over the largest thrust of one of the four motors."""
-SIZES: Final = {"state": 16, "command": 4, "air": 4, "step_s": 1}
-"""Arguments of a step."""
+SIZES: Final = {"state": 16, "command": 4, "air": 4, "step_s": 1}  # arguments of a step
 MISSING_LIBRARY: Final = "the library drone-models is not installed: pip install 'rcopterx[physics]'"
 
 

@@ -10,8 +10,7 @@ import tty
 from collections import Counter
 from pathlib import Path
 
-from rcopterx.simulator.radio_end import RadioEnd
-from rcopterx.simulator.radio_module import RadioModule, Reception
+from rcopterx.simulator.radio_module import RadioEnd, RadioModule, Reception
 from rcopterx.simulator.radio_receiver import Receiver
 
 READ_SIZE = 4096

@@ -3,8 +3,7 @@
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_boards import Dsm2Board, DsmpModule, TrainerTransmitter
-from rcopterx.simulator.radio_end import RadioEnd
-from rcopterx.simulator.radio_module import RadioModule
+from rcopterx.simulator.radio_module import RadioEnd, RadioModule
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.simulator.settings import SimulatedRadio

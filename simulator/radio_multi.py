@@ -26,18 +26,15 @@ INPUT_LOST_S = 0.070
 STATUS_PERIOD_S = 0.501
 FAST_PERIOD_S = 0.011
 SLOW_PERIOD_S = 0.022
-SECOND_COPY_S = 0.00401
-"""Every packet is sent twice, on two radio channels."""
+SECOND_COPY_S = 0.00401  # every packet is sent twice, on two radio channels
 
 BIND_START_S = 0.13
 BIND_SLOT_S = 0.01
 BIND_PACKETS = 181
-BIND_SLOTS = 603
-"""Packets, then listening for the receiver's answer."""
+BIND_SLOTS = 603  # packets, then listening for the receiver's answer
 PACKETS_AFTER_ABORT = 3
 
-EU_NAMES = ("--->", "--->", "X 1F", "X 2F")
-"""Sub-protocols that an EU build refuses begin with `--`."""
+EU_NAMES = ("--->", "--->", "X 1F", "X 2F")  # sub-protocols that an EU build refuses begin with `--`
 DSMX = (2, 3)
 VERSION = bytes((1, 3, 4, 72))
 ORDER_AETR = 0xE4
@@ -83,8 +80,7 @@ class MultiModule(RadioModule):
     def __init__(self, powered_s: float = 0.0, *, inverted_wiring: bool = True) -> None:
         super().__init__(BYTE_S, END_OF_FRAME_S, FRAME_LENGTH)
         self._inverted_wiring = inverted_wiring
-        self.knows_dsm2 = True
-        """False for EU builds, which refuse DSM2 and have DSMX."""
+        self.knows_dsm2 = True  # False for EU builds, which refuse DSM2 and have DSMX
         self.rf_channels = 0
         self.power_cycle(powered_s)
 

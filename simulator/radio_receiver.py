@@ -13,8 +13,7 @@ CENTER_US = 1500.0
 CHANNELS = 12
 HOLD_S = 45 * 0.022
 BIND_PACKETS_NEEDED = 10
-FAILSAFE_THROTTLE_US = 1100.0
-"""Until a bind stores another one."""
+FAILSAFE_THROTTLE_US = 1100.0  # until a bind stores another one
 STORE_AFTER_BIND_S = 5.0
 
 

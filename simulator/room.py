@@ -6,8 +6,7 @@ from rcopterx.simulator.radio_kinds import radio_end_of
 from rcopterx.simulator.settings import SimulatedVehicle
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 
-MOTOR_START_US = 15.0
-"""Pulse width above throttle low from which the vehicle's motor controller runs."""
+MOTOR_START_US = 15.0  # pulse width above throttle low from which the vehicle's motor controller runs
 
 
 class Room:

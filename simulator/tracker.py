@@ -79,8 +79,7 @@ class TrackerServer:
         self._offer = PROFILES[profile]
         self._rate_hz = rate_hz
         self._clock = clock
-        self.faults = TrackerFaults(self._offer)
-        """Faults now and later."""
+        self.faults = TrackerFaults(self._offer)  # faults now and later
         self._clients: dict[int, TrackerLink] = {}
         self._subject_ids: dict[str, int] = {}
         self._burst_left = 0

@@ -10,13 +10,19 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
 from rcopterx.simulator import faults
-from rcopterx.simulator.fault_table import FaultTable, Lasting
-from rcopterx.simulator.faults import MAX_FRAME_ID, FaultError, LastingFault, TimedFault, TrackerFault
+from rcopterx.simulator.faults import (
+    MAX_FRAME_ID,
+    FaultError,
+    FaultTable,
+    Lasting,
+    LastingFault,
+    TimedFault,
+    TrackerFault,
+)
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 from rcopterx.vicon_gateway.wire import ObjectType
 
-NOISE_SEED = 1
-"""The same fault shows the same noise."""
+NOISE_SEED = 1  # the same fault shows the same noise
 
 
 _F = TypeVar("_F", bound=LastingFault)

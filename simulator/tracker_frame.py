@@ -31,10 +31,8 @@ ROOT_SEGMENT = 1
 _POSES = frozenset({ObjectType.LOCAL_SEGMENTS, ObjectType.GLOBAL_SEGMENTS, ObjectType.LIGHTWEIGHT_SEGMENTS})
 _NO_TIMECODE = struct.pack("<4B2H2IB", 0, 0, 0, 0, 0, 0, 0xFFFFFFFF, 0, 0)
 _NO_MARKERS = bytes(4)
-_SCALE = struct.Struct("<II")
-"""Subject, number of its segments with a scale."""
-_HEALTH = struct.Struct("<Idd")
-"""Subject, marker error [mm], health from 0 to 1."""
+_SCALE = struct.Struct("<II")  # subject, number of its segments with a scale
+_HEALTH = struct.Struct("<Idd")  # subject, marker error [mm], health from 0 to 1
 _LIGHT = struct.Struct("<3I6f")
 """Subject, number of segments, segment, translation [mm], rotation vector [rad]."""
 _Encoded = tuple[Sequence[int] | None, list[bytes]]

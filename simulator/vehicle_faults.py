@@ -3,11 +3,10 @@
 from collections.abc import Iterable, Mapping
 from typing import Final
 
-from rcopterx.simulator.fault_table import FaultTable
-from rcopterx.simulator.faults import BreakRadio, BreakVehicle, FaultError, Recover, TimedFault
+from rcopterx.simulator.faults import BreakRadio, BreakVehicle, FaultError, FaultTable, Recover, TimedFault
 from rcopterx.simulator.plant import Plant, PlantFaults, four
-from rcopterx.simulator.radio_end import RadioEnd
 from rcopterx.simulator.radio_kinds import condition_refused, set_condition
+from rcopterx.simulator.radio_module import RadioEnd
 from rcopterx.vehicles.state import U_PITCH, U_ROLL
 
 _STICKS: Final = ("pitch", "roll", "thrust", "yaw")

@@ -5,8 +5,7 @@ from abc import ABC, abstractmethod
 from contextlib import suppress
 
 from rcopterx.simulator.plant import Plant
-from rcopterx.simulator.radio_end import RadioEnd
-from rcopterx.simulator.radio_module import Reception
+from rcopterx.simulator.radio_module import RadioEnd, Reception
 from rcopterx.transmitter_gateway.udp_port import LONGEST_DATAGRAM, udp_address
 
 

@@ -17,8 +17,7 @@ from rcopterx.transmitter_gateway.inputs import THRUST, Cause, CommandInput, Inp
 from rcopterx.transmitter_gateway.leases import Leases
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
-LONGEST_PLAN = 1 + MAX_NEXT_INPUTS
-"""Planned inputs of a command, the first one included."""
+LONGEST_PLAN = 1 + MAX_NEXT_INPUTS  # planned inputs of a command, the first one included
 
 
 class Rejection(StrEnum):

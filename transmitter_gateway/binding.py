@@ -5,8 +5,7 @@ import math
 from rcopterx.transmitter_gateway.protocols.base import ModuleStatus
 
 LONGEST_BIND_S = 7.0
-POWER_UP_LIMIT_S = 30.0
-"""How long a board that binds only when it is switched on is waited for."""
+POWER_UP_LIMIT_S = 30.0  # how long a board that binds only when it is switched on is waited for
 AFTER_BIND_S = 5.0
 
 

@@ -10,8 +10,7 @@ from msgspec import Struct
 Input = tuple[float, float, float, float]
 Position = tuple[float, float, float]
 NEUTRAL: Input = (0.0, 0.0, 0.0, 0.0)
-THRUST = 2
-"""Index of the thrust."""
+THRUST = 2  # index of the thrust
 
 
 class State(StrEnum):
@@ -26,8 +25,7 @@ class State(StrEnum):
     KILLED = "KILLED"
 
 
-NAMES = {state: state.value.lower() for state in State}
-"""States as messages call them."""
+NAMES = {state: state.value.lower() for state in State}  # states as messages call them
 FLYING = frozenset({State.ARMED, State.HOLD, State.LAND, State.DESCEND})
 
 

@@ -23,38 +23,26 @@ from rcopterx.transmitter_gateway.limits import LandingLimits
 
 POSITION_GAIN_PER_S2 = 1.6
 VELOCITY_GAIN_PER_S = 2.0
-LARGEST_ERROR_M = 0.3
-"""Further away, the vehicle approaches at the speed that belongs to this error."""
+LARGEST_ERROR_M = 0.3  # further away, the vehicle approaches at the speed that belongs to this error
 CLIMB_GAIN_PER_S = 2.0
 CLIMB_INTEGRAL_PER_S2 = 1.0
 LARGEST_INTEGRAL_M_S2 = 2.5
-THROWN_M_S = 0.2
-"""A vehicle that climbs faster than this above the set point bounced; more is not integrated."""
-CLIMB_CHANGE_M_S2 = 0.5
-"""Rate at which the climb rate set point changes; a step would overshoot."""
-CUSHION_M = 0.05
-"""So near the floor the ground carries part of the weight: who sinks slowly there, floats."""
-FASTER_M_S = 0.2
-"""A vehicle that has gained so much speed since it was slowest under the law is not braked..."""
-FASTER_S = 0.1
-"""...if it lasts so long; a pose that jumps is no speed."""
-ASTRAY_M_S = 0.4
-"""A vehicle that has gained so much speed does not obey its sticks..."""
-ASTRAY_S = 0.2
-"""...if it lasts so long."""
+THROWN_M_S = 0.2  # a vehicle that climbs faster than this above the set point bounced; more is not integrated
+CLIMB_CHANGE_M_S2 = 0.5  # rate at which the climb rate set point changes; a step would overshoot
+CUSHION_M = 0.05  # so near the floor the ground carries part of the weight: who sinks slowly there, floats
+FASTER_M_S = 0.2  # a vehicle that has gained so much speed since it was slowest under the law is not braked
+FASTER_S = 0.1  # ...if it lasts so long; a pose that jumps is no speed
+ASTRAY_M_S = 0.4  # a vehicle that has gained so much speed does not obey its sticks
+ASTRAY_S = 0.2  # ...if it lasts so long
 RESPONSE_S = 0.15
 """From a stick to the velocity that is measured: pose to air, tilt of the rotor, filter of the velocity."""
 REMEMBERED_S = 1.0
-REVERSED = -0.3
-"""A stick whose effect is less than this share of the nominal one acts the wrong way round..."""
-USELESS = 0.2
-"""...and one whose effect is less than this does not act at all,"""
-ENOUGH_EFFORT = 1.4
-"""once it has asked for so much: the integral of its acceleration squared [m^2/s^3]."""
+REVERSED = -0.3  # a stick whose effect is less than this share of the nominal one acts the wrong way round
+USELESS = 0.2  # ...and one whose effect is less than this does not act at all,
+ENOUGH_EFFORT = 1.4  # once it has asked for so much: the integral of its acceleration squared [m^2/s^3]
 HURRY = 2.0
 """A vehicle that is not braked descends so many times as fast, to so many times the height of the flare..."""
-HURRIED_CHANGE_M_S2 = 1.5
-"""...and its climb rate changes so fast."""
+HURRIED_CHANGE_M_S2 = 1.5  # ...and its climb rate changes so fast
 YAW_GAIN_PER_S = 1.0
 LONGEST_STEP_S = 0.05
 

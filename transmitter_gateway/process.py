@@ -14,14 +14,12 @@ from rcopterx.bus.session import BusUnreachableError, Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.transmitter_gateway.inputs import Action, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
-from rcopterx.transmitter_gateway.radios import Radios
+from rcopterx.transmitter_gateway.radios import Radios, Wakeup
 from rcopterx.transmitter_gateway.settings import GatewaySettings
 from rcopterx.transmitter_gateway.station import Station
-from rcopterx.transmitter_gateway.wakeup import Wakeup
 
 STATUS_PERIOD_S = 0.2
-POSES_KEPT = 64
-"""Of one vehicle: more than arrive between two turns, also from a fast Tracker."""
+POSES_KEPT = 64  # of one vehicle: more than arrive between two turns, also from a fast Tracker
 
 
 class Gateway:

@@ -1,19 +1,63 @@
 """All transmitters of a gateway process, served with or without the bus."""
 
 import logging
+import os
+import select
 import traceback
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
+from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.heartbeat import Heartbeat
+from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, crazyradio
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
-from rcopterx.transmitter_gateway.ports import port_for
-from rcopterx.transmitter_gateway.settings import GatewaySettings
+from rcopterx.transmitter_gateway.port import Port
+from rcopterx.transmitter_gateway.protocols.crtp import RADIO, RadioAddress
+from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
+from rcopterx.transmitter_gateway.serial_port import SerialPort
+from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import StatePage, open_page, page_of_process
 from rcopterx.transmitter_gateway.transmitter import Transmitter
-from rcopterx.transmitter_gateway.wakeup import Wakeup
+from rcopterx.transmitter_gateway.udp_port import UDP, UdpPort
+
+
+def port_for(settings: TransmitterSettings) -> Port:
+    """Return a port for a transmitter, not yet opened."""
+    if settings.port.startswith(UDP) and isinstance(settings.protocol, SetPointRadio):
+        return UdpPort(settings.port, settings.protocol)
+    if settings.port.startswith(RADIO):
+        address = RadioAddress.of(settings.port)
+        return CrazyradioPort(settings.port, address, crazyradio(address.dongle))
+    return SerialPort(settings.port, settings.protocol.line)
+
+
+class Wakeup:
+    """An event that `wait` watches together with file descriptors; its time-outs are those of a clock."""
+
+    def __init__(self, clock: Clock = REAL_TIME) -> None:
+        self._real_s = clock.real_s
+        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+
+    def notify(self) -> None:
+        """Wake the loop; may be called from any thread and from signal handlers."""
+        os.eventfd_write(self._event, 1)
+
+    def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
+        """Wait for a notification, for data or for the time-out; return readable or closed descriptors."""
+        # `select` counts in microseconds; `poll` and `epoll` would round deadlines to milliseconds.
+        readable, _, _ = select.select([self._event, *descriptors], [], [], max(0.0, self._real_s(timeout_s)))
+        ready = set(readable)
+        if self._event in ready:
+            os.eventfd_read(self._event)
+            ready.discard(self._event)
+        return ready
+
+    def close(self) -> None:
+        """Release the descriptor."""
+        os.close(self._event)
+
 
 _LOG = logging.getLogger(__name__)
 

@@ -13,10 +13,8 @@ from rcopterx.transmitter_gateway.limits import ArbiterLimits
 LONGEST_SLEW_STEP_S = 0.04
 FADE_PER_S = 0.05
 """How slowly the thrust falls while a vehicle is still seen in the air after its descent: it sinks gently."""
-LEAST_SHARE = 0.3
-"""Share of the hover thrust below which no rotor of a vehicle in the air is slowed."""
-BRAKING = 0.2
-"""Thrust per climb rate [s/m] by which a vehicle that is not seen is braked."""
+LEAST_SHARE = 0.3  # share of the hover thrust below which no rotor of a vehicle in the air is slowed
+BRAKING = 0.2  # thrust per climb rate [s/m] by which a vehicle that is not seen is braked
 
 
 class Shaping:

@@ -13,10 +13,8 @@ from rcopterx.transmitter_gateway.port import WriteOutcome
 from rcopterx.transmitter_gateway.snapshot import Write
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 
-COMMANDS_KEPT = 256
-"""A flood of wrong commands must not push out the right ones between them."""
-COMMANDS_AT_ONCE = 8
-"""So that a flood for one vehicle keeps no other one waiting."""
+COMMANDS_KEPT = 256  # a flood of wrong commands must not push out the right ones between them
+COMMANDS_AT_ONCE = 8  # so that a flood for one vehicle keeps no other one waiting
 BIDS_KEPT = 16
 VERBS = ["arm", "disarm", "kill", "reset"]
 

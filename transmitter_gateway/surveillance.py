@@ -21,10 +21,8 @@ SINK_M_S2 = 2.5
 SHORTEST_STEP_S = 1e-3
 FORGET_AFTER_S = 1.0
 MOST_OTHERS = 63
-STANDING_M = 0.2
-"""Markers of a vehicle that stands on the floor are not higher."""
-LIFTED_M = 0.03
-"""Above where it stood, a vehicle flies."""
+STANDING_M = 0.2  # markers of a vehicle that stands on the floor are not higher
+LIFTED_M = 0.03  # above where it stood, a vehicle flies
 
 
 class Judgement(Struct, frozen=True):

@@ -35,8 +35,7 @@ from rcopterx.transmitter_gateway.state_page import StatePage
 from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_channels
 from rcopterx.transmitter_gateway.take_over import seen_on_floor, take_over_problem
 
-THROTTLE_LOW_FRAMES = 30
-"""At least 25 are to arrive."""
+THROTTLE_LOW_FRAMES = 30  # at least 25 are to arrive
 REPOWERED_S = 7.0
 """A receiver finds a module that lost its power after 2 to 6 s; its vehicle has fallen before."""
 LEASES_PER_S = 1000

@@ -11,8 +11,7 @@ from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
 UDP: Final = "udp://"
 LONGEST_DATAGRAM: Final = 2048
 PROBE_S: Final = 0.05
-MOST_AT_ONCE: Final = 64
-"""Datagrams, so that a flood keeps no other vehicle waiting."""
+MOST_AT_ONCE: Final = 64  # datagrams, so that a flood keeps no other vehicle waiting
 
 
 def udp_address(path: str) -> tuple[str, int]:

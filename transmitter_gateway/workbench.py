@@ -10,13 +10,12 @@ from contextlib import AbstractContextManager
 
 from rcopterx.transmitter_gateway.binding import AFTER_BIND_S, LONGEST_BIND_S, POWER_UP_LIMIT_S
 from rcopterx.transmitter_gateway.inputs import Answer, LinkState
-from rcopterx.transmitter_gateway.ports import port_for
+from rcopterx.transmitter_gateway.radios import port_for
 from rcopterx.transmitter_gateway.serial_port import IN_USE
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 
-FAREWELL_S = 0.8
-"""At least 25 frames of any radio."""
+FAREWELL_S = 0.8  # at least 25 frames of any radio
 
 LONGEST_BINDING_S = POWER_UP_LIMIT_S + LONGEST_BIND_S + AFTER_BIND_S
 

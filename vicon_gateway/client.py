@@ -21,8 +21,7 @@ from rcopterx.vicon_gateway.recording import RawRecorder
 from rcopterx.vicon_gateway.wire import WireError
 
 DEFAULT_PORT = 801
-RECEIVE_BYTES = 64 * 1024
-"""Larger buffers come from the operating system each time, as empty pages."""
+RECEIVE_BYTES = 64 * 1024  # larger buffers come from the operating system each time, as empty pages
 MAX_DRAIN_BYTES = 8 * 1024 * 1024
 
 StateName = Literal["waiting", "resolving", "connecting", "negotiating", "up", "closed"]

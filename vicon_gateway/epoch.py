@@ -11,8 +11,7 @@ from rcopterx.vicon_gateway.frame import CapturedFrame
 
 GAP_TOLERANCE_S = 0.25
 """How far frame numbers and elapsed time may disagree: bursts, late delivery, reconnects."""
-RATE_TOLERANCE = 1e-3
-"""Relative error of the nominal period against the local clock."""
+RATE_TOLERANCE = 1e-3  # relative error of the nominal period against the local clock
 
 
 class Stamp(NamedTuple):

@@ -20,8 +20,7 @@ from rcopterx.vicon_gateway.wire import (
     split_objects,
 )
 
-SDK_TICKS_PER_SECOND = 135_000_000
-"""Unit of the frame period in StreamInfo."""
+SDK_TICKS_PER_SECOND = 135_000_000  # unit of the frame period in StreamInfo
 
 Vector3 = tuple[float, float, float]
 Matrix3 = tuple[float, float, float, float, float, float, float, float, float]

@@ -4,6 +4,7 @@ import logging
 import math
 import signal
 import time
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from msgspec.structs import asdict
 
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from rcopterx.bus.host_messages import TrackerStatus
+from rcopterx.bus.host_messages import SubjectState, TrackerStatus
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import TIME_BITS, rounded
@@ -24,8 +25,49 @@ from rcopterx.vicon_gateway.brands import BrandClient, BrandSettings, check_libr
 from rcopterx.vicon_gateway.client import ClientState, DataStreamClient, FrameClient
 from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
-from rcopterx.vicon_gateway.mapping import SubjectMap
 from rcopterx.vicon_gateway.recording import RecordingFile
+
+
+class SubjectMap:
+    """Assigns poses to vehicles and keeps account of all subjects.
+
+    Subject names must match exactly (blanks count).
+    """
+
+    def __init__(self, vehicle_of_subject: Mapping[str, str]) -> None:
+        self._vehicles = dict(vehicle_of_subject)
+        self._listed: Counter[str] = Counter()
+        self._occluded_since_s: dict[str, float] = {}
+
+    def update(self, frame: CapturedFrame) -> list[tuple[str, SubjectPose]]:
+        """Return (vehicle, pose) of every vehicle that a frame lists, occluded or not."""
+        self._listed = Counter([pose.name for pose in frame.subjects])
+        known: list[tuple[str, SubjectPose]] = []
+        occluded: dict[str, float] = {}
+        for pose in frame.subjects:
+            vehicle = self._vehicles.get(pose.name)
+            if vehicle is not None and self._listed[pose.name] == 1:
+                known.append((vehicle, pose))
+            if pose.occluded:
+                occluded[pose.name] = self._occluded_since_s.get(pose.name, frame.received_s)
+        self._occluded_since_s = occluded
+        return known
+
+    def states(self, now_s: float) -> tuple[SubjectState, ...]:
+        """Return every configured and every listed subject; `now_s` is the clock of the frames."""
+        states = []
+        for name in dict.fromkeys((*self._vehicles, *self._listed)):
+            since_s = self._occluded_since_s.get(name)
+            listed = self._listed.get(name, 0)
+            state = SubjectState(
+                subject=name[:400],
+                vehicle=self._vehicles.get(name),
+                listed=listed > 0,
+                occluded_s=None if since_s is None else max(0.0, now_s - since_s),
+                ambiguous=listed > 1,
+            )
+            states.append(state)
+        return tuple(states)
 
 
 @dataclass(frozen=True)
@@ -48,8 +90,7 @@ _LOG = logging.getLogger(__name__)
 
 STATUS_PERIOD_S = 0.2
 POSES_KEPT = 8
-STANDBY_S = 1.0
-"""A gateway that stands by continues when the other one has been silent for this long."""
+STANDBY_S = 1.0  # a gateway that stands by continues when the other one has been silent for this long
 FLOWN_LIMIT_S = 3.0
 """How long a starting gateway waits for the epoch in which vehicles fly; agents publish it five times a
 second."""

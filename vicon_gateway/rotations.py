@@ -7,8 +7,7 @@ from typing import Final
 from rcopterx.vicon_gateway.frame import Position, Quaternion
 from rcopterx.vicon_gateway.objects import Matrix3
 
-NORM_TOLERANCE = 1e-3
-"""A matrix whose quaternion's squared norm is further from one is not a rotation."""
+NORM_TOLERANCE = 1e-3  # a matrix whose quaternion's squared norm is further from one is not a rotation
 
 
 def quaternion_from_matrix(matrix: Sequence[float]) -> Quaternion | None:
@@ -70,8 +69,7 @@ def y_up_from_z_up(vector: Position) -> Position:
     return x, z, -y
 
 
-RootNumbers = tuple[float, ...]
-"""Twelve: translation in mm (3), rotation matrix row by row (9)."""
+RootNumbers = tuple[float, ...]  # twelve: translation in mm (3), rotation matrix row by row (9)
 
 MAX_POSITION_MM: Final = 1e6
 

@@ -11,11 +11,9 @@ from enum import IntEnum
 
 MAGIC = 0x1A2B0001
 MAX_BODY_BYTES = 64 * 1024 * 1024
-MAX_OBJECTS = 65_536
-"""Objects in one packet; a Tracker sends a few per subject."""
+MAX_OBJECTS = 65_536  # objects in one packet; a Tracker sends a few per subject
 
-HEADER = struct.Struct("<II")
-"""Of a packet: magic, body length. Of an object: type, payload length."""
+HEADER = struct.Struct("<II")  # Of a packet: magic, body length. Of an object: type, payload length.
 
 _MAGIC_BYTES = MAGIC.to_bytes(4, "little")
 _U32 = struct.Struct("<I")

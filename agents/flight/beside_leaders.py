@@ -5,16 +5,14 @@ from typing import NamedTuple
 
 from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
 from rcopterx.agents.formation.law import combined_reference, follower_reference
-from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.control.references.turns import on_turn_of
+from rcopterx.control.references.trajectory import Trajectory, on_turn_of
 from rcopterx.vehicles.state import YAW
 
 
 class References(NamedTuple):
     """References of one control period."""
 
-    flown: Trajectory
-    """What the vehicle flies."""
+    flown: Trajectory  # what the vehicle flies
     nominal: Trajectory
     """The same if no vehicle above this one were disturbed: the set points of the head with all offsets."""
 

@@ -12,10 +12,8 @@ class FleetClock:
         self.frame = 0
         self.period_s = 0.0
         self.coasted = 0
-        self.current_frame = 0
-        """Number of the frame that belongs to the present, coasted ones included."""
-        self.time_s = 0.0
-        """Time since the first frame."""
+        self.current_frame = 0  # number of the frame that belongs to the present, coasted ones included
+        self.time_s = 0.0  # time since the first frame
         self.started = False
 
     def frames_until(self, epoch: int, frame: int, period_s: float) -> int:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from rcopterx.agents.flight.beside_leaders import References, beside_leaders
+from rcopterx.agents.flight.lift_off import Touchdown
 from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan, Task, offset_between
-from rcopterx.agents.flight.touchdown import Touchdown
 from rcopterx.agents.phases import AIRBORNE, Event, Phase, next_phase
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.paths import FlightPath
@@ -29,12 +29,9 @@ TAKE_OFF_SPEED_M_S = 0.6
 LANDING_SPEED_M_S = 0.35
 LANDING_DEPTH_M = 0.3
 OFFSET_SPEED_M_S = 0.5
-SHORTEST_TRANSITION_S = 0.5
-"""Shortest transition of an offset, unless a request says otherwise."""
-PLAN_LIMIT_S = 0.5
-"""A plan of a leader that is older is not followed; the vehicle holds its place."""
-RESTORED_PATIENCE_S = 0.3
-"""After a restart, transitions of offsets go on for so long without a leader's plan."""
+SHORTEST_TRANSITION_S = 0.5  # shortest transition of an offset, unless a request says otherwise
+PLAN_LIMIT_S = 0.5  # a plan of a leader that is older is not followed; the vehicle holds its place
+RESTORED_PATIENCE_S = 0.3  # after a restart, transitions of offsets go on for so long without a leader's plan
 
 
 class Guidance:
@@ -45,8 +42,7 @@ class Guidance:
 
     def __init__(self, links: Sequence[FollowedLeader] = (), deviation_share: float = 0.25) -> None:
         self.phase = Phase.GROUND
-        self.followed = tuple(links)
-        """Leaders followed now."""
+        self.followed = tuple(links)  # leaders followed now
         self.assigned = self.followed
         """Leaders by fleet file or request; others may replace them while they are lost."""
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)

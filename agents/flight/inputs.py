@@ -11,8 +11,7 @@ from rcopterx.vehicles.state import Array
 
 FADING_TIME_S: Final = 0.09
 """Time constant of the decay of the difference that another controller or estimator makes."""
-END: Final = 1e-3
-"""Difference that counts as none."""
+END: Final = 1e-3  # difference that counts as none
 
 
 HISTORY_LENGTH: Final = 64

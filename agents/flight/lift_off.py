@@ -1,7 +1,8 @@
-"""Lift-off: the thrust rises open loop until the vehicle is seen to leave the floor.
+"""Lift-off and touchdown.
 
-A model knows neither the floor nor the thrust that this battery gives today. So the controller takes over
-only when the vehicle has left the floor; the thrust that lifted it carries its weight.
+At lift-off the thrust rises open loop until the vehicle is seen to leave the floor. A model knows neither the
+floor nor the thrust that this battery gives today. So the controller takes over only when the vehicle has
+left the floor; the thrust that lifted it carries its weight.
 """
 
 from typing import Final
@@ -10,23 +11,16 @@ import numpy as np
 
 from rcopterx.control.interfaces import Estimate
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, ZD_BODY, Array
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, ZD_BODY, Array, Z
 
 SPOOL_UP_S: Final = 0.5
-SPOOL_UP_SHARE: Final = 0.85
-"""Part of the hover thrust to which the rotor turns up first."""
-RISE_PER_S: Final = 0.3
-"""Rate of the thrust, in hover thrusts, until the vehicle lifts."""
-LARGEST_SHARE: Final = 1.4
-"""Largest thrust, as a share of the hover thrust."""
-LIFTING_SHARE: Final = 1.1
-"""From here on the vehicle is expected to lift."""
-PATIENCE_S: Final = 1.5
-"""How long after that it may stand."""
-LIFTED_M: Final = 0.006
-"""Twenty times the noise of a motion capture."""
-LIFT_SPEED_M_S: Final = 0.05
-"""Speed of the climb of a vehicle that is seen to have lifted."""
+SPOOL_UP_SHARE: Final = 0.85  # part of the hover thrust to which the rotor turns up first
+RISE_PER_S: Final = 0.3  # rate of the thrust, in hover thrusts, until the vehicle lifts
+LARGEST_SHARE: Final = 1.4  # largest thrust, as a share of the hover thrust
+LIFTING_SHARE: Final = 1.1  # from here on the vehicle is expected to lift
+PATIENCE_S: Final = 1.5  # how long after that it may stand
+LIFTED_M: Final = 0.006  # twenty times the noise of a motion capture
+LIFT_SPEED_M_S: Final = 0.05  # speed of the climb of a vehicle that is seen to have lifted
 
 
 class LiftOff:
@@ -40,8 +34,7 @@ class LiftOff:
         self._delay_s = model.delay_s
         self._begun_s: float | None = None
         self._floor_m = 0.0
-        self.under_way = False
-        """Whether the vehicle stands with its rotor turning up."""
+        self.under_way = False  # whether the vehicle stands with its rotor turning up
 
     def begin(self, time_s: float, floor_m: float) -> None:
         """Begin to turn the rotor up; `floor_m` is the height of the standing vehicle."""
@@ -83,3 +76,39 @@ class LiftOff:
             return False
         expected_s = SPOOL_UP_S + (LIFTING_SHARE - SPOOL_UP_SHARE) / RISE_PER_S
         return time_s > self._begun_s + expected_s + PATIENCE_S
+
+
+FLOOR_TOLERANCE_M: Final = 0.03
+BELOW_FLOOR_M: Final = 0.1
+"""A vehicle at the height of the floor whose reference is so far below it stands there."""
+STUCK_DEPTH_M: Final = 0.2  # a landing vehicle that stays so far above its reference stands on something
+FLOOR_SPEED_M_S: Final = 0.1
+FLOOR_TIME_S: Final = 0.2
+
+
+class Touchdown:
+    """Watches one vehicle."""
+
+    def __init__(self) -> None:
+        self.floor_m = 0.0
+        """Height of the vehicle before its take-off; 0 for an agent that restarted in flight."""
+        self._since_s: float | None = None
+
+    def begin(self) -> None:
+        """Watch a landing from its beginning."""
+        self._since_s = None
+
+    def happened(self, motion: Array, reference_m: float, time_s: float) -> bool:
+        """Return whether the vehicle stands, by its motion, shape (8,), and the height of its reference."""
+        height_m = float(motion[Z])
+        at_floor = abs(height_m - self.floor_m) < FLOOR_TOLERANCE_M
+        if at_floor and reference_m < self.floor_m - BELOW_FLOOR_M:
+            # Pushed against a floor that its model does not know, a vehicle may bounce and never be slow.
+            return True
+        low = height_m < self.floor_m + FLOOR_TOLERANCE_M or height_m > reference_m + STUCK_DEPTH_M
+        if not low or abs(motion[ZD_BODY]) >= FLOOR_SPEED_M_S:
+            self._since_s = None
+            return False
+        if self._since_s is None:
+            self._since_s = time_s
+        return time_s - self._since_s >= FLOOR_TIME_S

@@ -21,14 +21,11 @@ from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array
 
 THRESHOLD: Final = 0.45
 """Share of a stick's range to either side of rest, and of the largest tilt, that counts when smoothed."""
-HALF_WAVES: Final = 6
-"""So many in a row are an oscillation of a vehicle that is near its reference."""
-HALF_WAVES_AWAY: Final = 16
-"""The same anywhere."""
+HALF_WAVES: Final = 6  # so many in a row are an oscillation of a vehicle that is near its reference
+HALF_WAVES_AWAY: Final = 16  # the same anywhere
 FAINT_THRESHOLD: Final = 0.2
 """Threshold while the reference rests, where nothing but an oscillation goes to and fro for long."""
-FAINT_HALF_WAVES: Final = 14
-"""So many in a row past it are one."""
+FAINT_HALF_WAVES: Final = 14  # so many in a row past it are one
 HALF_WAVES_AGAIN: Final = 2
 FAINT_HALF_WAVES_AGAIN: Final = 6
 """So many more are needed after a change of the loop, while the oscillation fades."""
@@ -36,15 +33,11 @@ FAINT_HALF_WAVES_AGAIN: Final = 6
 SHORTEST_HALF_WAVE_S: Final = 0.1
 LONGEST_HALF_WAVE_S: Final = 0.8
 SMOOTHING_S: Final = 0.02
-ALIKE: Final = 2.0
-"""Largest ratio of the lengths of two half-waves to the same side of one oscillation."""
-FADING: Final = 0.85
-"""Smallest ratio of their sizes; an oscillation that fades faster ends by itself."""
+ALIKE: Final = 2.0  # largest ratio of the lengths of two half-waves to the same side of one oscillation
+FADING: Final = 0.85  # smallest ratio of their sizes; an oscillation that fades faster ends by itself
 NEAR_M: Final = 0.4
-NEAR_RAD: Final = 0.8
-"""Distance from the reference that is near."""
-RESTING_M_S: Final = 0.05
-"""A reference slower than this rests."""
+NEAR_RAD: Final = 0.8  # distance from the reference that is near
+RESTING_M_S: Final = 0.05  # a reference slower than this rests
 
 
 class Loop(IntEnum):
@@ -68,11 +61,9 @@ _SIGNALS: Final = (
 class Swing(NamedTuple):
     """Last two half-waves of an oscillation."""
 
-    signal: str
-    """Name for people."""
+    signal: str  # name for people
     frequency_hz: float
-    size: float
-    """Share of the stick's range to a side of rest, or of the largest tilt."""
+    size: float  # share of the stick's range to a side of rest, or of the largest tilt
 
 
 class _HalfWave(NamedTuple):
@@ -93,14 +84,10 @@ class _Channel:
         self.reset()
 
     def reset(self) -> None:
-        self._away = 0.0
-        """The smoothed signal less its rest."""
-        self._side = 0.0
-        """Side of the present half-wave; 0 before the first one."""
-        self._length_s = self._size = 0.0
-        """Of the present half-wave so far."""
-        self._count = self._count_near = 0
-        """Half-waves in a row, anywhere and near the reference."""
+        self._away = 0.0  # the smoothed signal less its rest
+        self._side = 0.0  # side of the present half-wave; 0 before the first one
+        self._length_s = self._size = 0.0  # of the present half-wave so far
+        self._count = self._count_near = 0  # half-waves in a row, anywhere and near the reference
         self._last: _HalfWave | None = None
         self._last_but_one: _HalfWave | None = None
 
@@ -166,12 +153,9 @@ class OscillationDetector:
             ]
 
         self._large, self._faint = channels(faint=False), channels(faint=True)
-        self._last_place_m: list[float] | None = None
-        """Position of the last reference."""
-        self._rested = False
-        """Whether the reference rested in the last period."""
-        self.swings: dict[Loop, Swing] = {}
-        """Last oscillation of every loop that has been found to oscillate."""
+        self._last_place_m: list[float] | None = None  # position of the last reference
+        self._rested = False  # whether the reference rested in the last period
+        self.swings: dict[Loop, Swing] = {}  # last oscillation of every loop that has been found to oscillate
 
     def forget(self) -> None:
         """Discard all half-waves."""

@@ -10,8 +10,7 @@ from rcopterx.agents.formation.law import FormationOffset, OffsetTransition
 from rcopterx.agents.phases import Phase
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.set_points import ReferenceSource
-from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.control.references.turns import whole_turns
+from rcopterx.control.references.trajectory import Trajectory, whole_turns
 from rcopterx.vehicles.state import YAW
 
 
@@ -22,8 +21,7 @@ class LeaderPlan(Struct, frozen=True):
     ahead_s: float
     """Fleet time from the first stage of the plan to the present of this vehicle; the plan's own delay
     compensation makes it negative for a plan of the same frame."""
-    followable: bool = True
-    """Whether the leader is in free flight."""
+    followable: bool = True  # whether the leader is in free flight
     nominal: Trajectory | None = None
     """The plan's stages if neither the leader nor a vehicle above it were disturbed; None where unknown."""
 
@@ -84,13 +82,9 @@ class Task:
     phase: Phase
     source: ReferenceSource
     """Own reference: a set point, a move or a path, with the fleet time at which it began."""
-    followed: tuple[FollowedLeader, ...]
-    """Leaders followed now, with transitions of their offsets."""
-    assigned: tuple[FollowedLeader, ...]
-    """Leaders by fleet file or request."""
-    joined: frozenset[str]
-    """Leaders whose offsets have begun to move from the vehicle's own place."""
-    floor_m: float
-    """Height of the floor below the vehicle when it took off."""
+    followed: tuple[FollowedLeader, ...]  # leaders followed now, with transitions of their offsets
+    assigned: tuple[FollowedLeader, ...]  # leaders by fleet file or request
+    joined: frozenset[str]  # leaders whose offsets have begun to move from the vehicle's own place
+    floor_m: float  # height of the floor below the vehicle when it took off
     interrupted: Phase | None = None
     """Phase that the transmitter gateway has interrupted and that resumes afterwards; None for none."""

@@ -19,33 +19,24 @@ from typing import Final, NamedTuple
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_PITCH, U_ROLL, U_THRUST, U_YAW, Array
 
-WINDOW_S: Final = 0.6
-"""Window of the effects of pitch, roll and yaw."""
-LEAST_STICK: Final = 0.6
-"""Mean stick of a window that counts, as a share of its range to that side."""
+WINDOW_S: Final = 0.6  # window of the effects of pitch, roll and yaw
+LEAST_STICK: Final = 0.6  # mean stick of a window that counts, as a share of its range to that side
 DEAD_EFFECT: Final = 0.15
 REVERSED_EFFECT: Final = -0.3
-AXIS_PATIENCE_S: Final = 0.3
-"""How long the effect of an axis has to stay below `DEAD_EFFECT`."""
-SWING_S: Final = 2.5
-"""A stick that was as far on the other side within this time swings."""
+AXIS_PATIENCE_S: Final = 0.3  # how long the effect of an axis has to stay below `DEAD_EFFECT`
+SWING_S: Final = 2.5  # a stick that was as far on the other side within this time swings
 MOST_TURNED_RAD: Final = 0.5
 """The tilt of a rotor stays behind the heading: windows with a larger turn do not judge pitch and roll."""
 AS_MODELLED: Final = 1.0
 
 THRUST_WINDOW_S: Final = 1.0
-FULL_THRUST_SHARE: Final = 0.98
-"""Share of the largest thrust that counts as its limit."""
-LEAST_CLIMB_M: Final = 0.1
-"""Height that full thrust gains within its window at least."""
-LEARNING_S: Final = 3.0
-"""First seconds of a flight, in which the gain of the thrust is learnt."""
-LEAST_GAIN: Final = 0.7
-"""Share of the learnt gain below which the rotor counts as weak..."""
+FULL_THRUST_SHARE: Final = 0.98  # share of the largest thrust that counts as its limit
+LEAST_CLIMB_M: Final = 0.1  # height that full thrust gains within its window at least
+LEARNING_S: Final = 3.0  # first seconds of a flight, in which the gain of the thrust is learnt
+LEAST_GAIN: Final = 0.7  # share of the learnt gain below which the rotor counts as weak
 SUDDEN: Final = 0.9
 """...if it is also below this share of the gain of the last seconds: a battery discharges slowly."""
-BATTERY_TIME_S: Final = 5.0
-"""Time constant of the filter of the hover thrust."""
+BATTERY_TIME_S: Final = 5.0  # time constant of the filter of the hover thrust
 
 AXES: Final = ((U_PITCH, "pitch"), (U_ROLL, "roll"), (U_YAW, "yaw"))
 """Axes whose effects are judged, in this order."""
@@ -73,19 +64,15 @@ DEFAULT_LIMITS: Final = HoverThrustLimits()
 class VehicleFault:
     """Reason why a vehicle has to land."""
 
-    kind: str
-    """Name under which it is counted."""
-    text: str
-    """Description for people."""
-    axis: int | None = None
-    """Stick that should rest from now on; None if all sticks work."""
+    kind: str  # name under which it is counted
+    text: str  # description for people
+    axis: int | None = None  # stick that should rest from now on; None if all sticks work
 
 
 class _Moment(NamedTuple):
     """Beginning of a control period."""
 
-    velocities: list[tuple[float, float]]
-    """Of each axis: what its stick asked for and what it made so far."""
+    velocities: list[tuple[float, float]]  # of each axis: what its stick asked for and what it made so far
     height_m: float
     yaw_rad: float
 
@@ -96,8 +83,7 @@ class VehicleWatch:
     def __init__(self, model: Model, limits: HoverThrustLimits, period_s: float) -> None:
         self.fault: VehicleFault | None = None
         """Why the vehicle lands, or has landed, by itself; None for no reason."""
-        self.active = True
-        """Whether the vehicle lands by itself."""
+        self.active = True  # whether the vehicle lands by itself
         self._limits, self._period_s, self._rest = limits, period_s, model.hover_input
         self._watched_at_s = 0.0
         self._sticks_under_way: deque[Array] = deque(maxlen=1 + round(model.delay_s / period_s))
@@ -216,10 +202,8 @@ class _StickEffect:
 
     def reset(self) -> None:
         self._stick: float | None = None
-        self._asked = 0.0
-        """Change of the velocity that the stick asked for so far."""
-        self._passive = 0.0
-        """Change of the velocity by damping, turning of the frame and gravity so far."""
+        self._asked = 0.0  # change of the velocity that the stick asked for so far
+        self._passive = 0.0  # change of the velocity by damping, turning of the frame and gravity so far
         self._near_for_s = (math.inf, math.inf)
         """For how long the stick has not been far to its lower and to its upper side."""
         self._dead_for_s = 0.0
@@ -276,8 +260,7 @@ class _ThrustWatch:
 
     def reset(self) -> None:
         self.hover_thrust: float | None = None
-        self.full_for_s = 0.0
-        """For how long the thrust has been at its limit."""
+        self.full_for_s = 0.0  # for how long the thrust has been at its limit
         self._learnt_gain = math.nan
         self._learning_for_s = 0.0
 

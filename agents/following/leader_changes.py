@@ -21,8 +21,7 @@ from rcopterx.bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, 
 from rcopterx.bus.session import Incoming
 
 FIRST_PLAN_LIMIT_S = 0.3
-RECENT_STATUS_S = 0.3
-"""Age of a status, of which five arrive in a second, that announces a plan."""
+RECENT_STATUS_S = 0.3  # age of a status, of which five arrive in a second, that announces a plan
 
 
 @dataclass(frozen=True)

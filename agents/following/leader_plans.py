@@ -31,8 +31,7 @@ class LeaderPlans:
         self._vehicle = vehicle
         self._subscribe = subscribe
         self._inboxes: dict[str, Inbox[Plan]] = {}
-        self.awaited = True
-        """Whether the agent waits for plans; they need not wake it otherwise."""
+        self.awaited = True  # whether the agent waits for plans; they need not wake it otherwise
 
     def subscribe_to(self, names: Iterable[str]) -> None:
         """Subscribe to exactly these leaders, to new ones first."""

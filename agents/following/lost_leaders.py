@@ -21,8 +21,7 @@ from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
 
-LATE_AFTER_S = 0.1
-"""Age from which the newest plan counts as the last one."""
+LATE_AFTER_S = 0.1  # age from which the newest plan counts as the last one
 
 
 class LostLeaders:

@@ -14,26 +14,20 @@ from rcopterx.agents.flight.task import FollowedLeader
 from rcopterx.bus.messages import SetPoint
 from rcopterx.vehicles.state import Array
 
-PREPARED_S = 3.0
-"""Time for which a prepared change waits for its frame."""
+PREPARED_S = 3.0  # time for which a prepared change waits for its frame
 
 
 @dataclass(frozen=True)
 class Change:
     """New leaders of one vehicle."""
 
-    operation: str
-    """Name of the change, the same on all vehicles."""
-    links: tuple[FollowedLeader, ...]
-    """New leaders; empty for a vehicle that leads."""
+    operation: str  # name of the change, the same on all vehicles
+    links: tuple[FollowedLeader, ...]  # new leaders; empty for a vehicle that leads
     position_m: Array
-    yaw_rad: float
-    """Its place if it leads."""
-    expires_s: float
-    """When it is discarded [monotonic s]."""
+    yaw_rad: float  # its place if it leads
+    expires_s: float  # when it is discarded [monotonic s]
     epoch: int | None = None
-    frame: int = 0
-    """When it begins, once that is known."""
+    frame: int = 0  # when it begins, once that is known
 
 
 class Regrouping:

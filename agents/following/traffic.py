@@ -21,8 +21,7 @@ from rcopterx.bus.messages import AgentStatus, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.vehicles.state import Array
 
-FORMATION_SCALE: Final = 0.9
-"""Fraction of the distance of two places in a formation that its vehicles keep."""
+FORMATION_SCALE: Final = 0.9  # fraction of the distance of two places in a formation that its vehicles keep
 
 
 def ellipsoid_scale(
@@ -43,20 +42,15 @@ def ellipsoid_scale(
 
 
 UPDATE_EVERY_TICKS: Final = 10
-AHEAD_S: Final = 1.2
-"""Length of the ways that are compared: a horizon, and the time between two statuses."""
+AHEAD_S: Final = 1.2  # length of the ways that are compared: a horizon, and the time between two statuses
 SPEED_M_S: Final = 1.3
 SAMPLES: Final = 5
-MEET: Final = 1.8
-"""Ways that come no closer than this, in ellipsoids, do not meet."""
+MEET: Final = 1.8  # ways that come no closer than this, in ellipsoids, do not meet
 IN_PLACE_M: Final = 0.25
 """A vehicle of the same formation no farther than this from its place beside the own one is in place."""
-MOST: Final = 8
-"""Number of plans received at the same time, those of the nearest vehicles."""
-PATIENCE: Final = 5
-"""Number of updates for which a subscription continues after it was needed last."""
-OLDEST_S: Final = 0.5
-"""Largest age of a plan that is used."""
+MOST: Final = 8  # number of plans received at the same time, those of the nearest vehicles
+PATIENCE: Final = 5  # number of updates for which a subscription continues after it was needed last
+OLDEST_S: Final = 0.5  # largest age of a plan that is used
 
 
 class Traffic:
@@ -75,8 +69,7 @@ class Traffic:
         self._scales: dict[str, float] = {}
         self._updates_left: dict[str, int] = {}
         self._ticks = 0
-        self.most = MOST
-        """Number of plans received at the same time; fewer while the computer cannot keep up."""
+        self.most = MOST  # number of plans received at the same time; fewer while the computer cannot keep up
         self._rejected: Counter[str] = Counter()
 
     def due(self) -> bool:

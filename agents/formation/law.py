@@ -29,10 +29,8 @@ OffsetFrame = Literal["inertial", "heading"]
 class FormationOffset(Struct, frozen=True):
     """Desired relative state d_(L,F): its first four components."""
 
-    position_m: Array
-    """Offset from leader to follower, shape (3,)."""
-    yaw_rad: float = 0.0
-    """Delta psi, the follower's heading relative to the leader's."""
+    position_m: Array  # offset from leader to follower, shape (3,)
+    yaw_rad: float = 0.0  # delta psi, the follower's heading relative to the leader's
     frame: OffsetFrame = "inertial"
     """`inertial`: the offset is fixed in the room, as in the paper. `heading`: it turns with the leader."""
 
@@ -41,12 +39,10 @@ class OffsetTransition(Struct, frozen=True):
     """Offset that moves smoothly (quintic, from rest to rest) between two values in the target's frame."""
 
     start: FormationOffset
-    target: FormationOffset
-    """Offsets before and after; only the target's frame counts."""
+    target: FormationOffset  # offsets before and after; only the target's frame counts
     elapsed_s: float
     """Time since the beginning of the transition at the first stage of the reference; may be negative."""
-    duration_s: float
-    """Positive."""
+    duration_s: float  # positive
 
     def sampled(self, period_s: float, stages: int) -> tuple[Array, Array, Array]:
         """Offset x, y, z, yaw, its rate and its acceleration at the stages; three arrays of shape (N, 4)."""

@@ -20,10 +20,8 @@ class Room:
     """What a formation has to stay within."""
 
     min_m: Three
-    max_m: Three
-    """Flight volume, inertial frame."""
-    minimum_distance_m: float | None
-    """Smallest distance between two vehicles; None for no limit."""
+    max_m: Three  # flight volume, inertial frame
+    minimum_distance_m: float | None  # smallest distance between two vehicles; None for no limit
 
     def outside(self, place: Array) -> str | None:
         """Describe how a place, x y z first, or the first of several leaves the volume; None if none does."""

@@ -16,13 +16,10 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, three
 
 SPEED_SHARE: Final = 0.8
-ACCELERATION_SHARE: Final = 0.8
-"""Shares of what the weakest follower can surely do."""
-JERK_TIME_S: Final = 0.15
-"""Shortest time in which an acceleration changes by its limit."""
+ACCELERATION_SHARE: Final = 0.8  # shares of what the weakest follower can surely do
+JERK_TIME_S: Final = 0.15  # shortest time in which an acceleration changes by its limit
 ARM_SPEED_SHARE: Final = 0.8
-ARM_ACCELERATION_SHARE: Final = 0.5
-"""Shares of a follower's limits that a turn of its leader may use."""
+ARM_ACCELERATION_SHARE: Final = 0.5  # shares of a follower's limits that a turn of its leader may use
 SHORTEST_ARM_M: Final = 0.02
 
 

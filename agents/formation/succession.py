@@ -17,14 +17,10 @@ from rcopterx.bus.messages import LeaderLink
 class Finding(StrEnum):
     """State of a follower's leaders."""
 
-    HERE = "here"
-    """There is a plan of the last few frames."""
-    LATE = "late"
-    """The newest plan is older, but reaches into the present."""
-    GONE = "gone"
-    """No plan reaches into the present."""
-    LOST = "lost"
-    """The same for longer than `Succession.after_s`."""
+    HERE = "here"  # there is a plan of the last few frames
+    LATE = "late"  # the newest plan is older, but reaches into the present
+    GONE = "gone"  # no plan reaches into the present
+    LOST = "lost"  # the same for longer than `Succession.after_s`
 
 
 class Policy(StrEnum):
@@ -47,12 +43,9 @@ class FollowingMode(StrEnum):
     """What a follower does."""
 
     FOLLOW = "follow"
-    USE_LAST_PLAN = "use_last_plan"
-    """Follow the last plan."""
-    HOLD = "hold"
-    """Hold the place."""
-    LEAD = "lead"
-    """Hold the place, and lead those that lost the same leader."""
+    USE_LAST_PLAN = "use_last_plan"  # follow the last plan
+    HOLD = "hold"  # hold the place
+    LEAD = "lead"  # hold the place, and lead those that lost the same leader
     FOLLOW_SUCCESSOR = "follow_successor"
     LAND = "land"
 
@@ -61,14 +54,11 @@ class FollowingMode(StrEnum):
 class Succession:
     """Settings for lost leaders."""
 
-    policy: str = "hold"
-    """`hold`, `promote` or `land`."""
-    after_s: float = 2.0
-    """Time without a usable plan after which a leader counts as lost."""
+    policy: str = "hold"  # `hold`, `promote` or `land`
+    after_s: float = 2.0  # time without a usable plan after which a leader counts as lost
     orders: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Successors of each leader, the first one first; the same on every vehicle."""
-    promotable: frozenset[str] = frozenset()
-    """Vehicles whose policy is `promote`."""
+    promotable: frozenset[str] = frozenset()  # vehicles whose policy is `promote`
 
 
 def following_mode(finding: Finding, policy: Policy, successor: Successor) -> FollowingMode:

@@ -11,8 +11,7 @@ from rcopterx.agents.phases import Phase
 from rcopterx.bus.messages import AgentStatus, LeaderLink
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
 
-FormationGraph = Mapping[str, tuple[LeaderLink, ...]]
-"""Leaders of each vehicle; empty for one without."""
+FormationGraph = Mapping[str, tuple[LeaderLink, ...]]  # leaders of each vehicle; empty for one without
 
 
 class TopologyError(ValueError):

@@ -15,8 +15,7 @@ from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Estimato
 from rcopterx.control.models.finite import flaw_of
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
 
-STEP_LIMIT_S: Final = 0.006
-"""Longest duration of one call."""
+STEP_LIMIT_S: Final = 0.006  # longest duration of one call
 FIRST_CALLS: Final = 10
 FIRST_CALLS_FACTOR: Final = 8.0
 """The first calls load code and fill caches; they may take so many times as long."""

@@ -24,10 +24,8 @@ class GuardedCall:
 
     def __init__(self, part: str, first_calls: int, first_calls_factor: float) -> None:
         self.limit = TimeLimit()
-        self.failures: Counter[str] = Counter()
-        """Failures by kind: `..._raised`, `..._unusable`, `..._late`."""
-        self.failure = ""
-        """Description of the last failure; empty before the first one."""
+        self.failures: Counter[str] = Counter()  # failures by kind: `..._raised`, `..._unusable`, `..._late`
+        self.failure = ""  # description of the last failure; empty before the first one
         self._part = part
         self._first_calls, self._first_calls_factor = first_calls, first_calls_factor
         self._calls = 0

@@ -24,17 +24,14 @@ from rcopterx.control.solver.candidates import shift
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, XD_BODY, YAW, Array, turned_about_z
 
-SHIFTED_PLAN: Final = "shifted_plan"
-"""Counted for every step that the previous plan flew."""
+SHIFTED_PLAN: Final = "shifted_plan"  # counted for every step that the previous plan flew
 SHIFTED_PLAN_LIMIT_S: Final = 0.3
 """Age from which a plan says nothing about a vehicle that has not been steered since."""
 DEFAULT_CONTROLLER: Final = "default_controller"
 """Counted for every step that the default controller flew for one that failed."""
-HOVER: Final = "hover"
-"""Counted for every step that the feedback law flew, or that had no reference to fly."""
+HOVER: Final = "hover"  # counted for every step that the feedback law flew, or that had no reference to fly
 
-PATIENCE_S: Final = 0.1
-"""Failures in a row for so long mean that the controller is given up."""
+PATIENCE_S: Final = 0.1  # failures in a row for so long mean that the controller is given up
 FIRST_STEPS: Final = 5
 FIRST_STEPS_FACTOR: Final = 4.0
 """The first steps load code and fill caches; they may take so many times as long."""
@@ -73,8 +70,7 @@ class _Task(NamedTuple):
     estimate: Estimate
     reference: Trajectory
     last_input: Array
-    known: bool
-    """Whether the estimate is finite."""
+    known: bool  # whether the estimate is finite
 
 
 class StepGuard:
@@ -86,18 +82,13 @@ class StepGuard:
         self.calls = GuardedCall("controller", FIRST_STEPS, FIRST_STEPS_FACTOR)
         """Counts failures; a result is unusable if it has a wrong shape, is not finite or beyond limits."""
         self.model = model
-        self._age_s = 0.0
-        """Time since the last usable step."""
+        self._age_s = 0.0  # time since the last usable step
         self._failed_for_s = 0.0
-        self._needs_reset = False
-        """Whether the controller has to be reset before its next step."""
+        self._needs_reset = False  # whether the controller has to be reset before its next step
         self._default_flies = False
-        self._inputs: Array | None = None
-        """Inputs of the last usable step, shifted to the present."""
-        self._plan: Trajectory | None = None
-        """Plan that was flown last."""
-        self._reference: Trajectory | None = None
-        """The last reference that was finite."""
+        self._inputs: Array | None = None  # inputs of the last usable step, shifted to the present
+        self._plan: Trajectory | None = None  # plan that was flown last
+        self._reference: Trajectory | None = None  # the last reference that was finite
 
     @property
     def events(self) -> Counter[str]:

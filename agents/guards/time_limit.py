@@ -6,8 +6,7 @@ import time
 from collections.abc import Iterable
 from typing import Final
 
-SOLVER_SHARE: Final = 0.4
-"""Share of the control period after which a solver that can stop early does so."""
+SOLVER_SHARE: Final = 0.4  # share of the control period after which a solver that can stop early does so
 STEP_SHARE: Final = 0.6
 """Share of the control period after which a step of any controller is given up; 12 ms of 20 ms."""
 LONGEST_WAIT_S: Final = 0.1
@@ -100,8 +99,7 @@ class NotedTimeLimit(TimeLimit):
     """Notes which calls of a step another limit found too long, and when, for a replay."""
 
     def __init__(self, limit: TimeLimit) -> None:
-        self.overtime: list[Overtime] = []
-        """Of the present step."""
+        self.overtime: list[Overtime] = []  # of the present step
         self._limit = limit
         self._calls = self._queries = 0
         self._was_over = False
@@ -139,8 +137,7 @@ class RepeatedTimeLimit(TimeLimit):
     """Repeats in a replay what a `NotedTimeLimit` has noted."""
 
     def __init__(self) -> None:
-        self._first_query: dict[int, int] = {}
-        """Query from which on the time was over, by call."""
+        self._first_query: dict[int, int] = {}  # query from which on the time was over, by call
         self._late_at_end: frozenset[int] = frozenset()
         self._calls = self._queries = 0
 

@@ -17,10 +17,8 @@ from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox, Received
 
-FLOOR_EVERY: Final = 2
-"""Largest number of control periods of which one is computed on the floor."""
-NEAREST: Final = 3
-"""Number of plans received for avoidance while those of far vehicles are left out."""
+FLOOR_EVERY: Final = 2  # largest number of control periods of which one is computed on the floor
+NEAREST: Final = 3  # number of plans received for avoidance while those of far vehicles are left out
 TOO_SLOW: Final = "this computer is too slow for its fleet"
 _EVENTS: Final = {relief: f"relief_{int(relief)}" for relief in Relief}
 
@@ -55,8 +53,7 @@ class LoadRelief:
         self._launcher = Inbox(LAUNCHER) if launcher is None else launcher
         self._launcher_status: Received[LauncherStatus] | None = None
         self._planned = self._noted = Relief.NONE
-        self.relief = Relief.NONE
-        """What is left out at present."""
+        self.relief = Relief.NONE  # what is left out at present
         self.events: dict[str, int] = {}
 
     @property

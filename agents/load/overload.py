@@ -4,13 +4,10 @@ from collections import deque
 from enum import IntEnum
 from typing import Final
 
-LATE_PERIODS: Final = 0.9
-"""A command that leaves so many control periods after its pose was due is late."""
+LATE_PERIODS: Final = 0.9  # a command that leaves so many control periods after its pose was due is late
 WINDOW_S: Final = 1.0
-LATE_SHARE: Final = 0.3
-"""Share of late and missed control periods in a window above which work is left out."""
-EASE_AFTER_S: Final = 10.0
-"""Time without overload after which the last work that was left out is done again."""
+LATE_SHARE: Final = 0.3  # share of late and missed control periods in a window above which work is left out
+EASE_AFTER_S: Final = 10.0  # time without overload after which the last work that was left out is done again
 LONGEST_EASE_AFTER_S: Final = 160.0
 """The time doubles up to this each time when work that was done again had to be left out at once."""
 
@@ -22,12 +19,9 @@ class Relief(IntEnum):
     REPORTS = 1
     """Statuses and intents are published half as often, and inputs of steps not at all: the replay has a gap
     there. For avoidance only the plans of the nearest vehicles are received."""
-    HALF_RATE = 2
-    """Every second control period flies the input that was planned for it."""
-    THIRD_RATE = 3
-    """Two of three do."""
-    QUARTER_RATE = 4
-    """Three of four do."""
+    HALF_RATE = 2  # every second control period flies the input that was planned for it
+    THIRD_RATE = 3  # two of three do
+    QUARTER_RATE = 4  # three of four do
 
     @property
     def every(self) -> int:

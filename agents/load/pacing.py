@@ -9,14 +9,12 @@ from rcopterx.vehicles.state import Array
 
 COAST_AFTER_PERIODS = 1.5
 WINDOW = 500
-NEVER: Final = (-1, -1)
-"""Earlier than epoch and frame of every period."""
+NEVER: Final = (-1, -1)  # earlier than epoch and frame of every period
 STRETCH: Final = 1.01
 """Factor of the periods of poses when they are expected: lasting delays and inexact rates are no lateness."""
 LONGEST_DELAY_S: Final = 0.3
 """A pose that is later begins the expectation anew: its Tracker, the bus or the agent has paused."""
-BURST_SHARE: Final = 0.5
-"""Poses that arrive within this share of their periods have waited somewhere."""
+BURST_SHARE: Final = 0.5  # poses that arrive within this share of their periods have waited somewhere
 REST_SPARE = 0.5
 """Time before the next control period at which an agent that rests reads messages again, in frames."""
 
@@ -30,8 +28,7 @@ class Pacing:
     def __init__(self, period_s: float, place: int = 0) -> None:
         self.ticks = 0
         self.missed_ticks = 0
-        self.overtaken_ticks = 0
-        """Those of the missed ticks whose poses had arrived."""
+        self.overtaken_ticks = 0  # those of the missed ticks whose poses had arrived
         self._period_s, self._place = period_s, place
         self._last_control_frame: int | None = None
         self._begun = self._commanded = NEVER
@@ -143,8 +140,7 @@ class SolveTimer:
     """Durations of the last control steps."""
 
     def __init__(self) -> None:
-        self._window: Array = np.empty(WINDOW)
-        """Ring buffer."""
+        self._window: Array = np.empty(WINDOW)  # ring buffer
         self._steps = 0
 
     def add(self, duration_s: float) -> None:

@@ -132,10 +132,8 @@ class TrajectoryRequests:
         ) or formation(path.sample(np.arange(0.0, until_s + CHECKED_EVERY_S, CHECKED_EVERY_S)))
 
 
-MOST_IN_A_STEP: Final = 2
-"""Requests that are handled in one step; control comes in between."""
-DEFERRED: Final = "request_deferred"
-"""Counted for every request that had to wait for a later step."""
+MOST_IN_A_STEP: Final = 2  # requests that are handled in one step; control comes in between
+DEFERRED: Final = "request_deferred"  # counted for every request that had to wait for a later step
 
 _NEEDS_POSE = (TakeOff, Land, GoTo, Fly, Excite)
 _CHANGES_REFERENCE = (TakeOff, Land, GoTo, Lead, Excite, CommitLeaders)
@@ -184,10 +182,8 @@ class RequestHandler:
             Tune: self._tune,
             Fly: self.trajectories.begin,
         }
-        self.events: Counter[str] = Counter()
-        """Events of requests, by kind."""
-        self.waiting: deque[Incoming] = deque()
-        """Requests that wait for the next step."""
+        self.events: Counter[str] = Counter()  # events of requests, by kind
+        self.waiting: deque[Incoming] = deque()  # requests that wait for the next step
         self.verbs = [verb_of(kind).name for kind in (*self._at_once, *self._later)]
         """Requests that an agent serves."""
 

@@ -13,10 +13,8 @@ from rcopterx.control.interfaces import AvoidsObstacles, Controller, Obstacle
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.state import Array
 
-NEAR: Final = 1.3
-"""Plans that come no closer than this, in ellipsoids, constrain nothing."""
-TOUCHING: Final = 1.02
-"""Plans that come so close are held apart by their constraints."""
+NEAR: Final = 1.3  # plans that come no closer than this, in ellipsoids, constrain nothing
+TOUCHING: Final = 1.02  # plans that come so close are held apart by their constraints
 
 
 @dataclass(frozen=True)
@@ -47,12 +45,9 @@ class Neighbour(Struct, frozen=True):
 class Near(Struct, frozen=True):
     """Vehicles that come near."""
 
-    obstacles: tuple[Obstacle, ...]
-    """Vehicles whose plans come near."""
-    touching: bool
-    """Whether any of them is, or should be, held off by the constraints."""
-    closest_m: float
-    """Smallest distance to any plan; infinite without one."""
+    obstacles: tuple[Obstacle, ...]  # vehicles whose plans come near
+    touching: bool  # whether any of them is, or should be, held off by the constraints
+    closest_m: float  # smallest distance to any plan; infinite without one
 
 
 def near(
@@ -93,10 +88,8 @@ class PlanAvoidance:
     def __init__(self, ellipsoid: SeparationEllipsoid | None, step_guard: StepGuard) -> None:
         self._ellipsoid = ellipsoid
         self._step_guard = step_guard
-        self._unconstrained: Controller | None = None
-        """Controller that is known to have no obstacles."""
-        self.ticks = 0
-        """Control periods in which separation constraints held the plan off another one."""
+        self._unconstrained: Controller | None = None  # controller that is known to have no obstacles
+        self.ticks = 0  # control periods in which separation constraints held the plan off another one
         self.closest_m: float | None = None
         """Smallest distance to another plan in any of them; None before the first."""
 

@@ -139,10 +139,8 @@ def _moving(link: FollowedLeader, move: OffsetMove | None, published_s: float) -
     )
 
 
-LATE_INTENT_S: Final = 0.5
-"""Time after a handover in which intents of the predecessor still count."""
-LONG_PERIOD_S: Final = 1.0
-"""Publication period of an unchanged intent with a path, which is long."""
+LATE_INTENT_S: Final = 0.5  # time after a handover in which intents of the predecessor still count
+LONG_PERIOD_S: Final = 1.0  # publication period of an unchanged intent with a path, which is long
 RECALL_TIMEOUT_S: Final = 0.2
 RECENT_TAKE_OFF_S: Final = 1.5
 """Largest age of the intent of a predecessor whose take-off from the floor begins again."""

@@ -3,15 +3,12 @@
 import math
 from typing import Final
 
-BID_PERIOD_S: Final = 0.01
-"""Time between two bids; a lost one must not cost a control period."""
+BID_PERIOD_S: Final = 0.01  # time between two bids; a lost one must not cost a control period
 EAGER_S: Final = 1.0
-LATER_BID_PERIOD_S: Final = 0.1
-"""Time between two bids of an agent that has bid for longer than `EAGER_S`."""
+LATER_BID_PERIOD_S: Final = 0.1  # time between two bids of an agent that has bid for longer than `EAGER_S`
 WARM_S: Final = 2.0
 """Time for which an agent watches the vehicle before it takes over from the one that flies it."""
-REFUSED_S: Final = 0.5
-"""An agent that is refused for so long ends: another one flies its vehicle."""
+REFUSED_S: Final = 0.5  # an agent that is refused for so long ends: another one flies its vehicle
 IGNORED_S: Final = 0.3
 """Commands that have no effect for so long belong to a lease that the gateway has forgotten."""
 
@@ -22,10 +19,8 @@ class ControlLease:
     def __init__(self, agent: int, take_over: bool, now_s: float) -> None:
         self.agent = agent
         self.take_over = take_over
-        self.number = 0
-        """The lease; 0 before there is one."""
-        self.lost = False
-        """Whether another agent commands, so that this one has to end."""
+        self.number = 0  # the lease; 0 before there is one
+        self.lost = False  # whether another agent commands, so that this one has to end
         self._began_s = now_s
         self._bid_at_s = now_s
         self._refused_since_s: float | None = None

@@ -28,8 +28,7 @@ class Replacement:
     configuration: Configuration
     controller: Controller | None
     estimator: Estimator | None
-    parts: FlownParts | None
-    """Everything, for another model."""
+    parts: FlownParts | None  # everything, for another model
 
 
 class Tuning:
@@ -45,12 +44,10 @@ class Tuning:
         self.configuration = configuration
         self.previous: Configuration | None = None
         """Configuration before the last change; None before the first one."""
-        self.remark = ""
-        """Why another configuration flies than the chosen one, after deaths of the process."""
+        self.remark = ""  # why another configuration flies than the chosen one, after deaths of the process
         self._restored: Configuration | None = None
         self._pilot = pilot
-        self._model = pilot.model
-        """Of the fleet file."""
+        self._model = pilot.model  # of the fleet file
         self._period_s = period_s
         self._work: WorkAhead[Replacement | ValueError] = WorkAhead("tuning", wake)
 

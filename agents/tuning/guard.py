@@ -21,20 +21,14 @@ EFFORT_FACTORS: Final = "effort_factors"
 """Setting of a controller that lowers its bandwidth: one number for each `Loop`."""
 STEP: Final = 3.0
 LARGEST: Final = STEP**4
-SHORTEST_STEP_S: Final = 0.25
-"""Time between two steps."""
+SHORTEST_STEP_S: Final = 0.25  # time between two steps
 
-DRIFT_M: Final = 0.1
-"""Further off its place, a vehicle with the largest weights drifts..."""
-DRIFT_S: Final = 10.0
-"""...and lands once it has drifted longer than it was at its place by so much."""
+DRIFT_M: Final = 0.1  # further off its place, a vehicle with the largest weights drifts
+DRIFT_S: Final = 10.0  # ...and lands once it has drifted longer than it was at its place by so much
 
-OSCILLATION: Final = "oscillation"
-"""Counted for every half-wave of an oscillation."""
-BANDWIDTH_LOWERED: Final = "bandwidth_lowered"
-"""Counted for every step."""
-DRIFTED: Final = "bandwidth_exhausted"
-"""Counted for every landing of a vehicle that drifts."""
+OSCILLATION: Final = "oscillation"  # counted for every half-wave of an oscillation
+BANDWIDTH_LOWERED: Final = "bandwidth_lowered"  # counted for every step
+DRIFTED: Final = "bandwidth_exhausted"  # counted for every landing of a vehicle that drifts
 
 
 def effort_factors(configuration: Configuration) -> tuple[float, ...]:
@@ -60,12 +54,9 @@ class OscillationGuard:
         self._tuning = tuning
         self._detector = OscillationDetector(pilot.model)
         self._since_step_s = SHORTEST_STEP_S
-        self._swinging: frozenset[Loop] = frozenset()
-        """Loops that have oscillated since the last step."""
-        self._seen = ""
-        """Oscillation at which the bandwidth was lowered last."""
-        self._lands = ""
-        """Why the vehicle lands."""
+        self._swinging: frozenset[Loop] = frozenset()  # loops that have oscillated since the last step
+        self._seen = ""  # oscillation at which the bandwidth was lowered last
+        self._lands = ""  # why the vehicle lands
         self._drift_s = 0.0
         self.events: Counter[str] = Counter()
 

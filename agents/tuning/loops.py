@@ -16,10 +16,8 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
 
 CONTROLLER: Final = "cascade"
-ESTIMATOR: Final = "extended_kalman"
-"""The pair whose loops are known."""
-HORIZONTAL: Final = "horizontal"
-"""Both horizontal axes of a vehicle with a tilt model, which couples them."""
+ESTIMATOR: Final = "extended_kalman"  # the pair whose loops are known
+HORIZONTAL: Final = "horizontal"  # both horizontal axes of a vehicle with a tilt model, which couples them
 HORIZONTAL_AXES: Final = {"x": U_PITCH, "y": U_ROLL}
 STEADY_AXES: Final = {"height": U_THRUST, "yaw": U_YAW}
 

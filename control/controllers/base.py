@@ -21,8 +21,7 @@ from rcopterx.vehicles.state import Array
 EARLY_STOP: Final = "early_stop"
 """Counted for every step that is the best iterate of a solver that stopped before its tolerances were met."""
 
-REFERENCE_YAW_CAP_RAD: Final = 60.0
-"""Largest turn of a reference from the present heading."""
+REFERENCE_YAW_CAP_RAD: Final = 60.0  # largest turn of a reference from the present heading
 
 
 class BaseController(ABC):

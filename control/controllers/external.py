@@ -43,8 +43,7 @@ class ExternalController:
     def __init__(self, own: Controller, model: Model, patience_s: float) -> None:
         self.own = own
         self.task: Task | None = None
-        self.late = 0
-        """Periods flown by an older answer than the newest task's."""
+        self.late = 0  # periods flown by an older answer than the newest task's
         self._model = model
         self._patience = max(1, round(patience_s / own.period_s))
         self._number = 0

@@ -1,7 +1,7 @@
-"""State feedback with integral action, and its plan: the closed loop of law and model over the horizon.
+"""State feedback with integral action, by LQR or PID gains; its plan is the closed loop of law and model.
 
-What linear-quadratic regulator and PID have in common. Errors are turned into the body frame, so one set of
-gains serves every heading; the plan lets other vehicles follow one that is flown by simple feedback.
+Errors are turned into the body frame, so one set of gains serves every heading; the plan lets other vehicles
+follow one that is flown by simple feedback.
 """
 
 from typing import Final
@@ -9,7 +9,19 @@ from typing import Final
 import numpy as np
 
 from rcopterx.control.controllers.base import BaseController
-from rcopterx.control.controllers.settings import ControllerSettings
+from rcopterx.control.controllers.paper.model import (
+    INPUT_WEIGHTS,
+    INTEGRAL_STATES,
+    STATE_WEIGHTS,
+    PaperModel,
+    TerminalCost,
+)
+from rcopterx.control.controllers.settings import (
+    ControllerSettings,
+    ElevenWeights,
+    FourWeights,
+    PositiveFloat,
+)
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.models.prediction import behind_gyro, derivative, motion_model
 from rcopterx.control.models.roll_out import lag_poles, predict
@@ -92,3 +104,62 @@ class FeedbackController(BaseController):
         error[:2] = to_body @ error[:2]
         error[XD_BODY : XD_BODY + 2] = motion[XD_BODY : XD_BODY + 2] - to_body @ sample[4:6]
         return np.clip(error, -self._error_cap, self._error_cap)
+
+
+class LqrSettings(ControllerSettings, frozen=True, kw_only=True):
+    """Settings of the regulator."""
+
+    state_weights: ElevenWeights = STATE_WEIGHTS
+    """Diagonal of Q: x y z psi xd_B yd_B zd_B psid x_int y_int z_int; x and y along the body axes."""
+    input_weights: FourWeights = INPUT_WEIGHTS
+    """Diagonal of R: pitch, roll, thrust, yaw."""
+    error_limit_m: PositiveFloat = 0.5
+    """Position errors count up to this, which bounds the speed of long moves."""
+
+
+class LqrController(FeedbackController):
+    """Infinite-horizon regulator of equation (2), gains turned with the heading.
+
+    Raises `SettingsError`: bounds that the vehicle cannot have.
+    """
+
+    Settings = LqrSettings
+
+    def __init__(self, model: Model, period_s: float, settings: LqrSettings) -> None:
+        paper_model = PaperModel(model, period_s)
+        cost = TerminalCost(paper_model, np.array(settings.state_weights), np.array(settings.input_weights))
+        gain = cost.gain(0.0)
+        integral_gain = np.diag(gain[:3, INTEGRAL_STATES]) * paper_model.integrator_gains
+        error_cap = np.full(MOTION_SIZE, np.inf)
+        error_cap[:3] = settings.error_limit_m
+        super().__init__(model, period_s, settings, gain[:, :MOTION_SIZE], integral_gain, error_cap)
+
+
+class PidSettings(ControllerSettings, frozen=True, kw_only=True):
+    """Gains as accelerations, so that they mean the same on every vehicle; x, y (body), z, yaw."""
+
+    proportional: FourWeights = (2.5, 2.5, 6.0, 12.0)
+    """Acceleration per error [1/s^2]."""
+    damping: FourWeights = (2.8, 2.8, 4.5, 7.0)
+    """Acceleration per velocity error [1/s]."""
+    integral: tuple[PositiveFloat, PositiveFloat, PositiveFloat] = (0.6, 0.6, 2.0)
+    """Acceleration per integrated position error [1/s^3]."""
+    error_limit_m: PositiveFloat = 0.5
+    """Position errors count up to this, which bounds the speed of long moves."""
+    yaw_error_limit_rad: PositiveFloat = 1.2
+    """Heading errors count up to this."""
+
+
+class PidController(FeedbackController):
+    """PID in the body frame of the present heading; the model serves the plan alone.
+
+    Raises `SettingsError`: bounds that the vehicle cannot have.
+    """
+
+    Settings = PidSettings
+
+    def __init__(self, model: Model, period_s: float, settings: PidSettings) -> None:
+        gain = np.hstack((np.diag(settings.proportional), np.diag(settings.damping))) / model.b[:, None]
+        error_cap = [*3 * [settings.error_limit_m], settings.yaw_error_limit_rad, *4 * [np.inf]]
+        integral_gain = np.array(settings.integral) / model.b[:3]
+        super().__init__(model, period_s, settings, gain, integral_gain, np.array(error_cap))

@@ -13,16 +13,14 @@ import numpy as np
 
 from rcopterx.control.estimators.settings import EstimatorSettings
 from rcopterx.control.interfaces import Estimate, Measurement
-from rcopterx.control.references.turns import nearest_heading
+from rcopterx.control.references.trajectory import nearest_heading
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, Array, turned_about_z
 
-_DEVIATIONS: Final = 5.0
-"""Departures from the prediction by so many standard deviations are noise."""
+_DEVIATIONS: Final = 5.0  # departures from the prediction by so many standard deviations are noise
 _SUDDEN_M: Final = 0.02
 """A pose further than this from the predicted one, besides noise, waits for another one to agree."""
-_MOST_SUDDEN: Final = 4
-"""So many sudden poses in a row that do not agree are rejected."""
+_MOST_SUDDEN: Final = 4  # so many sudden poses in a row that do not agree are rejected
 _SPEED_FACTOR: Final = 2.0
 _FEWEST_POSES: Final = 3
 _TIME_TOLERANCE_S: Final = 1e-9
@@ -33,8 +31,7 @@ class Verdict:
     """What to do with a pose."""
 
     accepted: bool
-    restart: bool = False
-    """The estimator has to restart at the pose."""
+    restart: bool = False  # the estimator has to restart at the pose
     rates: Array | None = None
     """Inertial velocity and yaw rate to restart with, shape (4,); None for the estimated ones."""
 
@@ -76,12 +73,9 @@ class InnovationGate:
         self._limit_s = settings.gate_limit_s
         self._run: _Run | None = None
         self._last_sudden: Array | None = None
-        self._sudden = 0
-        """Innovation of the last pose if that was sudden, and how many were in a row."""
-        self.rejected = 0
-        """Poses refused so far."""
-        self.restarts = 0
-        """Times the refused poses were believed after all."""
+        self._sudden = 0  # innovation of the last pose if that was sudden, and how many were in a row
+        self.rejected = 0  # poses refused so far
+        self.restarts = 0  # times the refused poses were believed after all
 
     def wait(self, period_s: float) -> None:
         """Let time pass."""
@@ -140,8 +134,7 @@ class InnovationGate:
 
 
 FARTHEST_M: Final = 1e3
-MOST_TURNED_RAD: Final = 1e4
-"""Poses beyond are not of a laboratory."""
+MOST_TURNED_RAD: Final = 1e4  # poses beyond are not of a laboratory
 
 
 class PoseEstimator(ABC):

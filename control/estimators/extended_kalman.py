@@ -21,10 +21,8 @@ from rcopterx.control.models.prediction import actuator_response
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, YAW_RATE, Array
 
-_LIFTING_FRACTION: Final = 0.9
-"""Modelled thrust over weight from which a standing vehicle may lift."""
-_MOVED_M: Final = 0.01
-"""Distance from where it stood that shows that a vehicle stands no more."""
+_LIFTING_FRACTION: Final = 0.9  # modelled thrust over weight from which a standing vehicle may lift
+_MOVED_M: Final = 0.01  # distance from where it stood that shows that a vehicle stands no more
 
 
 class ExtendedKalmanEstimator(PoseEstimator):

@@ -14,8 +14,7 @@ from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 
 _UNKNOWN_ACCELERATION: Final = np.array([0.5, 0.5, 1.0, 3.0])
 """Deviation of accelerations, which this estimator does not know [m/s^2, rad/s^2]."""
-_VELOCITY_AGE_S: Final = 0.2
-"""Twice the delay of the smoothed velocity."""
+_VELOCITY_AGE_S: Final = 0.2  # twice the delay of the smoothed velocity
 
 
 class FiniteDifferenceSettings(EstimatorSettings, frozen=True, kw_only=True):

@@ -33,8 +33,7 @@ class HorizontalMotion:
         self._from_positions = TiltFilter(model, without_tilt) if known else None
         self._filters = [each for each in (self._from_tilt, self._from_positions) if each is not None]
         self.trust = TiltTrust()
-        self.events: Counter[str] = Counter()
-        """How often a measured tilt was distrusted, and trusted again."""
+        self.events: Counter[str] = Counter()  # how often a measured tilt was distrusted, and trusted again
 
     @property
     def selected(self) -> TiltFilter | None:

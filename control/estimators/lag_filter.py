@@ -40,8 +40,7 @@ from rcopterx.vehicles.state import (
     Z,
 )
 
-SIZE: Final = MOTION_SIZE + 2 * INPUT_SIZE
-"""Motion, actuators, disturbances."""
+SIZE: Final = MOTION_SIZE + 2 * INPUT_SIZE  # motion, actuators, disturbances
 MOTION: Final = slice(0, MOTION_SIZE)
 ACTUATOR: Final = slice(MOTION_SIZE, MOTION_SIZE + INPUT_SIZE)
 DISTURBANCE: Final = slice(MOTION_SIZE + INPUT_SIZE, SIZE)
@@ -92,8 +91,7 @@ def jacobian(at_rest: Array, start: Array, end: Array) -> Array:
 _START_DEVIATION: Final = np.array(
     [0.001, 0.001, 0.001, 0.005, 0.3, 0.3, 0.3, 1.0, 0.03, 0.03, 0.03, 0.03, 0.3, 0.3, 0.8, 3.0]
 )
-POSE: Final = slice(0, INPUT_SIZE)
-"""Position and yaw."""
+POSE: Final = slice(0, INPUT_SIZE)  # position and yaw
 _H: Final = np.eye(INPUT_SIZE, SIZE)
 
 

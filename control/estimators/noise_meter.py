@@ -10,14 +10,10 @@ from typing import Final
 
 from rcopterx.vehicles.state import Array
 
-WINDOW_S: Final = 2.0
-"""Time constant of the mean size of third differences."""
-SMALLEST_WINDOW: Final = 25
-"""Third differences before which the noise is unknown."""
-OUTLIER: Final = 4.0
-"""A third difference counts at most as so many times the mean one: outliers are no noise."""
-REGULAR: Final = 0.2
-"""Largest relative difference of periods of regular poses."""
+WINDOW_S: Final = 2.0  # time constant of the mean size of third differences
+SMALLEST_WINDOW: Final = 25  # third differences before which the noise is unknown
+OUTLIER: Final = 4.0  # a third difference counts at most as so many times the mean one: outliers are no noise
+REGULAR: Final = 0.2  # largest relative difference of periods of regular poses
 DEVIATION_OF_MEAN: Final = math.sqrt(math.pi / 2.0) / math.sqrt(20.0)
 """Standard deviation of normal noise over the mean size of its third differences."""
 

@@ -35,8 +35,7 @@ TILT_GATE: Final = 0.3
 LEVEL_FLOOR_RAD: Final = 0.02
 """Deviation of floor and landing gear from level: a standing vehicle shows the offset of its body frame."""
 
-_ANY_PERIOD_S: Final = 0.02
-"""The layout of the states does not depend on the period."""
+_ANY_PERIOD_S: Final = 0.02  # the layout of the states does not depend on the period
 _START_POSITION_M: Final = 0.001
 _START_VELOCITY_M_S: Final = 0.3
 _START_TILT: Final = 0.03

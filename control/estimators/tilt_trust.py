@@ -11,14 +11,11 @@ from typing import Final
 from rcopterx.control.estimators.noise_meter import WINDOW_S, NoiseMeter
 from rcopterx.vehicles.state import Array
 
-LEAST_TILT: Final = 0.008
-"""Root mean square of the expected swing below which nothing can be compared."""
+LEAST_TILT: Final = 0.008  # root mean square of the expected swing below which nothing can be compared
 DISTRUSTED_BELOW: Final = 0.2
-TRUSTED_ABOVE: Final = 0.4
-"""Limits of the concordance."""
+TRUSTED_ABOVE: Final = 0.4  # limits of the concordance
 DISTRUSTED_AFTER_S: Final = 0.5
-TRUSTED_AFTER_S: Final = 2.0
-"""How long the concordance has to stay beyond its limit."""
+TRUSTED_AFTER_S: Final = 2.0  # how long the concordance has to stay beyond its limit
 
 
 class TiltTrust:
@@ -37,8 +34,7 @@ class TiltTrust:
         """1 for two tilts that are the same, 0 for unrelated ones; None while it is unknown."""
         self._observed_s = 0.0
         self._beyond_s = 0.0
-        self._mean_measured = self._mean_expected = 0j
-        """Tilts in the body frame as complex numbers."""
+        self._mean_measured = self._mean_expected = 0j  # tilts in the body frame as complex numbers
         self._measured_energy = self._expected_energy = self._common_energy = self._noise_energy = 0.0
 
     def observe(self, measured: Array, expected: Array, yaw_rad: float, period_s: float) -> bool:

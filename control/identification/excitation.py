@@ -15,10 +15,8 @@ import numpy as np
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, Array
 
-BASE_HZ: Final = 0.05
-"""All frequencies are multiples of it, so that the signal repeats every 20 s."""
-COMBS: Final = 3
-"""Sets of frequencies, which do not meet within 60 s."""
+BASE_HZ: Final = 0.05  # all frequencies are multiples of it, so that the signal repeats every 20 s
+COMBS: Final = 3  # sets of frequencies, which do not meet within 60 s
 FADE_S: Final = 2.0
 _LATERAL_BAND_HZ: Final = (0.4, 4.5)
 _THRUST_BAND_HZ: Final = (0.3, 3.0)
@@ -92,8 +90,7 @@ def _all_tones() -> tuple[tuple[float, ...], ...]:
     return tuple(tones)
 
 
-TONES_HZ: Final = _all_tones()
-"""Frequencies on pitch, roll, thrust and yaw of the first comb."""
+TONES_HZ: Final = _all_tones()  # frequencies on pitch, roll, thrust and yaw of the first comb
 
 
 def excitation_for(model: Model, duration_s: float, strength: float = 1.0, comb: int = 0) -> Excitation:
@@ -117,8 +114,7 @@ def excitation_for(model: Model, duration_s: float, strength: float = 1.0, comb:
     return Excitation(tuple(float(value) for value in amplitude), duration_s, comb)
 
 
-LONGEST_BLIND_S: Final = 0.1
-"""The excitation ends without poses for longer than this."""
+LONGEST_BLIND_S: Final = 0.1  # the excitation ends without poses for longer than this
 UNDER_WAY: Final = "under way"
 DONE: Final = "done"
 
@@ -127,8 +123,7 @@ class Exciter:
     """Adds an excitation to the commands of a controller."""
 
     def __init__(self) -> None:
-        self.outcome = ""
-        """Why the last excitation ended; `under way` or `done`; empty before the first."""
+        self.outcome = ""  # why the last excitation ended; `under way` or `done`; empty before the first
         self.under_way = False
         self._excitation: Excitation | None = None
         self._start_s = 0.0

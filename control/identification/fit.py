@@ -41,21 +41,15 @@ from rcopterx.vehicles.model import DAMPING_FACTOR, IDENTIFIED, Model, Uncertain
 from rcopterx.vehicles.state import U_THRUST, Array
 from rcopterx.vehicles.tuples import Two
 
-FITTED_SHARE: Final = 0.8
-"""Share of the flight that is fitted; the rest validates."""
+FITTED_SHARE: Final = 0.8  # share of the flight that is fitted; the rest validates
 SHORTEST_S: Final = 20.0
-SHORTEST_PART_S: Final = 10.0
-"""Of each of several flights."""
+SHORTEST_PART_S: Final = 10.0  # of each of several flights
 AHEAD_S: Final = 1.0
-_OUTLIER: Final = 3.0
-"""Residuals beyond so many deviations count less than their square."""
-_NORMAL: Final = 1.4826
-"""Standard deviation of a normal distribution over the median of its magnitude."""
-_FARTHEST: Final = 4.0
-"""Parameters stay within so many spreads of their prior values."""
+_OUTLIER: Final = 3.0  # residuals beyond so many deviations count less than their square
+_NORMAL: Final = 1.4826  # standard deviation of a normal distribution over the median of its magnitude
+_FARTHEST: Final = 4.0  # parameters stay within so many spreads of their prior values
 _AT_BOUND: Final = 0.98 * _FARTHEST
-_VANISHED: Final = 0.1
-"""Lags below this share of a control period do not matter."""
+_VANISHED: Final = 0.1  # lags below this share of a control period do not matter
 _EVALUATIONS: Final = 25
 _START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)
 """Start values of the tilt frequency, in spreads from the known one."""

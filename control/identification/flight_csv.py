@@ -26,10 +26,8 @@ BATTERY: Final = "pwr_pm_vbat"
 COLUMNS: Final = (TIME, *POSE, *COMMANDS, BATTERY)
 PERIOD_S: Final = 0.02
 """Flights are read at this period, of a usual control loop, or at their own if that is longer."""
-AIRBORNE_M: Final = 0.3
-"""A vehicle flies from when it first is so far above its lowest pose until it last is."""
-_UNIT: Final = 0.01
-"""Largest departure of a quaternion's length from one."""
+AIRBORNE_M: Final = 0.3  # a vehicle flies from when it first is so far above its lowest pose until it last is
+_UNIT: Final = 0.01  # largest departure of a quaternion's length from one
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 FORMAT: Final = 1
-LONGEST_GAP_S: Final = 0.1
-"""Missing poses up to this long are interpolated."""
+LONGEST_GAP_S: Final = 0.1  # missing poses up to this long are interpolated
 
 
 class RecordingError(ValueError):

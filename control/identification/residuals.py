@@ -8,8 +8,7 @@ from rcopterx.control.identification.motions import Motion
 from rcopterx.control.models.linear import Complex
 from rcopterx.vehicles.state import Array
 
-SETTLE_S: Final = 2.0
-"""Errors count from here on: predictors start without knowledge of the wind."""
+SETTLE_S: Final = 2.0  # errors count from here on: predictors start without knowledge of the wind
 _FAR_AHEAD_S: Final = (0.2, 1.0)
 _FAR_EVERY_S: Final = 0.3
 

@@ -19,8 +19,7 @@ from rcopterx.control.models.linear import as_complex, zero_order_hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_YAW
 
-Weights = tuple[float, float, float]
-"""Of position, velocity and input."""
+Weights = tuple[float, float, float]  # of position, velocity and input
 
 DEFAULT_FILTER: Final = ExtendedKalmanSettings()
 _LEAST_LAG_S: Final = 1e-3

@@ -22,22 +22,17 @@ from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YD_BODY, Array, Z
 
 FREQUENCIES_HZ: Final = np.geomspace(0.2, 10.0, 25)
 _SMALL: Final = 1e-4
-_HORIZONTAL: Final = np.array([0, 1, 4, 5, 8, 9])
-"""Horizontal columns of a trajectory."""
+_HORIZONTAL: Final = np.array([0, 1, 4, 5, 8, 9])  # horizontal columns of a trajectory
 
 
 @dataclass(frozen=True)
 class LinearVehicle:
     """A vehicle with n states; references and plans have 6 N horizontal numbers."""
 
-    transition: Array
-    """Of the states over a control period, with the feedback, shape (n, n)."""
-    drive: Array
-    """Of the reference on the states, shape (n, 6 N)."""
-    plan: Array
-    """Of the states on the plan, shape (6 N, n)."""
-    copied: Array
-    """Of the reference on the plan, shape (6 N, 6 N)."""
+    transition: Array  # of the states over a control period, with the feedback, shape (n, n)
+    drive: Array  # of the reference on the states, shape (n, 6 N)
+    plan: Array  # of the states on the plan, shape (6 N, n)
+    copied: Array  # of the reference on the plan, shape (6 N, 6 N)
     period_s: float
 
     def settled(self, z: complex) -> Complex:

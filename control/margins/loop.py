@@ -18,8 +18,7 @@ from rcopterx.control.models.linear import Complex
 from rcopterx.vehicles.model import Uncertainty
 from rcopterx.vehicles.state import Array
 
-Dynamics = tuple[Array, Array]
-"""Continuous x' = A x + B u, shapes (n, n) and (n,); real or complex."""
+Dynamics = tuple[Array, Array]  # continuous x' = A x + B u, shapes (n, n) and (n,); real or complex
 Flags = NDArray[np.bool_]
 
 _STABLE: Final = 1.0 - 1e-9
@@ -32,10 +31,8 @@ _FREQUENCIES: Final = 300
 class Perturbation:
     """Departure of a true vehicle from its model."""
 
-    gain: complex = 1.0
-    """Factor of the input's gain; a complex one shifts the phase."""
-    delay_s: float = 0.0
-    """Added to the transport delay."""
+    gain: complex = 1.0  # factor of the input's gain; a complex one shifts the phase
+    delay_s: float = 0.0  # added to the transport delay
     frequency: float = 1.0
     """Factor of the frequency of the tilt, or of the corner frequency of a first-order lag."""
     damping: float | None = None
@@ -52,20 +49,15 @@ class FeedbackLoop:
     plant_step: Callable[[float, float | None, float], Dynamics]
     """Transition of the vehicle, with n states, given the factor of its frequency, its damping ratio
     (`Perturbation`) and a time."""
-    measured: Array
-    """Measured outputs of the vehicle's states, shape (p, n)."""
+    measured: Array  # measured outputs of the vehicle's states, shape (p, n)
     filter_step: Callable[[float], Dynamics]
     """Transition that the filter assumes, with m states, given a time."""
-    filter_measured: Array
-    """Measured outputs of the filter's states, shape (p, m)."""
-    filter_gain: Array
-    """Steady gain of the filter, shape (m, p)."""
+    filter_measured: Array  # measured outputs of the filter's states, shape (p, m)
+    filter_gain: Array  # steady gain of the filter, shape (m, p)
     feedback: Array
     """The input is minus these times the estimate, predicted to when the input begins to act; shape (m,)."""
-    period_s: float
-    """Control period."""
-    delay_s: float
-    """Transport delay of the model."""
+    period_s: float  # control period
+    delay_s: float  # transport delay of the model
     dampings: Sequence[float | None] = (None,)
     """Damping ratios of the tilt at the ends of what such a vehicle may have."""
 
@@ -159,8 +151,7 @@ def steady_filter_gain(transition: Array, measured: Array, process: Array | Comp
 GAIN_LIMIT: Final = 10.0
 PHASE_LIMIT_RAD: Final = math.pi / 2
 DELAY_LIMIT_S: Final = 0.3
-FREQUENCY_LIMIT: Final = 3.0
-"""Margins are searched up to these limits; a larger one is returned as its limit."""
+FREQUENCY_LIMIT: Final = 3.0  # margins are searched up to these limits; a larger one is returned as its limit
 
 _COARSE: Final = 16
 _FINE: Final = 7
@@ -171,15 +162,11 @@ class Margins:
     """Margins of one loop; zero, and one for factors, if it is unstable around its own model."""
 
     gain_up: float
-    gain_down: float
-    """Factors by which the gain may rise, and fall (0.5 for half the gain)."""
-    phase_rad: float
-    """Shift of the phase, the smaller of both senses."""
-    delay_s: float
-    """Delay beyond the model's."""
+    gain_down: float  # factors by which the gain may rise, and fall (0.5 for half the gain)
+    phase_rad: float  # shift of the phase, the smaller of both senses
+    delay_s: float  # delay beyond the model's
     frequency_up: float
-    frequency_down: float
-    """Factors of the frequency (`Perturbation`)."""
+    frequency_down: float  # factors of the frequency (`Perturbation`)
 
 
 SENSITIVITY_LIMIT: Final = 2.0
@@ -192,13 +179,10 @@ CORNERS: Final = "corners"
 class Robustness:
     """What a loop bears of the uncertainty of a model."""
 
-    peak_sensitivity: float
-    """M_s around the model; infinite if the loop is unstable."""
-    unstable_alone: tuple[str, ...]
-    """Single departures under which it is unstable."""
+    peak_sensitivity: float  # M_s around the model; infinite if the loop is unstable
+    unstable_alone: tuple[str, ...]  # single departures under which it is unstable
     unstable_corners: int
-    corners: int
-    """Joint corners of all departures, of which `unstable_corners` are unstable."""
+    corners: int  # joint corners of all departures, of which `unstable_corners` are unstable
 
     @property
     def shortfalls(self) -> tuple[str, ...]:

@@ -19,13 +19,10 @@ class LagDynamics(NamedTuple):
     """Parameters of the axes x, y, z, yaw or of some of them; arrays of shape (m,)."""
 
     period_s: float
-    gain: Array
-    """b."""
-    decay: Array
-    """1 + T k."""
+    gain: Array  # b
+    decay: Array  # 1 + T k
     pole: Array
-    gyro: Array
-    """Stick that the gyro subtracts per velocity."""
+    gyro: Array  # stick that the gyro subtracts per velocity
 
     @classmethod
     def of(cls, model: Model, period_s: float, axes: slice) -> "LagDynamics":

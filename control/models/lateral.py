@@ -25,8 +25,7 @@ from rcopterx.vehicles.state import Array
 POSITION: Final = slice(0, 2)
 VELOCITY: Final = slice(2, 4)
 CORE_FROM: Final = 4
-WIND_CORRELATION_S: Final = 0.5
-"""Correlation time of the wind's acceleration."""
+WIND_CORRELATION_S: Final = 0.5  # correlation time of the wind's acceleration
 _LEAST_DRAG_PER_S: Final = 0.2
 
 
@@ -35,10 +34,8 @@ class LateralStep(NamedTuple):
 
     transition: Array
     """State and demand after a period during which the demand is constant, shape (n + 2, n + 2)."""
-    servo: int
-    """Place of the servo."""
-    pitch_gain: float
-    """Demand per stick [m/s^2]."""
+    servo: int  # place of the servo
+    pitch_gain: float  # demand per stick [m/s^2]
     roll_gain: float
 
 

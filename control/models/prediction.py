@@ -32,10 +32,8 @@ class MotionModel(NamedTuple):
     damping: Array
     lag_s: Array
     gravity_m_s2: float
-    thrust_coupling: float
-    """Yaw stick per thrust stick that the rotors have not followed yet."""
-    gyro: float
-    """Yaw stick per yaw rate [s/rad]."""
+    thrust_coupling: float  # yaw stick per thrust stick that the rotors have not followed yet
+    gyro: float  # yaw stick per yaw rate [s/rad]
 
 
 MOTION_MODEL: Final[Any] = record(MotionModel, *3 * [VECTOR], *3 * [NUMBER])

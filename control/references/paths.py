@@ -12,8 +12,7 @@ from typing import Final
 import numpy as np
 
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic
-from rcopterx.control.references.trajectory import COLUMNS, YAW
-from rcopterx.control.references.turns import nearest_heading, whole_turns
+from rcopterx.control.references.trajectory import COLUMNS, YAW, nearest_heading, whole_turns
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three

@@ -6,8 +6,7 @@ import numpy as np
 
 from rcopterx.vehicles.state import Array
 
-PEAK_TO_MEAN_SPEED: Final = 1.875
-"""Ratio of the peak to the mean speed from rest to rest."""
+PEAK_TO_MEAN_SPEED: Final = 1.875  # ratio of the peak to the mean speed from rest to rest
 
 
 def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple[Array, Array, Array]:

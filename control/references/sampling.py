@@ -4,8 +4,7 @@ import numpy as np
 
 from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, MATRIX, NUMBER, Array, compiled, part
 
-ON_STAGE = 1e-6
-"""An instant so close to a stage, in periods, is on it."""
+ON_STAGE = 1e-6  # an instant so close to a stage, in periods, is on it
 
 
 @part

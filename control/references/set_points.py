@@ -89,8 +89,7 @@ class ProfileLimits:
     vehicle that is carried round.
     """
 
-    rate: Three
-    """[m/s], [m/s], [rad/s]."""
+    rate: Three  # [m/s], [m/s], [rad/s]
     acceleration: Three
     jerk: Three
 

@@ -4,6 +4,7 @@ It is in the inertial frame and in SI units, so that it means the same to every 
 formation law (6) happen where a controller needs body-frame quantities.
 """
 
+import math
 from typing import Final
 
 import numpy as np
@@ -84,3 +85,23 @@ def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Tra
     samples[:, POSITION] = position_m
     samples[:, YAW] = yaw_rad
     return Trajectory(samples, period_s)
+
+
+def whole_turns(difference_rad: float) -> int:
+    """Return the number of whole turns in a difference of headings, so that at most half a turn remains."""
+    return round(difference_rad / math.tau)
+
+
+def nearest_heading(yaw_rad: float, near_rad: float) -> float:
+    """Return the same heading with the turns that bring it closest to another one."""
+    return yaw_rad + math.tau * whole_turns(near_rad - yaw_rad)
+
+
+def on_turn_of(reference: Trajectory, yaw_rad: float) -> Trajectory:
+    """Return the trajectory with the turns that bring its first heading closest to another one."""
+    turns = whole_turns(yaw_rad - float(reference.samples[0, YAW]))
+    if turns == 0:
+        return reference
+    samples = reference.samples.copy()
+    samples[:, YAW] += math.tau * turns
+    return Trajectory(samples, reference.period_s)

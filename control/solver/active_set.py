@@ -14,17 +14,14 @@ from rcopterx.vehicles.state import Array
 
 TOLERANCE: Final = 1e-12
 """A row changes between active and inactive by more than this; times `HARD` it is a derivative of 1e-4."""
-MOST_SWEEPS: Final = 8
-"""Sweeps after which an iteration that has not converged is given up."""
+MOST_SWEEPS: Final = 8  # sweeps after which an iteration that has not converged is given up
 
 
 class ActiveSet(NamedTuple):
     """Active bounds of all rows, and what they add to a sweep; arrays of shape (N, ny)."""
 
-    side: Array
-    """1 where the upper bound is active, -1 where the lower one is, 0 elsewhere."""
-    e: Array
-    """Weights."""
+    side: Array  # 1 where the upper bound is active, -1 where the lower one is, 0 elsewhere
+    e: Array  # weights
     target: Array
 
     @classmethod

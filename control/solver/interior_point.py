@@ -13,28 +13,21 @@ from rcopterx.control.solver.problem import PROBLEM, TRAJECTORIES, OptimalContro
 from rcopterx.control.solver.sweep import Factor, factorize, solve
 from rcopterx.vehicles.state import Array
 
-SMALLEST_START: Final = 0.1
-"""Slacks begin at least so large."""
-TO_BOUNDARY: Final = 0.995
-"""Share of the step to the boundary that is taken."""
+SMALLEST_START: Final = 0.1  # slacks begin at least so large
+TO_BOUNDARY: Final = 0.995  # share of the step to the boundary that is taken
 FEASIBLE: Final = 1e-6
 
 
 class Barrier(NamedTuple):
     """Slacks and multipliers of the rows, and their changes; first index: 0 upper side, 1 lower side."""
 
-    t: Array
-    """Slacks, shape (2, N, ny)."""
-    z: Array
-    """Multipliers, shape (2, N, ny)."""
+    t: Array  # slacks, shape (2, N, ny)
+    z: Array  # multipliers, shape (2, N, ny)
     dt: Array
     dz: Array
-    gap: Array
-    """Residual of y + t = bound, shape (2, N, ny)."""
-    e: Array
-    """Weights of the sweep, shape (N, ny)."""
-    target: Array
-    """Targets of the sweep, shape (N, ny)."""
+    gap: Array  # residual of y + t = bound, shape (2, N, ny)
+    e: Array  # weights of the sweep, shape (N, ny)
+    target: Array  # targets of the sweep, shape (N, ny)
 
     @classmethod
     def zeros(cls, stages: int, rows: int) -> "Barrier":

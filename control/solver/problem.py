@@ -17,71 +17,46 @@ import numpy as np
 from rcopterx.compiling.compiled import BLOCKS, MATRIX, VECTOR, record
 from rcopterx.vehicles.state import Array
 
-HARD: Final = 1e8
-"""Weight s of a bound that holds exactly, against weights W of about one to a thousand."""
+HARD: Final = 1e8  # weight s of a bound that holds exactly, against weights W of about one to a thousand
 
 
 class OptimalControlProblem(NamedTuple):
     """A problem of N stages with nx states, nu inputs and ny rows; all arrays are C-contiguous."""
 
-    A: Array
-    """Shape (N, nx, nx)."""
-    B: Array
-    """Shape (N, nx, nu)."""
-    c: Array
-    """Shape (N, nx)."""
-    C: Array
-    """Shape (N, ny, nx)."""
-    D: Array
-    """Shape (N, ny, nu)."""
-    W: Array
-    """Shape (N, ny)."""
-    r: Array
-    """Shape (N, ny)."""
-    low: Array
-    """Shape (N, ny)."""
-    high: Array
-    """Shape (N, ny)."""
-    s: Array
-    """Shape (N, ny): 0 for rows without bounds."""
-    P: Array
-    """Shape (nx, nx)."""
-    x_end: Array
-    """Shape (nx,)."""
-    x_0: Array
-    """Shape (nx,)."""
+    A: Array  # shape (N, nx, nx)
+    B: Array  # shape (N, nx, nu)
+    c: Array  # shape (N, nx)
+    C: Array  # shape (N, ny, nx)
+    D: Array  # shape (N, ny, nu)
+    W: Array  # shape (N, ny)
+    r: Array  # shape (N, ny)
+    low: Array  # shape (N, ny)
+    high: Array  # shape (N, ny)
+    s: Array  # shape (N, ny): 0 for rows without bounds
+    P: Array  # shape (nx, nx)
+    x_end: Array  # shape (nx,)
+    x_0: Array  # shape (nx,)
 
 
 class Trajectories(NamedTuple):
     """States, inputs and rows that satisfy the dynamics."""
 
-    x: Array
-    """Shape (N + 1, nx)."""
-    u: Array
-    """Shape (N, nu)."""
-    y: Array
-    """Shape (N, ny)."""
+    x: Array  # shape (N + 1, nx)
+    u: Array  # shape (N, nu)
+    y: Array  # shape (N, ny)
 
 
 class Plan(NamedTuple):
     """Solution of a problem, with its quality."""
 
-    x: Array
-    """Shape (N + 1, nx)."""
-    u: Array
-    """Shape (N, nu)."""
-    y: Array
-    """Shape (N, ny)."""
-    active: Array
-    """Shape (N, ny): 1 where the upper bound is active, -1 where the lower one is, 0 elsewhere."""
-    iterations: int
-    """Number of sweeps, or iterations of OSQP."""
-    primal_residual: float
-    """Largest excess over a hard bound."""
-    dual_residual: float
-    """Largest derivative of the cost by an input, bounds included."""
-    optimal: bool
-    """Whether the solver converged; if not, the plan is the best one known."""
+    x: Array  # shape (N + 1, nx)
+    u: Array  # shape (N, nu)
+    y: Array  # shape (N, ny)
+    active: Array  # shape (N, ny): 1 where the upper bound is active, -1 where the lower one is, 0 elsewhere
+    iterations: int  # number of sweeps, or iterations of OSQP
+    primal_residual: float  # largest excess over a hard bound
+    dual_residual: float  # largest derivative of the cost by an input, bounds included
+    optimal: bool  # whether the solver converged; if not, the plan is the best one known
 
 
 PROBLEM: Final[Any] = record(

@@ -17,8 +17,7 @@ from scipy import sparse
 from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Trajectories
 from rcopterx.vehicles.state import Array
 
-FREE: Final = 1e20
-"""Stands for an infinite bound."""
+FREE: Final = 1e20  # stands for an infinite bound
 Indices = NDArray[np.int64]
 
 

@@ -23,12 +23,9 @@ from rcopterx.vehicles.state import Array
 class Factor(NamedTuple):
     """Result of the Riccati recursion."""
 
-    K: Array
-    """Feedback of the inputs on the state, shape (N, nu, nx)."""
-    S: Array
-    """Inverse of the Hessian by the inputs of a stage, shape (N, nu, nu)."""
-    P: Array
-    """Hessian of the cost to go, shape (N + 1, nx, nx)."""
+    K: Array  # feedback of the inputs on the state, shape (N, nu, nx)
+    S: Array  # inverse of the Hessian by the inputs of a stage, shape (N, nu, nu)
+    P: Array  # Hessian of the cost to go, shape (N + 1, nx, nx)
 
 
 FACTOR: Final[Any] = record(Factor, BLOCKS, BLOCKS, BLOCKS)

@@ -5,9 +5,69 @@ from dataclasses import astuple
 from pathlib import Path
 from typing import Final
 
+from rcopterx.bus.access import Seat, Subject
+from rcopterx.bus.channels import EXTERNAL_INPUT, KILL
 from rcopterx.bus.endpoints import Credentials
-from rcopterx.deploy.certificates.names import host_name, people
 from rcopterx.fleet.schema import FleetError, FleetFile
+
+
+def host_name(host: str) -> str:
+    """Return the name of the certificate of a host: of its router and all of its processes."""
+    return f"host.{host}"
+
+
+def agent_name(vehicle: str) -> str:
+    """Return the name of the certificate of an agent outside the hosts, for instance a user's program."""
+    return f"agent.{vehicle}"
+
+
+def people(fleet: FleetFile) -> list[str]:
+    """Return the names of the certificates of operators, then of watchers."""
+    security = fleet.security
+    return [f"operator.{name}" for name in security.operators] + [
+        f"watcher.{name}" for name in security.watchers
+    ]
+
+
+def certificate_names(fleet: FleetFile) -> list[str]:
+    """Return the names of all certificates of a fleet."""
+    return [*map(host_name, fleet.hosts), *map(agent_name, fleet.vehicles), *people(fleet)]
+
+
+def subjects(fleet: FleetFile, here: str) -> list[Subject]:
+    """Return all subjects that the router of the host `here` admits, with their permissions."""
+    steering = operator_seats(fleet)
+    found = [Subject(None, host_seats(fleet, here))]
+    found += [Subject(host_name(host), host_seats(fleet, host)) for host in fleet.hosts]
+    found += [Subject(agent_name(vehicle), (Seat("agent", (vehicle,)),)) for vehicle in fleet.vehicles]
+    found += [Subject(name, steering if name.startswith("operator.") else ()) for name in people(fleet)]
+    return found
+
+
+def operator_seats(fleet: FleetFile) -> tuple[Seat, ...]:
+    """Return the permissions of operators: steer, kill, and fly vehicles by external programs."""
+    vehicles = tuple(fleet.vehicles)
+    return Seat(KILL.publisher, vehicles), Seat(EXTERNAL_INPUT.publisher, vehicles)
+
+
+def host_seats(fleet: FleetFile, host: str) -> tuple[Seat, ...]:
+    """Return the permissions of a host, by its roles in the fleet file."""
+    agents = fleet.agents_on(host)
+    seats = [
+        Seat("router", host=host),
+        Seat("recorder", host=host),
+        Seat("launcher", host=host),
+        Seat("agent", agents, host),
+        Seat("transmitter_gateway", fleet.transmitters_on(host)),
+    ]
+    if fleet.tracker.host == host:
+        seats.append(Seat("vicon_gateway", tuple(fleet.vehicles)))
+    if fleet.simulator is not None and fleet.simulator.host == host:
+        seats.append(Seat("simulator"))
+    if fleet.hosts[host].steering:
+        seats += operator_seats(fleet)
+    return tuple(seats)
+
 
 AUTHORITY: Final = "authority"
 CHOICE: Final = "RCOPTERX_CERTIFICATE"

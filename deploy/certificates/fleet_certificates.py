@@ -2,14 +2,12 @@
 
 from datetime import datetime
 
-from rcopterx.deploy.certificates.files import AUTHORITY, directory_of, key_path
+from rcopterx.deploy.certificates.files import AUTHORITY, certificate_names, directory_of, host_name, key_path
 from rcopterx.deploy.certificates.issuing import due, issue, read_authority
 from rcopterx.deploy.certificates.issuing import new_authority as made_authority
-from rcopterx.deploy.certificates.names import certificate_names, host_name
 from rcopterx.fleet.schema import FleetError, FleetFile
 
-LOCAL_NAMES = ("127.0.0.1", "localhost")
-"""Further names by which processes of a host reach its router."""
+LOCAL_NAMES = ("127.0.0.1", "localhost")  # further names by which processes of a host reach its router
 
 
 def make_certificates(

@@ -19,19 +19,15 @@ from rcopterx.bus.access import Seat, published_keys, requested_keys
 from rcopterx.bus.endpoints import Credentials, client_config, open_session
 from rcopterx.bus.keys import ROOT, request_key
 from rcopterx.bus.session import SILENT_SHARE, BusAddress, opened
-from rcopterx.deploy.certificates.files import credentials, readable
+from rcopterx.deploy.certificates.files import credentials, host_seats, operator_seats, readable, subjects
 from rcopterx.deploy.certificates.issuing import issue, new_authority
-from rcopterx.deploy.certificates.names import host_seats, operator_seats, subjects
 from rcopterx.deploy.doctor.examination import Result
 from rcopterx.fleet.schema import FleetFile
 
-REFUSED_S: Final = 0.5
-"""Timeout of a connection that must fail."""
+REFUSED_S: Final = 0.5  # timeout of a connection that must fail
 ANSWER_S: Final = 2.0
-TRIES: Final = 3
-"""Number of attempts with a request that is neither answered nor refused in time."""
-TIMEOUT: Final = b"Timeout"
-"""Error that Zenoh returns for a missing answer."""
+TRIES: Final = 3  # number of attempts with a request that is neither answered nor refused in time
+TIMEOUT: Final = b"Timeout"  # error that Zenoh returns for a missing answer
 NOT_KNOWN: Final = "is not known: no answer in time; try again when this computer has less to do"
 
 

@@ -7,14 +7,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from rcopterx.deploy.certificates.files import AUTHORITY, directory_of, readable
-from rcopterx.deploy.certificates.names import certificate_names, host_name
+from rcopterx.deploy.certificates.files import AUTHORITY, certificate_names, directory_of, host_name, readable
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetFile
 
-CAP_SYS_NICE: Final = 23
-"""Number of the capability to raise priorities."""
+CAP_SYS_NICE: Final = 23  # number of the capability to raise priorities
 
 
 class Result(NamedTuple):
@@ -75,7 +73,7 @@ def certificates(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]
             yield Result(True, "no certificates: only this computer reaches the fleet")
         return
     # The library imports slowly, and fleets on one computer do without.
-    from rcopterx.deploy.certificates.inspection import expiry_warning, problem
+    from rcopterx.deploy.certificates.issuing import expiry_warning, problem
 
     for name in certificate_names(fleet):
         if name != host_name(host) and not readable(directory, name):

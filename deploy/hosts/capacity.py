@@ -20,18 +20,14 @@ from rcopterx.deploy.watchdog.processor_time import Threads, threads_of
 
 MODULE: Final = "rcopterx.deploy.hosts.control_time"
 AGENT: Final = "agent"
-USABLE: Final = 0.65
-"""Share of the processors beyond which control periods are missed."""
+USABLE: Final = 0.65  # share of the processors beyond which control periods are missed
 USABLE_AT_MOST: Final = 0.75
 """Share beyond which serial lines starve and vehicles come down, at the lowest control rate."""
-SURE: Final = 1.5
-"""Vehicles for each processor that any computer can fly."""
-STANDING_S: Final = 3.0
-"""How long the processor time of the standing fleet is measured."""
+SURE: Final = 1.5  # vehicles for each processor that any computer can fly
+STANDING_S: Final = 3.0  # how long the processor time of the standing fleet is measured
 LIMIT_S: Final = 120.0
 
-Roles = Mapping[int, str]
-"""Roles of processes by process id."""
+Roles = Mapping[int, str]  # roles of processes by process id
 
 
 def vehicles_flown(
@@ -93,8 +89,7 @@ class CapacityMeasurement:
         self._before: dict[int, Threads] = {}
         self._standing_share: float | None = None
         self._late = False
-        self.done = False
-        """Whether the measurement has ended, with or without success."""
+        self.done = False  # whether the measurement has ended, with or without success
 
     def step(self, ready: bool, late: bool = False) -> tuple[int, ...] | str | None:
         """Start the measurement when the computer is ready for it, and later collect the result.

@@ -20,8 +20,7 @@ from rcopterx.deploy.roles.run import end_with_parent, name_process
 from rcopterx.fleet.reading import load_fleet
 
 PERIODS: Final = 60
-SKIPPED: Final = 20
-"""First periods, which compute what later ones reuse."""
+SKIPPED: Final = 20  # first periods, which compute what later ones reuse
 PLACE_M: Final = (0.0, 0.0, 1.0)
 
 

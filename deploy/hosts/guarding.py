@@ -13,12 +13,9 @@ from typing import Final, NamedTuple
 SILENT_S: Final = 0.35
 """Time without a command after which the first host in line starts an agent: longer than the launcher of the
 agent's host takes to replace one that hangs."""
-TURN_S: Final = 0.15
-"""How much later each further host in line does."""
-FRESH_S: Final = 0.1
-"""Frames that are older say nothing about the present."""
-AGAIN_S: Final = 5.0
-"""Until an agent is started again for a vehicle that flies without its commands."""
+TURN_S: Final = 0.15  # how much later each further host in line does
+FRESH_S: Final = 0.1  # frames that are older say nothing about the present
+AGAIN_S: Final = 5.0  # until an agent is started again for a vehicle that flies without its commands
 FLOOR_SILENT_S: Final = 2.0
 """On the floor: time without a command, and without a status of the launcher that was to run the agent."""
 FLOOR_TURN_S: Final = 1.5
@@ -29,12 +26,10 @@ FLYING: Final = frozenset({"armed", "hold", "land", "descend"})
 class LastFrame(NamedTuple):
     """Newest serial frame of a vehicle."""
 
-    state: str
-    """State of the arbiter."""
+    state: str  # state of the arbiter
     command: tuple[int, int]
     """Lease and sequence of the command behind it; the sequence is 0 if the arbiter flies by itself."""
-    arrived_s: float
-    """Monotonic time of arrival [s]."""
+    arrived_s: float  # monotonic time of arrival [s]
 
 
 class Runner(NamedTuple):
@@ -47,8 +42,7 @@ class Runner(NamedTuple):
 class OnFloor(NamedTuple):
     """What is known of a vehicle whose arbiter does not fly."""
 
-    commanded_s: float
-    """When the transmitter gateway last accepted a command [monotonic s]."""
+    commanded_s: float  # when the transmitter gateway last accepted a command [monotonic s]
     runner: Runner
 
 

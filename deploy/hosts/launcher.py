@@ -45,12 +45,9 @@ from rcopterx.flights.flights import flight_name
 
 T = TypeVar("T")
 
-WATCH_S: Final = 0.02
-"""Between two checks of all processes for progress."""
-MEASURE_S: Final = 0.1
-"""Between two steps of the measurement of how many vehicles this computer flies."""
-FLOOR_S: Final = 0.25
-"""Between two searches for vehicles on the floor whose host has died."""
+WATCH_S: Final = 0.02  # between two checks of all processes for progress
+MEASURE_S: Final = 0.1  # between two steps of the measurement of how many vehicles this computer flies
+FLOOR_S: Final = 0.25  # between two searches for vehicles on the floor whose host has died
 EVENTS_KEPT: Final = 200
 SPARE_ROLES: Final = (AGENT, ROUTER, "tracker", "transmitters")
 """Roles that vehicles in the air need, and that spares can take over."""
@@ -157,8 +154,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._recall: RecallService | None = None
         self._membership: MembershipService | None = None
         self._capacity = self._measurement() if self._home else None
-        self._not_measured = ""
-        """Why the capacity could not be measured the last time."""
+        self._not_measured = ""  # why the capacity could not be measured the last time
 
     def _measurement(self) -> CapacityMeasurement:
         vehicle = self._home[0]

@@ -66,8 +66,7 @@ class MembershipService:
         self._events = events
         self._logs = logs
         self._home = frozenset(home)
-        self.started = begin is None
-        """Whether the processes of the host run, and not only its daemon."""
+        self.started = begin is None  # whether the processes of the host run, and not only its daemon
         self.flies: tuple[int, ...] = ()
         """How many vehicles the host can fly at every control rate (`vehicles_flown`), if that is known."""
         agents = [child for child in supervisor.children.values() if child.spec.role == AGENT]

@@ -16,8 +16,7 @@ from rcopterx.deploy.hosts.guarding import FLYING, LastFrame, OnFloor, Runners
 M = TypeVar("M", bound=Message)
 
 
-FIRST_ROUTER_S = 30.0
-"""For the first start of the router, while all processes of the fleet start."""
+FIRST_ROUTER_S = 30.0  # for the first start of the router, while all processes of the fleet start
 
 
 class RecallService:

@@ -7,8 +7,7 @@ from collections.abc import Collection
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rcopterx.deploy.certificates.files import directory_of
-from rcopterx.deploy.certificates.names import host_name
+from rcopterx.deploy.certificates.files import directory_of, host_name
 from rcopterx.deploy.hosts.run_directory import serial_path
 from rcopterx.deploy.hosts.running import running_fleets
 from rcopterx.deploy.roles.tracker import check_motion_capture, tracker_address
@@ -108,7 +107,7 @@ def check_certificate(fleet: FleetFile, host: str) -> None:
     if directory is None:
         return
     # The library imports slowly, and fleets on one computer do without.
-    from rcopterx.deploy.certificates.inspection import problem
+    from rcopterx.deploy.certificates.issuing import problem
 
     wrong = problem(directory, host_name(host), datetime.now(UTC))
     if wrong is not None:

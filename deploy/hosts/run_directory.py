@@ -12,8 +12,7 @@ from typing import NamedTuple
 from rcopterx.bus.clock import NANO, Clock
 
 LONGEST_SOCKET_PATH = 100
-SHARED_MEMORY = Path("/dev/shm")
-"""Files here are memory: writing to them never waits for a disk."""
+SHARED_MEMORY = Path("/dev/shm")  # files here are memory: writing to them never waits for a disk
 
 
 def base_directory() -> Path:

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 from rcopterx.deploy.hosts.run_directory import base_directory
 
-LOCK_PATIENCE_S = 2.0
-"""How long a router that replaces another one waits for the lock."""
+LOCK_PATIENCE_S = 2.0  # how long a router that replaces another one waits for the lock
 LOCK_RETRY_S = 0.01
 
 
@@ -24,23 +23,16 @@ class RunningFleet(NamedTuple):
     """Record of a running fleet."""
 
     fleet: str
-    digest: str
-    """Digest of the fleet file."""
-    namespace: str | None
-    """Namespace of the bus."""
-    host: str
-    """Host of the fleet file that this computer is."""
-    endpoints: list[str]
-    """Endpoints of the router of this host."""
-    others: list[str]
-    """Endpoints of the routers of the other hosts."""
+    digest: str  # digest of the fleet file
+    namespace: str | None  # namespace of the bus
+    host: str  # host of the fleet file that this computer is
+    endpoints: list[str]  # endpoints of the router of this host
+    others: list[str]  # endpoints of the routers of the other hosts
     vehicles: list[str]
-    snapshot: str
-    """Path of the snapshot of the fleet file."""
+    snapshot: str  # path of the snapshot of the fleet file
     credentials: list[str] | None = None
     """Fields of `rcopterx.bus.endpoints.Credentials`, for routers that require a certificate."""
-    speed: float = 1.0
-    """How fast the time of the fleet passes."""
+    speed: float = 1.0  # how fast the time of the fleet passes
 
 
 @contextmanager

@@ -9,8 +9,7 @@ from rcopterx.deploy.hosts.run_directory import states_directories, states_direc
 from rcopterx.fleet.schema import FleetError
 from rcopterx.transmitter_gateway.state_page import begin_page, open_page
 
-OWNER: Final = ".run"
-"""Link from a directory of pages to its run directory; no vehicle can have this name."""
+OWNER: Final = ".run"  # link from a directory of pages to its run directory; no vehicle can have this name
 
 
 def begin_states(vehicles: Iterable[str], directory: Path) -> None:

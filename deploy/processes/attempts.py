@@ -6,13 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-REPEAT_S: Final = 10.0
-"""An error of a step that repeats is reported again after this time."""
-PAUSE_S: Final = 0.01
-"""After an error: a step that fails at once must not use the whole processor."""
+REPEAT_S: Final = 10.0  # an error of a step that repeats is reported again after this time
+PAUSE_S: Final = 0.01  # after an error: a step that fails at once must not use the whole processor
 
-Step = Callable[[], list[str]]
-"""Returns a line per event, for the user."""
+Step = Callable[[], list[str]]  # returns a line per event, for the user
 
 
 class Attempts:

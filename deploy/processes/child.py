@@ -28,20 +28,14 @@ class Child:
     spec: ProcessSpec
     process: ForkedProcess | None = None
     started_s: float = 0.0
-    restart_at_s: float = 0.0
-    """When it is started again; 0 if no restart is due."""
+    restart_at_s: float = 0.0  # when it is started again; 0 if no restart is due
     restarts: int = 0
-    hung: int = 0
-    """How often it was killed because it made no progress."""
+    hung: int = 0  # how often it was killed because it made no progress
     quick_deaths: int = 0
-    wanted: bool = True
-    """Whether it shall run; any thread may change it at any time."""
-    take_over: bool = False
-    """Whether it starts by taking over from an agent that flies its vehicle elsewhere."""
-    leaving_since_s: float | None = None
-    """When it received SIGTERM; infinite once it is killed."""
-    verdict: Hung | None = None
-    """Why the watchdog killed it, until its death is reported."""
+    wanted: bool = True  # whether it shall run; any thread may change it at any time
+    take_over: bool = False  # whether it starts by taking over from an agent that flies its vehicle elsewhere
+    leaving_since_s: float | None = None  # when it received SIGTERM; infinite once it is killed
+    verdict: Hung | None = None  # why the watchdog killed it, until its death is reported
 
 
 def signal_name(number: int) -> str:

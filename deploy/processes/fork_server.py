@@ -27,8 +27,7 @@ from rcopterx.bus.heartbeat import VARIABLE
 from rcopterx.bus.realtime import leave_realtime, request_realtime
 from rcopterx.deploy.roles.run import name_process
 
-LARGEST_BYTES: Final = 1 << 20
-"""Size of the receive buffer: more than the kernel passes in a datagram."""
+LARGEST_BYTES: Final = 1 << 20  # size of the receive buffer: more than the kernel passes in a datagram
 DESCRIPTORS: Final = 4
 PERMISSION: Final = b"!"
 PID_BYTES: Final = 4

@@ -25,15 +25,13 @@ from rcopterx.deploy.processes.fork_server import LARGEST_BYTES, PERMISSION, Ans
 
 SERVER: Final = "rcopterx.deploy.processes.fork_server"
 PR_SET_CHILD_SUBREAPER: Final = 36
-START_LIMIT_S: Final = 60.0
-"""For the imports of a fork server, on a busy computer."""
+START_LIMIT_S: Final = 60.0  # for the imports of a fork server, on a busy computer
 ANSWER_LIMIT_S: Final = 0.5
 """A fork server that takes longer to answer is replaced; nothing else is supervised meanwhile."""
 URGENT_NICE: Final = -10
 """Nice value of a process that starts: a large share of a busy processor, but, unlike a real-time priority,
 not all of what the launcher's threads need."""
-RETRY_S: Final = 1.0
-"""Between two starts of a fork server."""
+RETRY_S: Final = 1.0  # between two starts of a fork server
 
 
 def child_environment() -> dict[str, str]:

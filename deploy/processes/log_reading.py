@@ -29,8 +29,7 @@ class ProcessLogs:
     ) -> None:
         self._directory = directory
         self._names = set(names)
-        self.positions = dict(positions or {})
-        """Number of bytes of each file that have been read."""
+        self.positions = dict(positions or {})  # number of bytes of each file that have been read
         self._times: dict[Path, str] = {}
 
     def processes(self) -> list[str]:

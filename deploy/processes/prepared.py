@@ -26,8 +26,7 @@ PilotBuilder = Callable[[FleetFile, str, str], "tuple[AgentSettings, Pilot]"]
 
 class _Prepared(NamedTuple):
     fleet: FleetFile
-    pilots: "dict[tuple[str, str], tuple[AgentSettings, Pilot]]"
-    """By vehicle and host."""
+    pilots: "dict[tuple[str, str], tuple[AgentSettings, Pilot]]"  # by vehicle and host
 
 
 _prepared: _Prepared | None = None

@@ -13,8 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-LARGEST_BYTES: Final = 1_000_000
-"""The content of a larger log is moved to an older one, of which one is kept."""
+LARGEST_BYTES: Final = 1_000_000  # the content of a larger log is moved to an older one, of which one is kept
 SUFFIX: Final = ".log"
 OLDER: Final = ".1"
 TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%S"

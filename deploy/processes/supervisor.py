@@ -20,21 +20,16 @@ from rcopterx.deploy.watchdog.watchdog import Duty, Watchdog
 from rcopterx.fleet.schema import WatchdogConfig
 
 STABLE_AFTER_S = 2.0
-PREPARE_S: Final = 0.1
-"""Between two checks of the fork server and of the spares, as long as none is missing."""
-SETTLED_S: Final = 0.2
-"""After the last start of a process; until then no spare is started."""
+PREPARE_S: Final = 0.1  # between two checks of the fork server and of the spares, as long as none is missing
+SETTLED_S: Final = 0.2  # after the last start of a process; until then no spare is started
 START_RETRY_S: Final = 0.2
 SPARE_RETRY_S: Final = 1.0
-SPARE_SILENCE_S: Final = 0.15
-"""A spare that has shown no progress for so long does not take over."""
+SPARE_SILENCE_S: Final = 0.15  # a spare that has shown no progress for so long does not take over
 DUTIES: Final = {TRANSMITTERS: Duty.RADIO, "simulator": Duty.BACKGROUND, RECORDER: Duty.BACKGROUND}
 """Duties of processes by role; those of others are `Duty.FLIGHT`."""
-KNOWING_ROLES: Final = ("agent", TRANSMITTERS)
-"""Processes of these roles know whether vehicles fly."""
+KNOWING_ROLES: Final = ("agent", TRANSMITTERS)  # processes of these roles know whether vehicles fly
 STOP_TURN_S: Final = 0.05
-STOP_LIMIT_S = 12.0
-"""Without the time in which transmitter gateways land their vehicles."""
+STOP_LIMIT_S = 12.0  # without the time in which transmitter gateways land their vehicles
 
 
 class Supervisor:
@@ -81,8 +76,7 @@ class Supervisor:
         self._selector = selectors.DefaultSelector()
         self._attempt = Attempts(clock)
         self._prepare_at_s = self._spare_at_s = 0.0
-        self.turns = 0
-        """Number of turns of the loop that calls `watch`."""
+        self.turns = 0  # number of turns of the loop that calls `watch`
         self.spares_hung = 0
         blind = not any(spec.role in KNOWING_ROLES for spec in specs)
         self.liveness: Liveness | None = None if watchdog is None else Liveness(Watchdog(watchdog, blind))

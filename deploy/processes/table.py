@@ -7,34 +7,24 @@ from typing import Final
 
 from rcopterx.fleet.schema import FleetFile, check_known
 
-ROUTER: Final = "router"
-"""Name and role of the router."""
+ROUTER: Final = "router"  # name and role of the router
 EXIT_ELSEWHERE: Final = 4
 """Exit code of an agent whose vehicle another agent flies; the supervisor does not restart it."""
-TAKE_OVER: Final = "--take-over"
-"""Option of an agent that takes over from another one."""
-TRANSMITTERS: Final = "transmitters"
-"""Role of transmitter gateways."""
-RECORDER: Final = "recorder"
-"""Name and role of the recorder of the flight log."""
+TAKE_OVER: Final = "--take-over"  # option of an agent that takes over from another one
+TRANSMITTERS: Final = "transmitters"  # role of transmitter gateways
+RECORDER: Final = "recorder"  # name and role of the recorder of the flight log
 
 
 @dataclass(frozen=True)
 class ProcessSpec:
     """One process to keep running."""
 
-    name: str
-    """Unique on its host; also the name of its log file."""
-    role: str
-    """`router`, `recorder`, `simulator`, `tracker`, `transmitters` or `agent`."""
-    unit: str
-    """Host, gateway or vehicle that the process serves."""
-    stop_order: int
-    """Processes with lower numbers are stopped first."""
-    host: str = ""
-    """Host of an agent; empty for that of the fleet file."""
-    landing_s: float = 0.0
-    """How much longer it may take to end, because it lands vehicles, in real time."""
+    name: str  # unique on its host; also the name of its log file
+    role: str  # `router`, `recorder`, `simulator`, `tracker`, `transmitters` or `agent`
+    unit: str  # host, gateway or vehicle that the process serves
+    stop_order: int  # processes with lower numbers are stopped first
+    host: str = ""  # host of an agent; empty for that of the fleet file
+    landing_s: float = 0.0  # how much longer it may take to end, because it lands vehicles, in real time
 
     def command(self, snapshot: Path, *, take_over: bool = False) -> list[str]:
         """Return the command line of the process; with `take_over` an agent takes over from another one."""

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rcopterx.deploy.certificates.files import AUTHORITY, directory_of
-from rcopterx.deploy.certificates.names import host_name
+from rcopterx.deploy.certificates.files import AUTHORITY, directory_of, host_name
 from rcopterx.fleet.schema import FleetFile
 
-DIRECTORY: Final = "rcopterx"
-"""Directory of the installation, in the home of the user."""
+DIRECTORY: Final = "rcopterx"  # directory of the installation, in the home of the user
 UNIT: Final = """\
 [Unit]
 Description=Host {host} of the fleet {fleet}
@@ -38,14 +36,10 @@ WantedBy=multi-user.target
 class Step:
     """One step of an installation."""
 
-    what: str
-    """Description for the user."""
-    done: str
-    """Shell command that succeeds if the step is done."""
-    make: str
-    """Shell command that takes the step."""
-    content: bytes = b""
-    """Standard input of `make`."""
+    what: str  # description for the user
+    done: str  # shell command that succeeds if the step is done
+    make: str  # shell command that takes the step
+    content: bytes = b""  # standard input of `make`
 
 
 @dataclass(frozen=True)

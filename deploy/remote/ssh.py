@@ -8,8 +8,7 @@ from rcopterx.deploy.remote.plan import Login, Step
 
 OPTIONS: Final = ("-o", "BatchMode=yes", "-o", "ConnectTimeout=10")
 """Without prompts for passwords: keys and agents are needed."""
-UNREACHABLE: Final = 255
-"""Exit code of ssh itself."""
+UNREACHABLE: Final = 255  # exit code of ssh itself
 
 
 class RemoteError(RuntimeError):

@@ -6,8 +6,7 @@ from rcopterx.bus.access import access_control
 from rcopterx.bus.endpoints import Protection
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.router import run_router
-from rcopterx.deploy.certificates.files import credentials, directory_of, shown
-from rcopterx.deploy.certificates.names import host_name, subjects
+from rcopterx.deploy.certificates.files import credentials, directory_of, host_name, shown, subjects
 from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
 from rcopterx.deploy.hosts.running import RunningFleet, recorded
 from rcopterx.deploy.roles.addresses import router_endpoints

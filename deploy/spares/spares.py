@@ -11,8 +11,7 @@ from rcopterx.bus.heartbeat import Phase
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 
-Job = tuple[str, str]
-"""Role and unit of a process."""
+Job = tuple[str, str]  # role and unit of a process
 SPARES: Final = 3
 """Deaths in a row after which a warm successor is ready, at least for the roles in `NEEDED_BY_ALL`."""
 NEEDED_BY_ALL: Final = ("router", "tracker", "transmitters")

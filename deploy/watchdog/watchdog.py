@@ -17,31 +17,22 @@ from rcopterx.fleet.schema import WatchdogConfig
 
 TIMELY_S: Final = 0.03
 """Longest time between two checks in time; what is beyond that is the supervisor's delay."""
-LATE_S: Final = 0.1
-"""A check that comes later than this after the last one is counted as late."""
-SUSPECT: Final = 0.2
-"""Share of the limit from which on the processor time of a silent process is read."""
-LATE: Final = 0.4
-"""Share of the limit from which on a silent process is late."""
+LATE_S: Final = 0.1  # a check that comes later than this after the last one is counted as late
+SUSPECT: Final = 0.2  # share of the limit from which on the processor time of a silent process is read
+LATE: Final = 0.4  # share of the limit from which on a silent process is late
 PRESSED_SHARE: Final = 0.5
 """Share of the time in which processes wait for processors that does not count for a transmitter gateway."""
-CROWD_LIMITS: Final = 4.0
-"""Limits after which a process hangs although most others are silent as well."""
-APART_S: Final = 0.5
-"""Time after any kill in which no transmitter gateway is killed."""
-AGAIN_S: Final = 5.0
-"""Time after the kill of a transmitter gateway in which its successor is not killed."""
+CROWD_LIMITS: Final = 4.0  # limits after which a process hangs although most others are silent as well
+APART_S: Final = 0.5  # time after any kill in which no transmitter gateway is killed
+AGAIN_S: Final = 5.0  # time after the kill of a transmitter gateway in which its successor is not killed
 
 
 class Duty(Enum):
     """Purpose of a process, on which its limit depends."""
 
-    RADIO = auto()
-    """Vehicles in the air fall without it: a transmitter gateway."""
-    FLIGHT = auto()
-    """Vehicles in the air need it."""
-    STANDBY = auto()
-    """A spare process."""
+    RADIO = auto()  # vehicles in the air fall without it: a transmitter gateway
+    FLIGHT = auto()  # vehicles in the air need it
+    STANDBY = auto()  # a spare process
     BACKGROUND = auto()
     """Vehicles in the air do not need it (the recorder), or a new one does not help them (the simulator)."""
 
@@ -49,19 +40,15 @@ class Duty(Enum):
 class Excuse(NamedTuple):
     """Why a process may have made no progress since the last check."""
 
-    waited_s: float = 0.0
-    """Time for which it could have run but had no processor, or waited in a driver."""
-    stopped: bool = False
-    """A signal has stopped it: load is no explanation."""
-    traced: bool = False
-    """A debugger has stopped it."""
+    waited_s: float = 0.0  # time for which it could have run but had no processor, or waited in a driver
+    stopped: bool = False  # a signal has stopped it: load is no explanation
+    traced: bool = False  # a debugger has stopped it
 
 
 class Observation(NamedTuple):
     """A process at a check."""
 
-    name: str
-    """Also that of its successors."""
+    name: str  # also that of its successors
     duty: Duty
     beats: int
     phase: Phase
@@ -93,10 +80,8 @@ class Hung(NamedTuple):
 class _Watch:
     last: Observation
     limit_s: float
-    silent_s: float = 0.0
-    """Time without progress that counts."""
-    elapsed_s: float = 0.0
-    """Time without progress."""
+    silent_s: float = 0.0  # time without progress that counts
+    elapsed_s: float = 0.0  # time without progress
     longest_s: float = 0.0
     condemned: bool = False
 
@@ -140,8 +125,7 @@ class Watchdog:
         self._watches: dict[int, _Watch] = {}
         self._checked_s: float | None = None
         self._killed_s: dict[str, float] = {}
-        self.forgiven: Counter[str] = Counter()
-        """How often a silence beyond the limit was no hang, by reason."""
+        self.forgiven: Counter[str] = Counter()  # how often a silence beyond the limit was no hang, by reason
 
     def check(self, now_s: float, observations: Mapping[int, Observation]) -> list[Hung]:
         """Return the processes that are to be killed now; each is returned once.

@@ -9,8 +9,7 @@ from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.vehicles.state import four
 
-STEADY = 0.02
-"""Mean input below which a vehicle counts as trimmed."""
+STEADY = 0.02  # mean input below which a vehicle counts as trimmed
 MOST_SPREAD = 0.2
 FEWEST_PER_S = 20
 

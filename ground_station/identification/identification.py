@@ -1,7 +1,8 @@
 """Flies excitations for an identification on a running fleet, and records them from the bus."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import combinations
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,37 +14,34 @@ from rcopterx.control.identification.excitation import COMBS, DONE, UNDER_WAY, e
 from rcopterx.control.identification.recording import FlightLog, FlightRecording, RecordingError
 from rcopterx.control.interfaces import Measurement
 from rcopterx.fleet.vehicle_models import limits_of, model_of
-from rcopterx.ground_station.identification.spacing import IdentificationError, spread
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.observer import Observer
-from rcopterx.vehicles.state import four
+from rcopterx.ground_station.scripting.vehicle import RefusedError
+from rcopterx.vehicles.state import Array, four, three
+from rcopterx.vehicles.tuples import Three
 
 BEGIN_LIMIT_S: Final = 2.0
 OVERDUE_S: Final = 5.0
 PROGRESS_S: Final = 5.0
 ARRIVAL_S: Final = 20.0
 
-Progress = Callable[[float], None]
-"""Called every few seconds with the time that is left [s]."""
+Progress = Callable[[float], None]  # called every few seconds with the time that is left [s]
 
 
 class Wanted(NamedTuple):
     """How vehicles are excited."""
 
     duration_s: float
-    strength: float = 1.0
-    """Fraction of the usual excitation."""
-    reach_m: float = 0.4
-    """Largest distance from the set point on every axis."""
+    strength: float = 1.0  # fraction of the usual excitation
+    reach_m: float = 0.4  # largest distance from the set point on every axis
 
 
 class Excited(NamedTuple):
     """What is known after an excitation."""
 
     recordings: dict[str, FlightRecording]
-    failures: dict[str, str]
-    """Why the flight of a vehicle cannot be used."""
+    failures: dict[str, str]  # why the flight of a vehicle cannot be used
 
 
 @contextmanager
@@ -190,3 +188,59 @@ def _log(poses: list[Pose], applied: list[Applied], kind: str, period_s: float) 
     for one in applied:
         log.add_input((one.frame - first) // frames, np.array(one.input))
     return log
+
+
+EDGE_M: Final = 0.01  # between the reach of a vehicle and the edge of the flight volume
+ABOVE_M: Final = 0.05  # vehicles that are horizontally closer are above each other
+
+
+class IdentificationError(RefusedError):
+    """Vehicles cannot be excited, or their flight cannot be used; the message says why."""
+
+
+def spread(
+    places_m: Mapping[str, Three], reach_m: float, distance_m: float, volume_m: tuple[Three, Three]
+) -> dict[str, Three]:
+    """Enlarge a formation horizontally until all vehicles can move, and keep it in the flight volume.
+
+    Parameters
+    ----------
+    places_m
+        Places of the vehicles, inertial frame.
+    reach_m
+        How far each vehicle may move on every axis.
+    distance_m
+        Horizontal distance that is left between two of them then.
+    volume_m
+        Lowest and highest corner of the flight volume.
+
+    Raises
+    ------
+    IdentificationError
+        A vehicle is above another one, or the enlarged formation does not fit into the volume.
+    """
+    names, places = list(places_m), np.array(list(places_m.values()))
+    factor = 1.0
+    for first, second in combinations(range(len(names)), 2):
+        apart_m = float(np.abs(places[first, :2] - places[second, :2]).max())
+        if apart_m < ABOVE_M:
+            raise IdentificationError(
+                f"{names[first]} and {names[second]} are above each other; move one of them"
+            )
+        factor = max(factor, (distance_m + 2.0 * reach_m) / apart_m)
+    wide = places.copy()
+    wide[:, :2] = places[:, :2].mean(axis=0) + factor * (places[:, :2] - places[:, :2].mean(axis=0))
+    wide += _shift_into(wide, np.array(volume_m), reach_m + EDGE_M)
+    return {name: three(place) for name, place in zip(names, wide, strict=True)}
+
+
+def _shift_into(places: Array, volume: Array, margin_m: float) -> Array:
+    """Return the smallest shift of places, shape (k, 3), that leaves a margin to the edges, shape (3,)."""
+    low, high = volume[0] + margin_m - places.min(axis=0), volume[1] - margin_m - places.max(axis=0)
+    if (low > high).any():
+        missing_m = float((low - high).max())
+        raise IdentificationError(
+            f"the flight volume is {missing_m:.2f} m too small for {len(places)} vehicles at the same time; "
+            "identify fewer, or give a smaller --reach"
+        )
+    return np.clip(np.zeros(3), low, high)

@@ -1,7 +1,8 @@
 """Controls of the page: the whole fleet, formations, and each vehicle with its weights."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from html import escape
 from typing import Any, Final
 
 import viser
@@ -9,27 +10,25 @@ import viser
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.ground_station.events import Event
 from rcopterx.ground_station.geometry import on_level
 from rcopterx.ground_station.page.formations import SHAPES
 from rcopterx.ground_station.page.steering import Steering
-from rcopterx.ground_station.page.texts import vehicle_table
+from rcopterx.ground_station.quantities import QUANTITIES
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.vehicles.state import XD_BODY, YAW, YAW_RATE, YD_BODY, ZD_BODY, X, Y, Z
 
 NO_LEADER: Final = "(no leader)"
-SPEED_M_S: Final = 0.4
-"""Along drawn waypoints."""
-PACE_S: Final = 1.0
-"""Least time between two waypoints."""
+SPEED_M_S: Final = 0.4  # along drawn waypoints
+PACE_S: Final = 1.0  # least time between two waypoints
 _STATES: Final[Mapping[str, tuple[int, ...]]] = {
     "position": (X, Y, Z),
     "velocity": (XD_BODY, YD_BODY, ZD_BODY),
     "heading": (YAW, YAW_RATE),
 }
 EFFORT: Final = "sticks"
-GROUPS: Final = (*_STATES, EFFORT)
-"""Names of the factors on the weights of the cascade."""
+GROUPS: Final = (*_STATES, EFFORT)  # names of the factors on the weights of the cascade
 
 
 def add_formation_controls(server: viser.ViserServer, fleet: Fleet, steering: Steering) -> None:
@@ -206,3 +205,65 @@ class Waypoints:
             rows.append((time_s, *after, yaw_rad))
             before = after
         self._steering.run(f"waypoints of {name}", lambda: self._fleet[name].fly(through(rows)))
+
+
+EVENTS_SHOWN: Final = 30
+_ALARM: Final = "color:#fff;background:#c81e1e;border-radius:4px;padding:2px 6px;font-weight:600"
+_SMALL: Final = "font-size:0.85em;padding:0 0.5em"
+_TABLE: Final = "font-size:0.8em;line-height:1.45;border-spacing:0;width:100%;overflow-wrap:anywhere"
+_CELL: Final = "color:#777;padding:0 0.8em 0 0.6em;vertical-align:top"
+_NAME: Final = f"{_CELL};width:42%"
+_SHORT: Final = f"{_CELL};white-space:nowrap;width:1%"
+
+
+def banner(fleet_name: str, states: Collection[VehicleState], problems: Sequence[str]) -> str:
+    """Fleet and phases of its vehicles, and below them alarms and the problems that block take-off."""
+    alarms = [
+        f"{state.name}: {state.transmitter_state}: {state.reason}" for state in states if state.alarming
+    ]
+    alarms += [
+        f"{state.name}: {remark}"
+        for state in states
+        if state.agent is not None
+        for remark in state.agent.diagnostics.remarks
+    ]
+    lines = [f'<div style="{_ALARM};margin:3px 0">{escape(line)}</div>' for line in alarms]
+    lines += [f'<div style="color:#b45309">{escape(line)}</div>' for line in problems if line not in alarms]
+    phases = " · ".join(f"{escape(state.name)} {escape(state.phase)}" for state in states)
+    return f'<div style="{_SMALL}"><b>{escape(fleet_name)}</b> {phases}{"".join(lines)}</div>'
+
+
+def suggestions(fleet: FleetFile) -> str:
+    """What to try in flight, in one sentence."""
+    leaders = [name for name, vehicle in fleet.vehicles.items() if not vehicle.follow]
+    ideas = [f"drag the handle of <b>{leaders[0]}</b>"]
+    if followers := [name for name in fleet.vehicles if name not in leaders]:
+        ideas.append(f"choose another leader in the tab of <b>{followers[-1]}</b>")
+    ideas.append(f"kill an agent: <code>pkill -9 -xf &quot;rcopterx agent {leaders[0]}&quot;</code>")
+    return f'<div style="{_SMALL}">In flight: {", ".join(ideas[:-1])}, or {ideas[-1]}</div>'
+
+
+def vehicle_table(state: VehicleState) -> str:
+    """State of one vehicle, a row for each quantity that it has."""
+    rows = "".join(
+        f'<tr><td style="{_NAME}">{escape(quantity.name)}</td>'
+        f'<td style="{_ALARM if quantity.alarming(state) else ""}">{escape(text)}</td></tr>'
+        for quantity in QUANTITIES[1:]
+        if (text := quantity.text(state))
+    )
+    return f'<table style="{_TABLE}">{rows}</table>'
+
+
+def event_list(events: Sequence[Event], now_s: float) -> str:
+    """Newest events first, with their age."""
+    rows = "".join(
+        f'<tr><td style="{_SHORT}">{_ago(now_s - event.time_s)}</td>'
+        f'<td style="{_SHORT}">{escape(event.vehicle)}</td>'
+        f'<td style="{_ALARM if event.alarming else ""}">{escape(event.words)}</td></tr>'
+        for event in list(events)[: -EVENTS_SHOWN - 1 : -1]
+    )
+    return f'<table style="{_TABLE}">{rows or "<tr><td>nothing has happened yet</td></tr>"}</table>'
+
+
+def _ago(age_s: float) -> str:
+    return f"{age_s:.0f} s" if age_s < 120.0 else f"{age_s / 60.0:.0f} min"

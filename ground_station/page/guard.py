@@ -27,10 +27,8 @@ HOST: Final = "127.0.0.1"
 NAMES: Final = (HOST, "localhost")
 """Names under which this computer serves the page; a name that was rebound to its address is another one."""
 KEY_BYTES: Final = 32
-VIEW: Final = "view"
-"""Path of viser below the secret."""
-FROM_PAGE: Final = "X-Rcopterx"
-"""Header of requests, which only scripts of the page itself can send."""
+VIEW: Final = "view"  # path of viser below the secret
+FROM_PAGE: Final = "X-Rcopterx"  # header of requests, which only scripts of the page itself can send
 
 Respond = Callable[[ServerConnection, Request], Response | None]
 

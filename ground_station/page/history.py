@@ -26,8 +26,7 @@ class History:
     def __init__(self) -> None:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=round(KEPT_S / SAMPLE_S))
         """Time and quantities of each sample."""
-        self.newest_s = -math.inf
-        """Of the newest sample."""
+        self.newest_s = -math.inf  # of the newest sample
 
     def add(self, now_s: float, state: VehicleState, sticks: tuple[float, ...] | None) -> None:
         """Add a sample unless the last one is younger than a sampling period.

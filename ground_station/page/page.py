@@ -1,15 +1,21 @@
 """The page: builds its parts and keeps them up to date."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Final
+
+import viser
+from viser import _messages
 
 from rcopterx.bus import channels
 from rcopterx.ground_station.events import Timeline
-from rcopterx.ground_station.page.browser import limit_drawing, run_once
 from rcopterx.ground_station.page.controls import (
     VehicleControls,
     Waypoints,
     add_formation_controls,
+    banner,
+    event_list,
+    suggestions,
 )
 from rcopterx.ground_station.page.guard import PageServer
 from rcopterx.ground_station.page.header import Header
@@ -17,9 +23,25 @@ from rcopterx.ground_station.page.history import History
 from rcopterx.ground_station.page.plots import Plots
 from rcopterx.ground_station.page.scene import FleetScene
 from rcopterx.ground_station.page.steering import Steering
-from rcopterx.ground_station.page.texts import banner, event_list, suggestions
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
+
+HERE: Final = Path(__file__).parent
+
+
+def run_once(server: viser.ViserServer, script: str) -> None:
+    """Run a script of this folder once in every browser that connects."""
+    text = (HERE / script).read_text("utf-8")
+    server.gui._websock_interface.queue_message(_messages.RunJavascriptMessage(text))
+
+
+def limit_drawing(server: viser.ViserServer) -> None:
+    """Limit how often browsers draw, and switch expensive lights off, so that the panel reacts."""
+    run_once(server, "drawing.js")
+    # Shadows draw everything twice; preparing reflections blocks the page for 12 s without a graphics card.
+    server.scene.configure_default_lights(cast_shadow=False)
+    server.scene.configure_environment_map(None)
+
 
 TEXT_S: Final = 0.25
 PLOT_S: Final = 0.5

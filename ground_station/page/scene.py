@@ -24,22 +24,17 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.vehicles.state import Array
 
-AMBIENT: Final = 1.2
-"""Intensity of the light that has no direction."""
+AMBIENT: Final = 1.2  # intensity of the light that has no direction
 GREY: Final = (150, 150, 150)
 DARK: Final = (60, 60, 60)
-FUSELAGE_M: Final = (0.075, 0.035, 0.04)
-"""Half axes."""
+FUSELAGE_M: Final = (0.075, 0.035, 0.04)  # half axes
 TAIL_M: Final = (0.14, 0.012, 0.012)
 ROTOR_M: Final = 0.11
 HANDLE_M: Final = 0.25
 TRAIL_S: Final = 5.0
-WIND_M: Final = 1.0
-"""Length of an arrow for 1 m/s^2."""
-DEVIATIONS: Final = 2.0
-"""Half axes of an ellipsoid of uncertainty in standard deviations."""
-ENLARGED: Final = 100.0
-"""Magnification of ellipsoids, whose size is below a millimetre while poses arrive."""
+WIND_M: Final = 1.0  # length of an arrow for 1 m/s^2
+DEVIATIONS: Final = 2.0  # half axes of an ellipsoid of uncertainty in standard deviations
+ENLARGED: Final = 100.0  # magnification of ellipsoids, whose size is below a millimetre while poses arrive
 
 Point = tuple[float, float, float]
 
@@ -103,10 +98,8 @@ class VehicleShape:
         self._name = name
         self._steering = steering
         self._dragged = False
-        self._trail_s = -math.inf
-        """Time of the newest sample in the drawn trail."""
-        self._shown: dict[tuple[str, str], object] = {}
-        """Properties of nodes as they were last set."""
+        self._trail_s = -math.inf  # time of the newest sample in the drawn trail
+        self._shown: dict[tuple[str, str], object] = {}  # properties of nodes as they were last set
         self._state: VehicleState | None = None
         self._leader: VehicleState | None = None
         self.body = server.scene.add_frame(f"/{name}", show_axes=False, visible=False)

@@ -13,8 +13,7 @@ from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 KILL_REASON: Final = "ground station"
 
 
-Notice = Callable[[str, bool], None]
-"""Shows a text, and whether it is a refusal."""
+Notice = Callable[[str, bool], None]  # shows a text, and whether it is a refusal
 
 
 class Steering:

@@ -35,11 +35,9 @@ STICKS: Final = ("pitch", "roll", "thrust", "yaw")
 class Difference:
     """The first control period in which the replay differs."""
 
-    time_s: float
-    """Since the first step of the agent."""
+    time_s: float  # since the first step of the agent
     frame: int
-    cause: str
-    """`input`, `estimate`, `reference` or `solution`: the first of them that differs."""
+    cause: str  # `input`, `estimate`, `reference` or `solution`: the first of them that differs
     detail: str
 
 
@@ -48,18 +46,13 @@ class Comparison:
     """Result of the replay of an agent; differences of inputs are those of the sticks."""
 
     vehicle: str
-    periods: int = 0
-    """Control periods that were compared."""
-    identical: int = 0
-    """Periods with the same command and plan to the last bit."""
+    periods: int = 0  # control periods that were compared
+    identical: int = 0  # periods with the same command and plan to the last bit
     largest_input: float = 0.0
     rms_input: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
-    largest_plan: float = 0.0
-    """Largest difference of planned positions [m] and speeds [m/s]."""
-    missing_inputs: int = 0
-    """Inputs that the flight log does not have."""
-    unmatched: int = 0
-    """Commands of only one of both agents."""
+    largest_plan: float = 0.0  # largest difference of planned positions [m] and speeds [m/s]
+    missing_inputs: int = 0  # inputs that the flight log does not have
+    unmatched: int = 0  # commands of only one of both agents
     flown_s: float = 0.0
     first: Difference | None = None
     notes: list[str] = field(default_factory=list)
@@ -106,8 +99,7 @@ class ControlPeriod:
     command: Command | None = None
     plan: Plan | None = None
     estimate: RoundedEstimate | None = None
-    missing: int = 0
-    """Inputs so far that the flight log does not have."""
+    missing: int = 0  # inputs so far that the flight log does not have
 
 
 def control_periods(
@@ -151,8 +143,7 @@ class _LifeComparison:
         self._result = result
         self._errors = errors
         self._tolerance = tolerance
-        self.missing = 0
-        """Inputs so far that the flight log does not have."""
+        self.missing = 0  # inputs so far that the flight log does not have
 
     def period(self, step: AgentStep, period: ControlPeriod) -> None:
         result = self._result

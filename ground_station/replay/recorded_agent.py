@@ -18,8 +18,7 @@ from rcopterx.flights.flight_writing import METADATA
 from rcopterx.flights.mcap_reading import Contents, FlightLogError, messages_of
 from rcopterx.ground_station.replay.republishing import fleet_of
 
-Frame = tuple[int, int]
-"""Epoch and frame of the motion capture."""
+Frame = tuple[int, int]  # epoch and frame of the motion capture
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +37,8 @@ class AgentStep:
 
     time_s: float
     inputs: tuple[StepInput, ...]
-    estimate: RoundedEstimate | None = None
-    """None unless the step controlled the vehicle."""
-    overtime: tuple[Overtime, ...] = ()
-    """Computations that ran out of time."""
+    estimate: RoundedEstimate | None = None  # None unless the step controlled the vehicle
+    overtime: tuple[Overtime, ...] = ()  # computations that ran out of time
 
 
 @dataclass
@@ -50,17 +47,14 @@ class AgentLife:
 
     life: int
     began_s: float
-    from_start: bool
-    """Whether the flight log has its first step."""
-    replies: tuple[bytes, ...]
-    """Replies to its requests during start-up."""
+    from_start: bool  # whether the flight log has its first step
+    replies: tuple[bytes, ...]  # replies to its requests during start-up
     steps: list[AgentStep] = field(default_factory=list)
     commands: dict[tuple[int, int], bytes] = field(default_factory=dict)
     """Encoded commands of all lives by lease and sequence."""
     plans: dict[Frame, list[bytes]] = field(default_factory=dict)
     """Encoded plans of all lives by their frame, in order."""
-    lost_steps: int = 0
-    """Number of missing messages about steps."""
+    lost_steps: int = 0  # number of missing messages about steps
     granted: bytes | None = None
     """The encoded reply that granted its lease, if that was before the first step of the flight log."""
 

@@ -38,8 +38,7 @@ class ReplayBus:
 
     def __init__(self, life: AgentLife, published: Callable[[Channel[Any], Message], None]) -> None:
         self.life = life.life
-        self.missing = 0
-        """Inputs so far that the flight log does not have."""
+        self.missing = 0  # inputs so far that the flight log does not have
         self._published = published
         self._now_s = life.began_s
         self._granted = life.granted

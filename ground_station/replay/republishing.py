@@ -18,8 +18,7 @@ from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
 from rcopterx.flights.mcap_reading import FlightLogError, contents_of, messages_of
 
-ROUTER_S: Final = 15.0
-"""How long the router may take to start."""
+ROUTER_S: Final = 15.0  # how long the router may take to start
 NANO: Final = 1e9
 
 

@@ -29,11 +29,9 @@ PULSE_TOLERANCE_US = 1.0
 MATCH_LIMIT_S = 0.1
 TO_COMMAND = {"gateway", "agent", "solver", "command"}
 """Stages between the arrival of a frame at the Vicon gateway and that of its command at the transmitter's."""
-SETTLED_S = 3.0
-"""A vehicle that leads shall have reached its set point this long after it changed."""
+SETTLED_S = 3.0  # a vehicle that leads shall have reached its set point this long after it changed
 AT_REST_M = 0.001
-LONGEST_LATENCY_MS = 1000.0
-"""Events that are further apart do not belong together."""
+LONGEST_LATENCY_MS = 1000.0  # events that are further apart do not belong together
 
 
 class FlightFigures:
@@ -53,12 +51,10 @@ class FlightFigures:
 
         self._poses = by_vehicle(channels.POSE)
         self._transmitters = by_vehicle(channels.TRANSMITTER_STATUS)
-        self.plans = by_vehicle(channels.PLAN)
-        """Plans of each vehicle, in order."""
+        self.plans = by_vehicle(channels.PLAN)  # plans of each vehicle, in order
         self.applied = by_vehicle(channels.APPLIED)
         """Inputs written to the radio module of each vehicle, in order."""
-        self.statuses = by_vehicle(channels.AGENT_STATUS)
-        """Statuses of the agent of each vehicle, in order."""
+        self.statuses = by_vehicle(channels.AGENT_STATUS)  # statuses of the agent of each vehicle, in order
         self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
         self.stages = self._stage_times(recording)
         """Arrival in the recording [s] and `latency.stage_times_ms` of each command, by vehicle."""

@@ -21,16 +21,13 @@ STAGES: Final = {
 }
 """Extent of each stage, in order and without gaps."""
 TOTAL: Final = "total"
-WINDOW: Final = 500
-"""Commands whose stages are kept for the live figures: ten seconds at 50 Hz."""
+WINDOW: Final = 500  # commands whose stages are kept for the live figures: ten seconds at 50 Hz
 REFRESH_S: Final = 1.0
-WAITING: Final = 256
-"""Undecoded messages that are kept between two refreshes."""
+WAITING: Final = 256  # undecoded messages that are kept between two refreshes
 
 ClockOffset = Callable[[str, str], float | None]
 """Monotonic clock of the second host minus that of the first [s]; None where it was not measured."""
-Percentiles = Mapping[str, float]
-"""p50, p99 and max [ms]."""
+Percentiles = Mapping[str, float]  # p50, p99 and max [ms]
 
 
 def clock_offset(statuses: Mapping[str, RouterStatus], first: str, second: str) -> float | None:

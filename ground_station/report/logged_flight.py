@@ -29,15 +29,11 @@ class LoggedFlight:
 
     name: str
     fleet: FleetFile
-    metadata: dict[str, str]
-    """Versions, commit, computer, start; see `rcopterx.flights.provenance`."""
+    metadata: dict[str, str]  # versions, commit, computer, start; see `rcopterx.flights.provenance`
     figures: FlightFigures
-    events: tuple[Event, ...]
-    """In order; times count from `started_s`."""
-    started_s: float
-    """Arrival of the first pose or state of the laboratory on the clock of the recording."""
-    rejected: dict[str, int]
-    """Messages that this version does not understand, by topic and reason."""
+    events: tuple[Event, ...]  # in order; times count from `started_s`
+    started_s: float  # arrival of the first pose or state of the laboratory on the clock of the recording
+    rejected: dict[str, int]  # messages that this version does not understand, by topic and reason
 
 
 def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:

@@ -14,14 +14,12 @@ from rcopterx.ground_station.report.latency import STAGES
 from rcopterx.vehicles.state import Array
 
 FLIGHT_SIZE: Final = (11.0, 6.5)
-POINTS: Final = 300
-"""Most points of a line; more are not visible."""
+POINTS: Final = 300  # most points of a line; more are not visible
 COORDINATES: Final = {
     "x": ("black", 1000.0), "y": ("red", 1000.0), "z": ("blue", 1000.0), "heading": ("green", 100.0),
 }  # fmt: skip
 """Colours and scales of the paper: millimetres, and radians magnified by 100."""
-PLANS: Final = 12
-"""Plans drawn of each vehicle."""
+PLANS: Final = 12  # plans drawn of each vehicle
 
 
 def _svg_of(name: str, size: tuple[float, float], draw: Callable[..., None], *data: Any) -> str:

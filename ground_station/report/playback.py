@@ -15,8 +15,7 @@ from rcopterx.ground_station.report.document import Html
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.vehicles.state import Array
 
-MAX_SAMPLES: Final = 3000
-"""Samples of each vehicle; the script draws straight lines between them."""
+MAX_SAMPLES: Final = 3000  # samples of each vehicle; the script draws straight lines between them
 SAMPLE_S: Final = 0.05
 
 SCRIPT: Final = Path(__file__).with_name("playback.js")

@@ -34,8 +34,7 @@ class Broken(NamedTuple):
 class _Frame(NamedTuple):
     message: Applied
     arrived_s: float
-    height_m: float | None
-    """Above the place of take-off; None while the vehicle is not seen."""
+    height_m: float | None  # above the place of take-off; None while the vehicle is not seen
 
 
 def broken_promises(recording: Recording) -> list[Broken]:

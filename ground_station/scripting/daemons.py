@@ -12,10 +12,8 @@ from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.joining import check_identity
 
-ROUTER_S: Final = 0.5
-"""For the router of one host to answer."""
-LINKED_S: Final = 3.0
-"""For the routers of all hosts to be linked."""
+ROUTER_S: Final = 0.5  # for the router of one host to answer
+LINKED_S: Final = 3.0  # for the routers of all hosts to be linked
 RETRY_S: Final = 0.1
 STOP_S: Final = 5.0
 CLOCK_S: Final = 0.1

@@ -28,15 +28,11 @@ if TYPE_CHECKING:
     from rcopterx.deploy.hosts.launcher import Launcher
 
 SOURCE = "operator"
-KILL_REPEAT_S = 0.1
-"""Between two copies of a kill; one that is lost costs a vehicle this much time."""
+KILL_REPEAT_S = 0.1  # between two copies of a kill; one that is lost costs a vehicle this much time
 RETRY_S = 0.1
-DISARM_S = 1.0
-"""For the agents to report that they are disarmed."""
-STATUS_S = 1.0
-"""By then every vehicle has reported its state."""
-MEASURING_S = 60.0
-"""How long a take-off waits for hosts that measure how many vehicles they can fly."""
+DISARM_S = 1.0  # for the agents to report that they are disarmed
+STATUS_S = 1.0  # by then every vehicle has reported its state
+MEASURING_S = 60.0  # how long a take-off waits for hosts that measure how many vehicles they can fly
 NOT_LIFTED = (
     "did not lift at 1.4 times the thrust at which its model hovers: charge the battery, see that motors "
     "run, then find the hover thrust by rcopterx calibrate --step throttle"

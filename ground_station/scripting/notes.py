@@ -7,8 +7,7 @@ from rcopterx.bus.host_messages import LauncherStatus, LinkState, RouterStatus, 
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.ground_station.scripting.state import STALE_S, since
 
-STALLED_S: Final = 2.0
-"""A launcher that has not checked its processes for so long is reported."""
+STALLED_S: Final = 2.0  # a launcher that has not checked its processes for so long is reported
 
 
 def tracker_problems(status: TrackerStatus | None, age_s: float | None, names: Sequence[str]) -> list[str]:

@@ -29,12 +29,9 @@ from rcopterx.ground_station.scripting.waiting import Notifier, NotReachedError
 
 M = TypeVar("M", bound=Message)
 
-FIRST_STATUS_S = 1.5
-"""Longest wait for a first status; statuses come five times a second."""
-UNDER_WAY_S = 0.05
-"""A status that arrives this soon after a call may have been sent before it."""
-FIRST_MOTION_S = 0.5
-"""Longest wait for a first plan or pose; they come every control period."""
+FIRST_STATUS_S = 1.5  # longest wait for a first status; statuses come five times a second
+UNDER_WAY_S = 0.05  # a status that arrives this soon after a call may have been sent before it
+FIRST_MOTION_S = 0.5  # longest wait for a first plan or pose; they come every control period
 
 
 class Motion(NamedTuple):

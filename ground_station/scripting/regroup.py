@@ -26,8 +26,7 @@ from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.vehicles.state import Array
 
-LEAD_TIME_S = 0.4
-"""From the first commit to the frame of the change; for every vehicle a little longer."""
+LEAD_TIME_S = 0.4  # from the first commit to the frame of the change; for every vehicle a little longer
 LEAD_TIME_PER_VEHICLE_S = 0.03
 COMMIT_LIMIT_S = 0.15
 """For an answer to a commit: short, so that there is time to withdraw the change before its frame."""

@@ -28,21 +28,17 @@ from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
-ANSWER_S = 1.0
-"""For a request that is answered in the next control period."""
+ANSWER_S = 1.0  # for a request that is answered in the next control period
 RUN_IN_LIMIT_S = 30.0
-HOST_PATIENCE_S = 3.0
-"""For a host whose link is being dialled again."""
-TUNING_LIMIT_S = 10.0
-"""Longest time to build a controller; the vehicle flies on with the present one."""
+HOST_PATIENCE_S = 3.0  # for a host whose link is being dialled again
+TUNING_LIMIT_S = 10.0  # longest time to build a controller; the vehicle flies on with the present one
 
 
 class RefusedError(RuntimeError):
     """A vehicle refused a request; the text is its reason."""
 
 
-FLIGHT_ERRORS = (RefusedError, RequestFailedError, NotReachedError)
-"""Errors of a request in flight."""
+FLIGHT_ERRORS = (RefusedError, RequestFailedError, NotReachedError)  # errors of a request in flight
 
 
 def lines_of(error: BaseException) -> tuple[str, ...]:

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-LONGEST_NAP_S = 0.1
-"""Conditions that depend on the passing of time are checked this often."""
+LONGEST_NAP_S = 0.1  # conditions that depend on the passing of time are checked this often
 
 
 class NotReachedError(TimeoutError):

@@ -12,12 +12,9 @@ from rcopterx.deploy.processes.table import processes_of
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.scripting.fleet import Fleet
 
-ANSWER_S: Final = 1.0
-"""For a host to answer, and for the first request to find it."""
-MOST_PAGES: Final = 500
-"""Read from one host in one call; the rest follows in the next."""
-OTHERS: Final = ("launcher", "spare")
-"""Processes with logs that are not in the table of a host."""
+ANSWER_S: Final = 1.0  # for a host to answer, and for the first request to find it
+MOST_PAGES: Final = 500  # read from one host in one call; the rest follows in the next
+OTHERS: Final = ("launcher", "spare")  # processes with logs that are not in the table of a host
 
 
 def hosts_here(file: FleetFile) -> set[str]:
@@ -34,8 +31,7 @@ class FleetLogs:
     """
 
     def __init__(self, file: FleetFile, names: Sequence[str], joined: Fleet | None) -> None:
-        self.directory = run_directory(file.name, file.bus.namespace) / "log"
-        """Logs of this computer."""
+        self.directory = run_directory(file.name, file.bus.namespace) / "log"  # logs of this computer
         self._here = ProcessLogs(self.directory, names)
         here = hosts_here(file)
         self._label = "+".join(sorted(here)) or "here"

@@ -9,8 +9,7 @@ from rich.text import Text
 from rcopterx.ground_station.quantities import QUANTITIES, Quantity
 from rcopterx.ground_station.scripting.fleet import Fleet
 
-GAP = 2
-"""Blanks between two columns."""
+GAP = 2  # blanks between two columns
 COLUMNS = tuple(quantity for quantity in QUANTITIES if quantity.width)
 FULL_WIDTH = sum(column.width + GAP for column in COLUMNS)
 """Width of a terminal that has room for all columns."""

@@ -37,8 +37,7 @@ COLUMNS: Final = (
     "peak M_s", "joint stable", "below rule",
 )  # fmt: skip
 FORMATION_COLUMNS: Final = ("vehicle", "vehicles above", "passed on", "errors together")
-LARGEST_AMPLIFICATION: Final = 1.5
-"""Of errors along a formation; a deeper one is below the rule."""
+LARGEST_AMPLIFICATION: Final = 1.5  # of errors along a formation; a deeper one is below the rule
 _NEARLY: Final = 0.999
 
 

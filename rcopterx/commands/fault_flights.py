@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from rcopterx.experiments.faults.flying import FaultRange
     from rcopterx.ground_station.scripting.fleet import Fleet
 
-READY_S = 30.0
-"""For a fleet that has just been started."""
+READY_S = 30.0  # for a fleet that has just been started
 
 
 @dataclass(frozen=True)
@@ -30,14 +29,11 @@ class FlightOptions:
     """Fleet and outputs of `fly`."""
 
     fleet: str | None
-    start: bool
-    """Start the fleet first, stop it afterwards."""
+    start: bool  # start the fleet first, stop it afterwards
     record: bool
-    report: Path | None
-    """Directory of the reports."""
+    report: Path | None  # directory of the reports
     as_json: bool
-    vehicles: int | None = None
-    """Only the first vehicles of a fleet that is started; None for all."""
+    vehicles: int | None = None  # only the first vehicles of a fleet that is started; None for all
     speed: float | None = None
     """How fast the time of a fleet that is started passes; None for that of its file."""
 

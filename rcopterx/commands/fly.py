@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from rcopterx.ground_station.scripting.fleet import Fleet
 
 CHAOS = "chaos"
-SLICE_S = 0.25
-"""Between two updates of the progress."""
+SLICE_S = 0.25  # between two updates of the progress
 
 
 def fly(

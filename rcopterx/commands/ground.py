@@ -30,8 +30,7 @@ UPDATE_S = 0.05
 PORT = 8080
 INSTALL = "pip install 'rcopterx[ground]'"
 END_S = 5.0
-COMES_UP_S = 15.0
-"""How long the page waits for a fleet that is being started."""
+COMES_UP_S = 15.0  # how long the page waits for a fleet that is being started
 
 
 def ground(

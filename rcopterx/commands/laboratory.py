@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 POLL_S = 0.1
 LOOPBACK = "127.0.0.1"
-REALTIME_PRIORITY = 20
-"""Of a replay, where the operating system permits it, so that bytes are not late."""
+REALTIME_PRIORITY = 20  # of a replay, where the operating system permits it, so that bytes are not late
 
 
 def replay_tracker(

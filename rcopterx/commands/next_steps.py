@@ -10,8 +10,7 @@ import typer
 if TYPE_CHECKING:
     from rcopterx.deploy.hosts.running import RunningFleet
 
-Step = tuple[str, str]
-"""A command, and what it does."""
+Step = tuple[str, str]  # a command, and what it does
 
 ALL: Step = ("rcopterx --help", "all commands")
 

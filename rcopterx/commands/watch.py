@@ -12,8 +12,7 @@ from rcopterx.commands.interruption import until_ctrl_c
 from rcopterx.commands.output import JsonOption, print_document
 from rcopterx.commands.steer import Vehicles
 
-GATHER_S = 1.0
-"""Time in which commands are collected for a single table of latencies."""
+GATHER_S = 1.0  # time in which commands are collected for a single table of latencies
 REFRESH_S = 0.2
 
 

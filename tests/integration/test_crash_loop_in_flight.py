@@ -14,7 +14,7 @@ MODULE = """
 import os
 from pathlib import Path
 
-from rcopterx.control.controllers.lqr import LqrController
+from rcopterx.control.controllers.feedback import LqrController
 
 
 class Crashing(LqrController):

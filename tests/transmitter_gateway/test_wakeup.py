@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from rcopterx.bus.clock import Clock
-from rcopterx.transmitter_gateway.wakeup import Wakeup
+from rcopterx.transmitter_gateway.radios import Wakeup
 
 LONG_S = 600.0
 """Longer than any test may take: a wait that does not end fails."""

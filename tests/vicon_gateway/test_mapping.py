@@ -1,6 +1,6 @@
 from rcopterx.bus.host_messages import SubjectState
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
-from rcopterx.vicon_gateway.mapping import SubjectMap
+from rcopterx.vicon_gateway.process import SubjectMap
 
 
 def seen(name: str) -> SubjectPose:

@@ -14,14 +14,11 @@ from rcopterx.transmitter_gateway.protocols.base import (
 from rcopterx.transmitter_gateway.protocols.crazyflie_battery import LOG, BatteryLog
 from rcopterx.transmitter_gateway.protocols.set_points import FullStick, SetPoint, SetPointRadio
 
-LINE = SerialLine(2_000_000)
-"""Data rate on air; a Crazyflie has no serial port."""
+LINE = SerialLine(2_000_000)  # data rate on air; a Crazyflie has no serial port
 
-FRAMES_PER_REQUEST = 10
-"""So often the state is asked for and the watchdog fed: every 0.25 s at the latest."""
+FRAMES_PER_REQUEST = 10  # so often the state is asked for and the watchdog fed: every 0.25 s at the latest
 SILENT_S = 1.0
-REQUESTS_REMEMBERED = 20
-"""For the quality of the link: those of the last 4 to 5 s."""
+REQUESTS_REMEMBERED = 20  # for the quality of the link: those of the last 4 to 5 s
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,10 +16,8 @@ BLOCK = 0x52
 PERIOD_10_MS = 100
 FLOAT = 7
 VARIABLE = b"pm\0vbat\0"
-NEW, STARTED_BEFORE = 0, 17
-"""Results of creating a block."""
-PATIENCE_FRAMES = 200
-"""Frames without a voltage after which the vehicle may have started anew."""
+NEW, STARTED_BEFORE = 0, 17  # results of creating a block
+PATIENCE_FRAMES = 200  # frames without a voltage after which the vehicle may have started anew
 
 
 class BatteryLog:

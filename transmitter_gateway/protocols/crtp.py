@@ -15,18 +15,13 @@ from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 NULL_PACKET = b"\xff"
 """Carries nothing; a computer asks with it whether a vehicle is there, and a vehicle answers with it."""
 LONGEST_DATA = 30
-RADIO = "radio://"
-"""Beginning of addresses."""
-FULL_THRUST = 60_000
-"""The firmware needs the rest of its 65535 for the attitude."""
+RADIO = "radio://"  # beginning of addresses
+FULL_THRUST = 60_000  # the firmware needs the rest of its 65535 for the attitude
 HIGHEST_CHANNEL = 125
 DATA_RATES = ("250K", "1M", "2M")
-COMMANDER, SUPERVISOR = 3, 9
-"""Ports."""
-STATE_CHANNEL, COMMAND_CHANNEL = 0, 1
-"""Channels of the supervisor."""
-ARM, STATE_BITS = 0x01, 0x0C
-"""Commands of the supervisor."""
+COMMANDER, SUPERVISOR = 3, 9  # ports
+STATE_CHANNEL, COMMAND_CHANNEL = 0, 1  # channels of the supervisor
+ARM, STATE_BITS = 0x01, 0x0C  # commands of the supervisor
 ANSWERED = 0x80
 
 _SET_POINT = struct.Struct("<fffH")
@@ -111,8 +106,7 @@ class SupervisorState(Struct, frozen=True):
 
 
 STATE_REQUEST = Packet(SUPERVISOR, STATE_CHANNEL, bytes((STATE_BITS,)))
-EMERGENCY_STOP = Packet(SUPERVISOR, COMMAND_CHANNEL, b"\x03")
-"""Stops the motors until a restart."""
+EMERGENCY_STOP = Packet(SUPERVISOR, COMMAND_CHANNEL, b"\x03")  # stops the motors until a restart
 WATCHDOG = Packet(SUPERVISOR, COMMAND_CHANNEL, b"\x04")
 """Keeps the motors running for another second; from the first one on the firmware waits for the next."""
 

@@ -18,16 +18,12 @@ from rcopterx.transmitter_gateway.protocols.mavlink_state import AutopilotState
 from rcopterx.transmitter_gateway.protocols.set_points import SetPoint, SetPointRadio
 
 HEARTBEAT_S = 0.5
-REQUEST_S = 0.25
-"""Commands are repeated so often until they are obeyed."""
+REQUEST_S = 0.25  # commands are repeated so often until they are obeyed
 ATTITUDE_INTERVAL_US, STATUS_INTERVAL_US = 20_000, 1_000_000
-FORCE = 21_196
-"""Third word of a command to disarm: also in flight."""
-LARGEST_LEAD_RAD = 0.5
-"""Of the heading of set points before that of the vehicle."""
+FORCE = 21_196  # third word of a command to disarm: also in flight
+LARGEST_LEAD_RAD = 0.5  # of the heading of set points before that of the vehicle
 PACKETS_REMEMBERED = 300
-LONGEST_ERROR = 1e-3
-"""Of the length of a quaternion, as ArduPilot allows it."""
+LONGEST_ERROR = 1e-3  # of the length of a quaternion, as ArduPilot allows it
 
 
 class MavlinkProtocol(SetPointRadio):

@@ -10,11 +10,9 @@ from pymavlink.dialects.v20 import common as mavlink
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import Mode
 
-SETTLING_S = 0.5
-"""Reports may be older than the answer to a command by so much."""
+SETTLING_S = 0.5  # reports may be older than the answer to a command by so much
 SILENT_S = 1.0
-HEARTBEAT_GONE_S = 3.0
-"""Autopilots send a heartbeat a second."""
+HEARTBEAT_GONE_S = 3.0  # autopilots send a heartbeat a second
 NO_VOLTAGE = 65_535
 
 

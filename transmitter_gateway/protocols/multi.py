@@ -34,10 +34,8 @@ COUNTS_PER_US = 820 / 400
 LINE = SerialLine(100_000, parity="E", stop_bits=2)
 SHORTEST_GAP_S = 1e-3
 MODULE_SILENT_S = 2.0
-LONGEST_GAP_S = 0.05
-"""The module reports that it receives no frames when none has arrived for 70 ms."""
-FIRST_FRAME_S = 0.1
-"""From the first frame until the module has certainly received one, on a busy computer."""
+LONGEST_GAP_S = 0.05  # the module reports that it receives no frames when none has arrived for 70 ms
+FIRST_FRAME_S = 0.1  # from the first frame until the module has certainly received one, on a busy computer
 
 T = TypeVar("T")
 

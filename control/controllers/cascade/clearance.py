@@ -19,20 +19,13 @@ from rcopterx.control.interfaces import Obstacle
 from rcopterx.control.solver.problem import OptimalControlProblem
 from rcopterx.vehicles.state import Array
 
-SLOTS: Final = 6
-"""Number of vehicles avoided at the same time."""
-REACH: Final = 2.0
-"""Stages that are farther apart than this, in ellipsoids, get no constraint."""
-TURN_RAD: Final = 0.5
-"""How far the normal is turned when a vehicle flies straight towards another."""
-SETTLED_M: Final = 0.3
-"""Distance from the reference below which the turn fades out."""
-LEVEL: Final = 0.3
-"""Normals that rise less than this leave the height alone."""
-NARROWEST_M: Final = 0.01
-"""Range of heights that bounds leave at least."""
-FAR_M: Final = 20.0
-"""Upper bound of the rows."""
+SLOTS: Final = 6  # number of vehicles avoided at the same time
+REACH: Final = 2.0  # stages that are farther apart than this, in ellipsoids, get no constraint
+TURN_RAD: Final = 0.5  # how far the normal is turned when a vehicle flies straight towards another
+SETTLED_M: Final = 0.3  # distance from the reference below which the turn fades out
+LEVEL: Final = 0.3  # normals that rise less than this leave the height alone
+NARROWEST_M: Final = 0.01  # range of heights that bounds leave at least
+FAR_M: Final = 20.0  # upper bound of the rows
 _TINY: Final = 1e-6
 
 
@@ -40,18 +33,13 @@ _TINY: Final = 1e-6
 class Clearances:
     """Constraints of all stages around K ellipsoids."""
 
-    directions: Array
-    """Horizontal unit normals, shape (N, `SLOTS`, 2); zeros where there is no constraint."""
-    centres_m: Array
-    """Shape (N, K, 3)."""
+    directions: Array  # horizontal unit normals, shape (N, `SLOTS`, 2); zeros where there is no constraint
+    centres_m: Array  # shape (N, K, 3)
     horizontal_m: Array
-    vertical_m: Array
-    """Half axes, shape (K,)."""
-    aside_m: Array
-    """Least distance to the side at any height, the way out from below or above; shape (N, K)."""
+    vertical_m: Array  # half axes, shape (K,)
+    aside_m: Array  # least distance to the side at any height, the way out from below or above; shape (N, K)
     lowest_m: Array
-    highest_m: Array
-    """Bounds of the height, shape (N,); infinite where there is none."""
+    highest_m: Array  # bounds of the height, shape (N,); infinite where there is none
 
     def heights(self, bounds: Array) -> Array:
         """Return bounds of the height at every stage, shape (2, N), within those of the volume, shape (2,).
@@ -79,12 +67,9 @@ class Clearances:
 class ClearRows(NamedTuple):
     """Rows direction . position >= least of the horizontal problem."""
 
-    directions: Array
-    """Shape (N, `SLOTS`, 2); zeros where there is no constraint."""
-    least: Array
-    """Shape (N, `SLOTS`)."""
-    weight: float
-    """Weight of the squared violation."""
+    directions: Array  # shape (N, `SLOTS`, 2); zeros where there is no constraint
+    least: Array  # shape (N, `SLOTS`)
+    weight: float  # weight of the squared violation
 
     def added_to(self, p: OptimalControlProblem) -> OptimalControlProblem:
         """Return a problem whose first two states are the position, with these rows."""

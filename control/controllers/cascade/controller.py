@@ -15,7 +15,6 @@ import numpy as np
 from rcopterx.control.controllers.base import EARLY_STOP, MpcController
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
-from rcopterx.control.controllers.cascade.disturbance_observer import DisturbanceObserver
 from rcopterx.control.controllers.cascade.lateral import LateralLags, LateralTilt, with_tilt
 from rcopterx.control.controllers.cascade.limits import PlanLimits, Task, recovery
 from rcopterx.control.controllers.cascade.weights import (
@@ -31,7 +30,36 @@ from rcopterx.control.references.sampling import samples_through
 from rcopterx.control.references.trajectory import POSITION, Trajectory
 from rcopterx.control.solver.problem import Solver
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, YAW, Array, Z
+from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, XD_BODY, YAW, Array, Z, turned_about_z
+
+TIME_CONSTANT_S: Final = 1.0
+ACCELERATION_CAP: Final = np.array([0.6, 0.6, 1.5])  # largest disturbance, x, y, z [m/s^2]
+
+
+class DisturbanceObserver:
+    """Constant inertial acceleration from departures from the plan."""
+
+    def __init__(self, model: Model, period_s: float) -> None:
+        self._model, self._period_s = model, period_s
+        self._acceleration = np.zeros(3)
+
+    def start(self, motion: Array, last_input: Array) -> None:
+        """Start from the disturbance that the last input balances, which makes a switch bumpless."""
+        body = -self._model.b[:3] * (last_input - self._model.hover_input)[:3]
+        self._acceleration = np.clip(turned_about_z(body, motion[YAW]), -ACCELERATION_CAP, ACCELERATION_CAP)
+
+    def observe(self, motion: Array, previous_plan: Trajectory) -> None:
+        """Compare the velocity with what the previous step's plan had for this instant."""
+        middle_rad = motion[YAW] + 0.5 * self._period_s * motion[-1]
+        velocity = turned_about_z(motion[XD_BODY : XD_BODY + 3], middle_rad)
+        surprise = (velocity - previous_plan.velocity_m_s[1]) / self._period_s
+        self._acceleration += self._period_s / TIME_CONSTANT_S * surprise
+        np.clip(self._acceleration, -ACCELERATION_CAP, ACCELERATION_CAP, out=self._acceleration)
+
+    def disturbance(self, motion: Array) -> Array:
+        """Return the disturbance in the order of `Estimate.disturbance`, shape (4,)."""
+        return np.append(turned_about_z(self._acceleration, -motion[YAW]), 0.0)
+
 
 EffortFactor = Annotated[float, msgspec.Meta(ge=1.0, le=1e4)]
 SLOWING_S: Final = 0.1

@@ -41,8 +41,7 @@ def in_body(heading_rad: float, x: float, y: float) -> tuple[float, float]:
 class LateralLags(AxisProblem):
     """Formulation for the axes x and y, with one lag per stick."""
 
-    same_cost = False
-    """A changes with every heading plan."""
+    same_cost = False  # A changes with every heading plan
 
     def along(self, heading: Array, task: Task, clear: ClearRows | None) -> OptimalControlProblem:
         """State the problem along a planned heading of the N + 1 stages and one more, shape (N + 2,).
@@ -108,11 +107,9 @@ last four have bounds. Positions and velocities are also the first four states."
 class Steering(NamedTuple):
     """How pitch and roll sticks act on a vehicle with a tilt model."""
 
-    gain: Array
-    """b of both sticks, shape (2,)."""
+    gain: Array  # b of both sticks, shape (2,)
     drag: float
-    lead: float
-    """Stages by which demands precede the accelerations that they cause."""
+    lead: float  # stages by which demands precede the accelerations that they cause
 
 
 STEERING: Final[Any] = record(Steering, VECTOR, NUMBER, NUMBER)

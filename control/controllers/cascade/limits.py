@@ -21,12 +21,9 @@ next stage would take a stick from stop to stop.
 class PlanLimits(NamedTuple):
     """Limits of the axes x, y, z, yaw; every array has shape (2, 4): lower, upper."""
 
-    position: Array
-    """Inertial frame; infinite for the heading."""
-    velocity: Array
-    """Body frame."""
-    input: Array
-    """Sticks."""
+    position: Array  # inertial frame; infinite for the heading
+    velocity: Array  # body frame
+    input: Array  # sticks
 
     @classmethod
     def of(cls, limits: Limits) -> "PlanLimits":
@@ -45,13 +42,10 @@ class Task(NamedTuple):
     """One control step of N planned inputs."""
 
     estimate: Estimate
-    load: Array
-    """Accelerations that sticks balance: `Estimate.disturbance`, and gravity; shape (4,)."""
-    reference: Array
-    """Samples, shape (N + 1, 12)."""
+    load: Array  # accelerations that sticks balance: `Estimate.disturbance`, and gravity; shape (4,)
+    reference: Array  # samples, shape (N + 1, 12)
     limits: PlanLimits
-    recovery: Array
-    """Share of an excess over velocity limits that is left at every stage, shape (N,)."""
+    recovery: Array  # share of an excess over velocity limits that is left at every stage, shape (N,)
 
 
 TASK: Final[Any] = record(Task, ESTIMATE, VECTOR, ANY_MATRIX, record(PlanLimits, *3 * [ANY_MATRIX]), VECTOR)

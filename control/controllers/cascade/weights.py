@@ -33,16 +33,13 @@ LOOP_DEMAND_FLOOR: Final[Grades] = (0.06, 1.5)
 """The same of a vehicle without a stabilizer bar, whose tilt an attitude loop damps."""
 THRUST_FLOOR: Final[Grades] = (15.0, 40.0)
 YAW_FLOOR: Final[Grades] = (150.0, 60.0)
-SPEED: Final[Grades] = (1.0, 40.0)
-"""Weight of the horizontal velocity."""
+SPEED: Final[Grades] = (1.0, 40.0)  # weight of the horizontal velocity
 CLIMB: Final[Grades] = (1.0, 10.0)
 YAW_RATE: Final[Grades] = (1.0, 0.2)
-STEP: Final = 1.15
-"""Ratio of the weights of the series."""
+STEP: Final = 1.15  # ratio of the weights of the series
 STEPS: Final = 60
 
-HORIZONTAL: Final = slice(0, 2)
-"""x and y among the four axes x, y, z, yaw."""
+HORIZONTAL: Final = slice(0, 2)  # x and y among the four axes x, y, z, yaw
 
 
 class CascadeWeights(NamedTuple):
@@ -51,8 +48,7 @@ class CascadeWeights(NamedTuple):
     position: Array
     velocity: Array
     effort: Array
-    soft: float
-    """Weight of the squared excess over a state bound."""
+    soft: float  # weight of the squared excess over a state bound
 
 
 def default_state_weights(model: Model) -> tuple[float, ...]:

@@ -20,8 +20,8 @@ from support.guidance import (
 )
 
 from rcopterx.agents.flight.guidance import LANDING_SPEED_M_S, TAKE_OFF_SPEED_M_S, Guidance
+from rcopterx.agents.flight.lift_off import FLOOR_TIME_S
 from rcopterx.agents.flight.task import FollowedLeader
-from rcopterx.agents.flight.touchdown import FLOOR_TIME_S
 from rcopterx.agents.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.paths import FlightPath

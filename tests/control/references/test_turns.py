@@ -6,8 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.control.references.trajectory import COLUMNS, Trajectory
-from rcopterx.control.references.turns import nearest_heading, on_turn_of
+from rcopterx.control.references.trajectory import COLUMNS, Trajectory, nearest_heading, on_turn_of
 
 headings = st.floats(-100.0, 100.0)
 

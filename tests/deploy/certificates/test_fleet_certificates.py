@@ -10,7 +10,7 @@ from support.fleets import PAIR
 
 from rcopterx.deploy.certificates.files import CHOICE, own_credentials, own_name
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.deploy.certificates.inspection import expiry_warning, problem
+from rcopterx.deploy.certificates.issuing import expiry_warning, problem
 from rcopterx.deploy.hosts.resources import check_certificate
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile

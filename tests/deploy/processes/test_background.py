@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from support.waiting import wait_for
 
-from rcopterx.deploy.processes.background import NICE, start_in_background
+from rcopterx.ground_station.terminal.margin_warnings import NICE, start_in_background
 
 ECHO = "import os, sys; text = sys.stdin.read(); print(text, os.getsid(0) == os.getpid())"
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.ground_station.identification.spacing import ABOVE_M, IdentificationError, spread
+from rcopterx.ground_station.identification.identification import ABOVE_M, IdentificationError, spread
 from rcopterx.vehicles.tuples import Three
 
 ROOM = ((-3.0, -2.0, 0.0), (3.0, 2.0, 2.0))

@@ -7,7 +7,7 @@ from support.statuses import flying_status
 from rcopterx.bus.messages import TransmitterStatus
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.ground_station.events import Event
-from rcopterx.ground_station.page.texts import banner, event_list, suggestions, vehicle_table
+from rcopterx.ground_station.page.controls import banner, event_list, suggestions, vehicle_table
 from rcopterx.ground_station.scripting.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="by h1", link="open", module="<b>", ready=True)
