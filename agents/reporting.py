@@ -151,10 +151,7 @@ HOVER_THRUST_BITS: Final = 10  # hover thrusts are rounded to a tenth of a per c
 class Reporter:
     """Publishes status and intent of one agent, periodically and at once after a change.
 
-    Attributes
-    ----------
-    due_s
-        When the next report is due [monotonic s].
+    `due_s`: when the next report is due [monotonic s].
     """
 
     def __init__(

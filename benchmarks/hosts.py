@@ -45,16 +45,9 @@ Commands = list[tuple[int, tuple[float, ...]]]
 def run(rounds: int, seconds: float, show: Show) -> dict[str, Any]:
     """Fly the trio on one host and over four in turn, `rounds` times.
 
-    Returns
-    -------
-    dict
-        `one_host` and `four_hosts`: `pose_to_command_ms` (p50, p99, max), `stages_ms` of it (see `STAGES`)
-        and control periods `missed` of `periods`; `ratio_p99`; the `load` of the machine before.
-
-    Raises
-    ------
-    NetworkUnavailableError
-        Network namespaces cannot be created.
+    Returns `one_host` and `four_hosts`: `pose_to_command_ms` (p50, p99, max), `stages_ms` of it (see
+    `STAGES`) and control periods `missed` of `periods`; `ratio_p99`; the `load` of the machine before. Raises
+    `NetworkUnavailableError`: network namespaces cannot be created.
     """
     load = os.getloadavg()[0]
     flown: dict[str, list[Commands]] = {"one_host": [], "four_hosts": []}
@@ -132,14 +125,8 @@ def _measured(fleet: Fleet, seconds: float) -> list[Commands]:
 def fleet_text(addresses: Mapping[str, str], agents: Mapping[str, str], certificates: Path | None) -> str:
     """Text of the fleet file `trio`, flown from several hosts.
 
-    Parameters
-    ----------
-    addresses
-        By host.
-    agents
-        Host of each vehicle's agent.
-    certificates
-        Directory of the certificates; None for a fleet without.
+    `addresses`: by host. `agents`: host of each vehicle's agent. `certificates`: directory of the
+    certificates; None for a fleet without.
     """
     fleet = tomlkit.parse(fleet_path("trio").read_text(encoding="utf-8"))
     fleet["tracker"] = {"address": f"{addresses[LABORATORY]}:{TRACKER_PORT}"}

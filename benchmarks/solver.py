@@ -94,12 +94,7 @@ CONTESTANTS: Final[Mapping[str, Contestant]] = MappingProxyType(
 class JudgedSolver:
     """A solver whose sticks are compared with the exact solution of every tenth problem.
 
-    Parameters
-    ----------
-    solver
-        The solver.
-    errors
-        Gets the largest difference of a stick of each judged plan.
+    `errors` gets the largest difference of a stick of each judged plan.
     """
 
     def __init__(self, solver: Solver, errors: list[float]) -> None:

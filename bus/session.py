@@ -313,19 +313,10 @@ class Session:
     def request(self, unit: str, request: Request, timeout_s: float = 1.0, patience_s: float = 0.3) -> Reply:
         """Send a request to a unit and wait for the reply; the type of the request determines the verb.
 
-        Parameters
-        ----------
-        timeout_s
-            For the reply of a process that serves the verb, in the time of the fleet.
-        patience_s
-            For a process to serve it: one that has just been replaced is not found for a moment.
-
-        Raises
-        ------
-        NotServedError
-            No process serves it.
-        RequestFailedError
-            No reply in time, rejected as malformed, the reply is malformed, or the session is closed.
+        `timeout_s`: for the reply of a process that serves the verb, in the time of the fleet. `patience_s`:
+        for a process to serve it: one that has just been replaced is not found for a moment. Raises
+        `NotServedError`: no process serves it. Raises `RequestFailedError`: no reply in time, rejected as
+        malformed, the reply is malformed, or the session is closed.
         """
         verb = verb_of(type(request))
         key = channels.request_key(self.address.fleet, unit, verb.name)

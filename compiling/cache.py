@@ -130,10 +130,7 @@ def only_one(path: Path, module: str) -> Iterator[None]:
 def remove_unused(base: Path, now_s: float) -> None:
     """Remove versions of kernels that no process has used recently.
 
-    Parameters
-    ----------
-    now_s
-        Present time [Unix time, s].
+    `now_s`: present time [Unix time, s].
     """
     used_s = {}
     for path in base.glob(f"{_PREFIX}*"):

@@ -44,12 +44,7 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
 def check_in_process(fleet: FleetFile, directory: Path, forks: ForkServer) -> None:
     """As `check_fleet`, in a process that ends: what only agents need does not stay in this one.
 
-    Raises
-    ------
-    FleetError
-        Names the field that is wrong.
-    OSError
-        The check failed for another reason.
+    Raises `FleetError`: names the field that is wrong; `OSError`: the check failed for another reason.
     """
     with TemporaryDirectory(prefix="rcopterx-") as place:
         snapshot, log = Path(place) / "fleet.json", Path(place) / "log"

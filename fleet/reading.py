@@ -245,10 +245,7 @@ def replaced(original: T, table: Mapping[str, Any], where: str) -> T:
 def _allowed_at(kind: Any, below: str) -> tuple[str, ...]:
     """Return the fields of a table, or the words of a choice, at a place below a type.
 
-    Parameters
-    ----------
-    below
-        Path as in errors of msgspec, for instance `.transmitter` or `.follow[0].frame`.
+    `below`: path as in errors of msgspec, for instance `.transmitter` or `.follow[0].frame`.
     """
     node: Any = inspect.type_info(kind)
     for step in _STEP.finditer(below):

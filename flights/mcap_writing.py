@@ -57,14 +57,8 @@ class LoggedMessage(NamedTuple):
 class McapFile:
     """One file under construction; every chunk is flushed to the operating system.
 
-    Parameters
-    ----------
-    file
-        Opened for writing bytes.
-    schemas
-        Name and JSON schema by topic (`tracker/status`), else by its last part (`pose`); others have none.
-    level
-        Of compression, from 1 (fast) to 22 (small).
+    `file`: opened for writing bytes. `schemas`: name and JSON schema by topic (`tracker/status`), else by its
+    last part (`pose`); others have none. `level`: of compression, from 1 (fast) to 22 (small).
     """
 
     def __init__(

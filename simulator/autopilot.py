@@ -39,19 +39,9 @@ PERIODS_S: Final = {
 class EmulatedAutopilot(UdpVehicle):
     """The firmware of one quadrotor: it obeys set points in the mode of its settings and lands when they end.
 
-    Attributes
-    ----------
-    armed, mode
-        As its heartbeat reports them.
-    terminated
-        Whether its flight was terminated, which only a restart ends.
-    rejected
-        Packets that it ignored, by reason.
-
-    Parameters
-    ----------
-    settings
-        How set points become the pulse widths that the simulated vehicle gets, and its system id.
+    `armed` and `mode`: as its heartbeat reports them. `terminated`: whether its flight was terminated, which
+    only a restart ends. `rejected`: packets that it ignored, by reason. `settings`: how set points become the
+    pulse widths that the simulated vehicle gets, and its system id.
     """
 
     def __init__(self, settings: MavlinkSettings, start_s: float = 0.0) -> None:

@@ -61,21 +61,9 @@ LEAST_THRUST: Final = 1000 / crtp.FULL_THRUST  # less is nothing
 class Crazyflie(UdpVehicle):
     """The firmware of one vehicle, without any port or clock.
 
-    Attributes
-    ----------
-    state
-        What the supervisor reports.
-    motors_run
-        Whether the motors get thrust.
-    rejected
-        Packets that the firmware ignored, by reason.
-
-    Parameters
-    ----------
-    settings
-        How set points become the pulse widths that the simulated vehicle gets.
-    arms_itself
-        As brushed vehicles do; brushless ones wait for a request.
+    `state`: what the supervisor reports. `motors_run`: whether the motors get thrust. `rejected`: packets
+    that the firmware ignored, by reason. `settings`: how set points become the pulse widths that the
+    simulated vehicle gets. `arms_itself`: as brushed vehicles do; brushless ones wait for a request.
     """
 
     def __init__(

@@ -84,14 +84,9 @@ class Plant(ABC):
     It starts standing with motors stopped if the start pose is on the floor (z = 0), else hovering at rest.
     On the floor it stands level and neither slides nor yaws; it leaves when its thrust exceeds its weight.
 
-    Parameters
-    ----------
-    name
-        Selects the vehicle's streams of randomness.
-    model
-        Gives the transport delay, and the thrust stick that it starts hovering with.
-    start
-        Pose at time 0; z not negative; only position and yaw count. `ValueError` for another one.
+    `name`: selects the vehicle's streams of randomness. `model`: gives the transport delay, and the thrust
+    stick that it starts hovering with. `start`: pose at time 0; z not negative; only position and yaw count.
+    `ValueError` for another one.
     """
 
     def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> None:

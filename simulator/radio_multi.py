@@ -71,10 +71,7 @@ def status_answer(flags: int, radio: str = "", sub_protocol: str = "") -> bytes:
 class MultiModule(RadioModule):
     """A module in serial mode with its dial at 0.
 
-    Parameters
-    ----------
-    inverted_wiring
-        Whether the line is inverted; a frame whose polarity bit differs makes the module deaf.
+    `inverted_wiring`: whether the line is inverted; a frame whose polarity bit differs makes the module deaf.
     """
 
     def __init__(self, powered_s: float = 0.0, *, inverted_wiring: bool = True) -> None:

@@ -37,14 +37,9 @@ class ReceiverOutput(Struct, frozen=True):
 class Receiver:
     """Receives the packets of a module and drives the vehicle's channels.
 
-    Parameters
-    ----------
-    model_match
-        Number it was bound with; None when it was never bound.
-    connect_s
-        Time to find a module on new radio channels; 2 to 6 s are typical.
-    answers_bind
-        Newer receivers answer a bind, old DSM2 ones do not.
+    `model_match`: number it was bound with; None when it was never bound. `connect_s`: time to find a module
+    on new radio channels; 2 to 6 s are typical. `answers_bind`: newer receivers answer a bind, old DSM2 ones
+    do not.
     """
 
     def __init__(

@@ -50,17 +50,9 @@ class TrackerState(NamedTuple):
 class TrackerServer:
     """A Tracker that shows the frames given to `publish`; clients that read too slowly lose frames.
 
-    Parameters
-    ----------
-    profile
-        Age of the Tracker, which determines its offer: tracker1, tracker2 or tracker3.
-
-    Raises
-    ------
-    ValueError
-        Unknown profile, rate not positive.
-    OSError
-        The address cannot be listened on; port 0 selects a free one, see `address`.
+    `profile`: age of the Tracker, which determines its offer: tracker1, tracker2 or tracker3. Raises
+    `ValueError`: unknown profile, rate not positive. Raises `OSError`: the address cannot be listened on;
+    port 0 selects a free one, see `address`.
     """
 
     def __init__(

@@ -12,10 +12,7 @@ AFTER_BIND_S = 5.0
 class Binding:
     """Progress of a bind; `active` while frames request it.
 
-    Parameters
-    ----------
-    at_power_up
-        Whether the radio binds only when it is switched on.
+    `at_power_up`: whether the radio binds only when it is switched on.
     """
 
     def __init__(self, *, at_power_up: bool) -> None:

@@ -62,15 +62,7 @@ def find_dongle(number: int) -> UsbDevice:
 class Crazyradio:
     """A dongle and the ports of its vehicles.
 
-    Attributes
-    ----------
-    problem
-        Why it is not open; None when it is.
-
-    Parameters
-    ----------
-    find
-        Opens the dongle; raises `OSError`.
+    `problem`: why it is not open; None when it is. `find`: opens the dongle; raises `OSError`.
     """
 
     def __init__(self, find: Callable[[], UsbDevice]) -> None:

@@ -126,13 +126,9 @@ class Radios:
     ) -> None:
         """Bring the vehicles down after an error; the others do not depend on a broken one.
 
-        Parameters
-        ----------
-        new_poses
-            Poses since the last call, with their time of arrival. After an exception it is not called again,
-            and the vehicles descend open loop.
-        kill_requested
-            Whether a signal has requested a kill since the last call.
+        `new_poses`: poses since the last call, with their time of arrival. After an exception it is not
+        called again, and the vehicles descend open loop. `kill_requested`: whether a signal has requested a
+        kill since the last call.
         """
         working = dict(self.transmitters)
 

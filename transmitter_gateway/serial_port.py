@@ -64,10 +64,7 @@ class SerialPort(Port):
     line stays silent until the receiver has discarded the fragment. A back-log of more than 100 ms closes the
     port.
 
-    Parameters
-    ----------
-    start
-        Runs openings and closings, which an adapter can block for seconds.
+    `start`: runs openings and closings, which an adapter can block for seconds.
     """
 
     def __init__(

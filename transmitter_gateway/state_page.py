@@ -67,17 +67,8 @@ def _checksum(record: bytes, boot: bytes) -> int:
 class StatePage:
     """The page of a vehicle; it has one writer.
 
-    Parameters
-    ----------
-    memory
-        `PAGE_BYTES` bytes.
-    boot
-        Identifies the start of the computer.
-
-    Attributes
-    ----------
-    last
-        Newest valid record; None if there is none: what was written is unknown.
+    `memory`: `PAGE_BYTES` bytes. `boot`: identifies the start of the computer. `last`: newest valid record;
+    None if there is none: what was written is unknown.
     """
 
     def __init__(self, memory: mmap.mmap | bytearray, boot: bytes) -> None:

@@ -22,12 +22,8 @@ VERBS = ["arm", "disarm", "kill", "reset"]
 class Station:
     """A transmitter with its subscriptions.
 
-    Parameters
-    ----------
-    session
-        Its loop is woken when commands or bids have arrived.
-    realtime
-        Whether the process runs in the real-time class, for the status.
+    `session`: its loop is woken when commands or bids have arrived. `realtime`: whether the process runs in
+    the real-time class, for the status.
     """
 
     def __init__(self, transmitter: Transmitter, session: Session, realtime: bool) -> None:

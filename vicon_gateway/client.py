@@ -30,13 +30,9 @@ StateName = Literal["waiting", "resolving", "connecting", "negotiating", "up", "
 class ClientState(NamedTuple):
     """State of a client, for status messages, and as a sentence in `doing`.
 
-    Attributes
-    ----------
-    name
-        waiting (pause before the next try), resolving (host name), connecting (TCP), negotiating (offer and
-        first frame), up (frames with segments arrive), closed (by the caller).
-    last_error, recording_error
-        Why the last connection failed or ended, and the raw recording ended.
+    `name`: waiting (pause before the next try), resolving (host name), connecting (TCP), negotiating (offer
+    and first frame), up (frames with segments arrive), closed (by the caller). `last_error` and
+    `recording_error`: why the last connection failed or ended, and the raw recording ended.
     """
 
     name: StateName

@@ -241,14 +241,9 @@ def pose_message(
 def run_tracker_gateway(settings: TrackerSettings) -> None:
     """Run the gateway until SIGTERM or SIGINT; it keeps trying while the Tracker does not answer.
 
-    Raises
-    ------
-    LibraryMissingError
-        The motion capture needs the library `motioncapture`, which is not installed.
-    RecordingFileError
-        The file to record into cannot be created. When it fails later, the gateway continues without it.
-    BusUnreachableError
-        No router answers.
+    Raises `LibraryMissingError`: the motion capture needs the library `motioncapture`, which is not
+    installed; `RecordingFileError`: the file to record into cannot be created. When it fails later, the
+    gateway continues without it; `BusUnreachableError`: no router answers.
     """
     if settings.brand is not None:
         check_library()

@@ -136,12 +136,8 @@ class VehicleWatch:
     ) -> VehicleFault | None:
         """Process one control period; return a fault as soon as it is certain, once.
 
-        Parameters
-        ----------
-        command, motion
-            The sticks of this period, shape (4,), and the state at its beginning, shape (8,).
-        informative
-            Whether the vehicle is seen and its controller flies it.
+        `command` and `motion`: the sticks of this period, shape (4,), and the state at its beginning, shape
+        (8,). `informative`: whether the vehicle is seen and its controller flies it.
         """
         gap_s, self._watched_at_s = time_s - self._watched_at_s, time_s
         if not (self.active and informative) or self.fault is not None or gap_s > 1.5 * self._period_s:

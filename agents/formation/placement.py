@@ -112,13 +112,9 @@ def move_problem(
 ) -> str | None:
     """Return why a vehicle that leads cannot go somewhere, None if it can; its followers come along.
 
-    Parameters
-    ----------
-    samples
-        Its places in future, x, y, z [m], yaw [rad] first, shape (k, 4 or more).
-    unrelated
-        Places of others to keep clear of, x y z first. Vehicles that avoid each other's plans are not among
-        them: they may be sent to each other's places.
+    `samples`: its places in future, x, y, z [m], yaw [rad] first, shape (k, 4 or more). `unrelated`: places
+    of others to keep clear of, x y z first. Vehicles that avoid each other's plans are not among them: they
+    may be sent to each other's places.
     """
     where = places({**links, name: ()}, {name: samples[:, :4]})
     problem = _leaving(followers(links, name), where, room)

@@ -82,16 +82,9 @@ def in_words(line: Iterable[str]) -> str:
 def places(links: FormationGraph, heads: Mapping[str, Array]) -> dict[str, Array]:
     """Return the places of all vehicles in the steady state of the formation.
 
-    Parameters
-    ----------
-    heads
-        Places of the vehicles without leaders: x, y, z [m], yaw [rad], shape (4,), or (k, 4) for k moments.
-
-    Returns
-    -------
-    dict
-        Places of the vehicles whose leaders' places are known, of the same shape. Contradicting offsets to
-        several leaders give their weighted mean, as in flight.
+    `heads`: places of the vehicles without leaders: x, y, z [m], yaw [rad], shape (4,), or (k, 4) for k
+    moments. Returns places of the vehicles whose leaders' places are known, of the same shape. Contradicting
+    offsets to several leaders give their weighted mean, as in flight.
     """
     found: dict[str, Array] = {}
 
@@ -148,16 +141,9 @@ def exchanged(
     Each of the two follows whom the other one followed and leads whom the other one led. Exchanging two names
     cannot make a cycle where there was none.
 
-    Returns
-    -------
-    dict
-        New leaders of the vehicles that change them, leaders before their followers, so that no cycle arises
-        if only the first few of them change.
-
-    Raises
-    ------
-    TopologyError
-        A vehicle is missing, or the place of one involved is not known.
+    Returns new leaders of the vehicles that change them, leaders before their followers, so that no cycle
+    arises if only the first few of them change. Raises `TopologyError`: a vehicle is missing, or the place of
+    one involved is not known.
     """
     for name in (first, second):
         if name not in links:

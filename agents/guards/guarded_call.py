@@ -14,12 +14,8 @@ T = TypeVar("T")
 class GuardedCall:
     """Calls with a time limit whose failures are counted.
 
-    Parameters
-    ----------
-    part
-        Begins the names of failures: `controller` or `estimator`.
-    first_calls, first_calls_factor
-        The first calls load code and fill caches; so many of them may take so many times as long.
+    `part` begins the names of failures: `controller` or `estimator`. `first_calls` and `first_calls_factor`:
+    the first calls load code and fill caches; so many of them may take so many times as long.
     """
 
     def __init__(self, part: str, first_calls: int, first_calls_factor: float) -> None:
@@ -43,10 +39,7 @@ class GuardedCall:
     ) -> T | None:
         """Call something; return its result, or None after a failure, which is counted.
 
-        Parameters
-        ----------
-        problem
-            Returns the reason why a result is unusable, None for a usable one. May raise as well.
+        `problem` returns the reason why a result is unusable, None for a usable one. It may raise as well.
         """
         limit, allowed_s = self.limit, self.allowed_s(limit_s)
         self._calls += 1

@@ -49,14 +49,7 @@ _ESTIMATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0]
 def hovering_input(model: Model, motion: Array, set_point: Array) -> Array:
     """Input that brings a vehicle to rest at a place, not limited; shape (4,).
 
-    Parameters
-    ----------
-    model
-        The vehicle.
-    motion
-        Motion state, shape (8,).
-    set_point
-        x, y, z [m], yaw [rad].
+    `motion`: motion state, shape (8,). `set_point`: x, y, z [m], yaw [rad].
     """
     error = np.clip(motion[:4] - set_point, -_ERROR_CAP, _ERROR_CAP)
     error = turned_about_z(error, -float(motion[YAW]))

@@ -28,12 +28,8 @@ class LoadRelief:
 
     Decisions by measured times take effect by an event on the bus, so that a replay does the same.
 
-    Parameters
-    ----------
-    launcher
-        Statuses of the launcher of this host; None without one.
-    processor_clock
-        Processor time of this process in the time of the fleet [s].
+    `launcher`: statuses of the launcher of this host; None without one. `processor_clock`: processor time of
+    this process in the time of the fleet [s].
     """
 
     def __init__(

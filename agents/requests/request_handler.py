@@ -55,10 +55,7 @@ FormationCheck = Callable[[Array], str | None]
 class TrajectoryRequests:
     """At most one trajectory that is being checked; the way to its beginning is checked when it begins.
 
-    Parameters
-    ----------
-    refusal
-        Why no trajectory is taken now, None if one is.
+    `refusal`: why no trajectory is taken now, None if one is.
     """
 
     def __init__(

@@ -103,14 +103,8 @@ class PlanAvoidance:
     ) -> bool:
         """Update the obstacles of the controller; return False if plans touch and it avoids none.
 
-        Parameters
-        ----------
-        plan
-            Newest plan of the controller, if any.
-        free
-            Whether the vehicle can give way, which only free flight allows.
-        delay_s
-            From the present to the first stage of the plan.
+        `plan`: newest plan of the controller, if any. `free`: whether the vehicle can give way, which only
+        free flight allows. `delay_s`: from the present to the first stage of the plan.
         """
         obstacles: tuple[Obstacle, ...] = ()
         touching = False

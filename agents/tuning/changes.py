@@ -137,10 +137,7 @@ class Tuning:
     def finish(self) -> str | ValueError | None:
         """Swap in what is ready, between two control periods.
 
-        Returns
-        -------
-        str or ValueError or None
-            Description of the new configuration, why it stays the same, or None while nothing is ready.
+        Returns a description of the new configuration, why it stays the same, or None while nothing is ready.
         """
         found = self._work.finish()
         if found is None:

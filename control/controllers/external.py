@@ -30,14 +30,8 @@ class Task:
 class ExternalController:
     """A `Controller` that flies by answers from outside.
 
-    Parameters
-    ----------
-    own
-        The vehicle's own controller, which flies until the first answer has come.
-    model
-        The vehicle.
-    patience_s
-        Silence after which the external controller counts as gone.
+    `own`: the vehicle's own controller, which flies until the first answer has come. `patience_s`: silence
+    after which the external controller counts as gone.
     """
 
     def __init__(self, own: Controller, model: Model, patience_s: float) -> None:
@@ -68,12 +62,8 @@ class ExternalController:
     def answer(self, number: int, inputs: Array) -> str | None:
         """Take an answer in; what is wrong with it is returned.
 
-        Parameters
-        ----------
-        number
-            Task it belongs to.
-        inputs
-            Planned inputs from the instant of the task on, shape (k, 4), k at least 1.
+        `number`: task it belongs to. `inputs`: planned inputs from the instant of the task on, shape (k, 4),
+        k at least 1.
         """
         if number > self._number:
             return f"task {number} has not been given out yet, the newest is {self._number}"

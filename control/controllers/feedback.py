@@ -36,15 +36,9 @@ TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
 class FeedbackController(BaseController):
     """Control law u = u_hover + trim - K error; the trim integrates errors of the position.
 
-    Parameters
-    ----------
-    gain
-        K, shape (4, 8); an error is motion state minus reference: position (body frame), yaw, body velocity,
-        yaw rate.
-    integral_gain
-        Change of the pitch, roll and thrust trim [1/s] against an error of the position, shape (3,).
-    error_cap
-        Errors count up to this, shape (8,).
+    `gain`: K, shape (4, 8); an error is motion state minus reference: position (body frame), yaw, body
+    velocity, yaw rate. `integral_gain`: change of the pitch, roll and thrust trim [1/s] against an error of
+    the position, shape (3,). `error_cap`: errors count up to this, shape (8,).
     """
 
     def __init__(

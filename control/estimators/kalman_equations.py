@@ -31,17 +31,9 @@ def update(x: Array, P: Array, H: Array, R: Array, z: Array, limit: Array) -> tu
 
     The noises are independent, so one measurement after another is used, each with a scalar S = H P H' + R.
 
-    Parameters
-    ----------
-    R, z
-        Variances of the noise, and measured values, shape (m,).
-    limit
-        Each state is cut to plus and minus this, shape (n,).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        The covariance of the innovation is not positive definite.
+    `R` and `z`: variances of the noise, and measured values, shape (m,). `limit`: each state is cut to plus
+    and minus this, shape (n,). Raises `numpy.linalg.LinAlgError`: the covariance of the innovation is not
+    positive definite.
     """
     size = len(x)
     x, P, PH = x.copy(), P.copy(), np.empty(size)

@@ -150,14 +150,8 @@ class Exciter:
     def watch(self, time_s: float, position_m: Array, blind_s: float, flying: bool) -> None:
         """End an excitation that is over, or whose limits are exceeded.
 
-        Parameters
-        ----------
-        position_m
-            Position of the vehicle, shape (3,).
-        blind_s
-            Time since its last pose.
-        flying
-            Whether it flies freely, neither taking off nor landing.
+        `position_m`: position of the vehicle, shape (3,). `blind_s`: time since its last pose. `flying`:
+        whether it flies freely, neither taking off nor landing.
         """
         if self._excitation is None:
             return

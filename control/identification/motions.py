@@ -41,12 +41,8 @@ EVERY_ROW: Final = slice(None)
 class Motion:
     """A motion of a flight, predicted by a Kalman filter with the stationary gain.
 
-    Parameters
-    ----------
-    delay_s
-        After it an input acts; it need not be a whole number of periods.
-    inputs, measured
-        Of the whole flight, shapes (K,) and (K, m).
+    `delay_s`: after it an input acts; it need not be a whole number of periods. `inputs` and `measured`: of
+    the whole flight, shapes (K,) and (K, m).
     """
 
     def __init__(

@@ -113,12 +113,8 @@ def amplifications(
     It is the peak over all frequencies of the horizontal error by independent gusts on the vehicle and on all
     above it, relative to that of a gust on the vehicle alone.
 
-    Parameters
-    ----------
-    leaders
-        Weights of the leaders of each vehicle, which add up to one; none for a head.
-    shares
-        Share of the deviations of its leaders that each vehicle copies.
+    `leaders`: weights of the leaders of each vehicle, which add up to one; none for a head. `shares`: share
+    of the deviations of its leaders that each vehicle copies.
     """
     order = {name: place for place, name in enumerate(TopologicalSorter(leaders).static_order())}
     peaks = {name: np.zeros(2) for name in order}

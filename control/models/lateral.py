@@ -46,14 +46,8 @@ LATERAL_STEP: Final[Any] = record(LateralStep, MATRIX, COUNT, NUMBER, NUMBER)
 def predict_lateral(step: LateralStep, x: Array, stick: Array, yaw_rad: float) -> tuple[Array, Array]:
     """Return the lateral state after a period, and its derivative F by the one before.
 
-    Parameters
-    ----------
-    x
-        Lateral state, and perhaps further states, which last.
-    stick
-        Pitch and roll, shape (2,).
-    yaw_rad
-        Heading in the middle of the period.
+    `x`: lateral state, and perhaps further states, which last. `stick`: pitch and roll, shape (2,).
+    `yaw_rad`: heading in the middle of the period.
     """
     size, trim = len(x), len(step.transition) - 2
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -85,17 +79,9 @@ def gust_speed_s(model: Model) -> float:
 class LateralSystem:
     """Continuous dynamics, and discrete matrices for one period during which the demand is constant.
 
-    Attributes
-    ----------
-    continuous, continuous_demand
-        x' = continuous x + continuous_demand e, shapes (n, n) and (n, 2).
-    core, tilt, tilt_rate, servo, wind, trim
-        Places of these states; tilt and tilt rate are part of the core, and only lateral states have a trim.
-
-    Raises
-    ------
-    ValueError
-        The model has no tilt model.
+    `continuous` and `continuous_demand`: x' = continuous x + continuous_demand e, shapes (n, n) and (n, 2).
+    `core`, `tilt`, `tilt_rate`, `servo`, `wind` and `trim`: places of these states; tilt and tilt rate are
+    part of the core, and only lateral states have a trim. Raises `ValueError`: the model has no tilt model.
     """
 
     def __init__(self, model: Model, period_s: float) -> None:

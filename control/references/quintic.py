@@ -12,14 +12,8 @@ PEAK_TO_MEAN_SPEED: Final = 1.875  # ratio of the peak to the mean speed from re
 def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple[Array, Array, Array]:
     """Quintic from rest to rest: values, rates and accelerations, shape (k, m) each.
 
-    Parameters
-    ----------
-    begin, end
-        Values at the ends, shape (m,).
-    s
-        Share of the time that has passed, shape (k, 1).
-    duration_s
-        Time between the ends.
+    `begin` and `end`: values at the ends, shape (m,). `s`: share of the time that has passed, shape (k, 1).
+    `duration_s`: time between the ends.
     """
     span = end - begin
     return (
@@ -32,12 +26,8 @@ def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple
 def quintic(before: Array, after: Array, span: Array, s: Array) -> Array:
     """Quintic Hermite interpolation: rows of shape (k, 12).
 
-    Parameters
-    ----------
-    before, after
-        Rows of four values, their rates and their accelerations at both ends, shape (k, 12).
-    span, s
-        Time between the ends, and the share of it that has passed, shape (k, 1).
+    `before` and `after`: rows of four values, their rates and their accelerations at both ends, shape (k,
+    12). `span` and `s`: time between the ends, and the share of it that has passed, shape (k, 1).
     """
     p0, v0, a0 = before[:, :4], before[:, 4:8] * span, before[:, 8:] * span**2
     c3, c4, c5 = _powers(before, after, span)

@@ -123,12 +123,8 @@ def smooth_way(
     The way is a quintic polynomial. It begins once the present transition, which is continued till then, can
     be left within the limits. Another reference that is too fast is stopped first.
 
-    Parameters
-    ----------
-    position_m, yaw_rad
-        Place, shape (3,), and heading [unwrapped] at the end.
-    present
-        Reference until now, from which the way begins at `time_s`.
+    `position_m` and `yaw_rad`: place, shape (3,), and heading [unwrapped] at the end. `present`: reference
+    until now, from which the way begins at `time_s`.
     """
     end = np.zeros(COLUMNS)
     end[POSITION], end[YAW] = position_m, yaw_rad

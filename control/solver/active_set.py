@@ -72,17 +72,9 @@ def iterate_active_set(
 ) -> tuple[int, bool, bool]:
     """Sweep until the active set stays.
 
-    Parameters
-    ----------
-    free, pulled
-        Factors of sweeps without and with active bounds.
-    factored
-        Whether `free` is the factor of this problem.
-
-    Returns
-    -------
-    sweeps, converged, factored
-        Number of sweeps, whether the active set stayed, and whether `free` is the factor afterwards.
+    `free` and `pulled`: factors of sweeps without and with active bounds. `factored`: whether `free` is the
+    factor of this problem. Returns the number of sweeps, whether the active set stayed, and whether `free` is
+    the factor afterwards.
     """
     for sweep in range(1, MOST_SWEEPS + 1):
         if set_pulls(p, a):

@@ -19,12 +19,8 @@ MAX_ITERATIONS: Final = 4000
 class OsqpSolver:
     """Workspace of OSQP for problems of one shape; a problem of another shape sets it up again.
 
-    Parameters
-    ----------
-    tolerance
-        Absolute and relative.
-    time_limit_s
-        Longest time of a solve; OSQP cannot be stopped from outside.
+    `tolerance`: absolute and relative. `time_limit_s`: longest time of a solve; OSQP cannot be stopped from
+    outside.
     """
 
     def __init__(self, tolerance: float = TOLERANCE, time_limit_s: float = 0.012) -> None:

@@ -97,12 +97,6 @@ class Solver(Protocol):
     def solve(self, p: OptimalControlProblem, same_cost: bool, expired: Callable[[], bool]) -> Plan:
         """Solve a problem, one stage after the last one.
 
-        Parameters
-        ----------
-        p
-            The problem.
-        same_cost
-            Whether A, B, P and the rows with weights are those of the last solve.
-        expired
-            Deadline, after which the best plan known is returned.
+        `same_cost`: whether A, B, P and the rows with weights are those of the last solve.
+        `expired`: deadline, after which the best plan known is returned.
         """

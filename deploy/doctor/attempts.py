@@ -49,14 +49,8 @@ def strangers(fleet: FleetFile, host: str, directory: Path, now: datetime) -> It
 def members(fleet: FleetFile, address: BusAddress, here: str, directory: Path) -> Iterator[Result]:
     """Try to publish and request what is not permitted, with each readable certificate.
 
-    Parameters
-    ----------
-    address
-        Router of this computer.
-    here
-        Which host this computer is.
-    directory
-        Directory of the certificates.
+    `address`: router of this computer. `here`: which host this computer is. `directory`: directory of the
+    certificates.
     """
     seats = [seat for host in fleet.hosts for seat in host_seats(fleet, host)]
     seats += operator_seats(fleet)

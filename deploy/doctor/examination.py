@@ -39,14 +39,8 @@ def examine(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
 def real_time(priority: int, limit: int, capabilities: int) -> Result:
     """Check that processes may have their real-time priorities.
 
-    Parameters
-    ----------
-    priority
-        Highest SCHED_FIFO priority of the fleet; 0 for none.
-    limit
-        `RLIMIT_RTPRIO`; -1 for no limit.
-    capabilities
-        Effective capabilities of this process, as bits.
+    `priority`: highest SCHED_FIFO priority of the fleet; 0 for none. `limit`: `RLIMIT_RTPRIO`; -1 for no
+    limit. `capabilities`: effective capabilities of this process, as bits.
     """
     if priority == 0:
         return Result(True, "the fleet file asks for no real-time priority")

@@ -38,12 +38,8 @@ def vehicles_flown(
     The numbers are those with every control period computed, with one of two, and so on; the last one is the
     most that the computer flies at all.
 
-    Parameters
-    ----------
-    standing_share
-        Share of one processor that all processes together use for each standing vehicle.
-    control_s
-        Processor time of a control period.
+    `standing_share`: share of one processor that all processes together use for each standing vehicle.
+    `control_s`: processor time of a control period.
     """
     shares = [standing_share + control_s / (every * period_s) for every in range(1, max(Relief).every + 1)]
     at_most = max(USABLE_AT_MOST * processors / shares[-1], SURE * processors)

@@ -29,14 +29,8 @@ def control_time_s(
 ) -> float:
     """Return the median processor time [s] of a control period of a vehicle that hovers at its set point.
 
-    Parameters
-    ----------
-    pilot
-        A new one.
-    wait
-        Called with `period_s` before each period: in flight others use the processor and its caches between.
-    processor_clock
-        Processor time [s].
+    `pilot`: a new one. `wait`: called with `period_s` before each period: in flight others use the processor
+    and its caches between. `processor_clock`: processor time [s].
     """
     times_s = []
     for frame in range(PERIODS):

@@ -74,12 +74,7 @@ class Runners:
 class Guard:
     """Watches vehicles whose agents may run on this host.
 
-    Parameters
-    ----------
-    host
-        This host.
-    turns
-        Number of hosts that are before this one in line, by vehicle.
+    `host`: this host. `turns`: number of hosts that are before this one in line, by vehicle.
     """
 
     def __init__(self, host: str, turns: Mapping[str, int]) -> None:

@@ -58,10 +58,7 @@ def call_in_realtime(priority: int, function: Callable[[], T]) -> T:
 
     Threads that the function starts inherit the class; the calling thread keeps its own.
 
-    Parameters
-    ----------
-    priority
-        SCHED_FIFO priority; 0 for none.
+    `priority`: SCHED_FIFO priority; 0 for none.
     """
     with ThreadPoolExecutor(1, initializer=request_realtime, initargs=(priority,)) as pool:
         return pool.submit(function).result()

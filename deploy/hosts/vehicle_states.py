@@ -17,12 +17,7 @@ def begin_states(vehicles: Iterable[str], directory: Path) -> None:
 
     Pages of fleets whose run directory is gone are removed.
 
-    Parameters
-    ----------
-    directory
-        Run directory of the fleet.
-
-    Raises `FleetError`: a page cannot be used; names it.
+    `directory`: run directory of the fleet. Raises `FleetError`: a page cannot be used; names it.
     """
     states = states_directory(directory)
     _remove_abandoned(states)

@@ -15,10 +15,7 @@ Step = Callable[[], list[str]]  # returns a line per event, for the user
 class Attempts:
     """Calls steps, and turns their errors into lines for the user.
 
-    Parameters
-    ----------
-    clock
-        Monotonic clock [s].
+    `clock`: monotonic clock [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

@@ -72,10 +72,7 @@ def main() -> None:
 def serve(connection: socket.socket, priority: int) -> Callable[[], object] | None:
     """Carry out orders until the supervisor closes the connection.
 
-    Returns
-    -------
-    callable or None
-        In a forked process what it shall do, with an empty call stack below; None in the server itself.
+    Returns in a forked process what it shall do, with an empty call stack below; None in the server itself.
     """
     while True:
         message, descriptors, _, _ = socket.recv_fds(connection, LARGEST_BYTES, DESCRIPTORS)

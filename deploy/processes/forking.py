@@ -42,14 +42,8 @@ def child_environment() -> dict[str, str]:
 class ForkedProcess:
     """A child of this process that a fork server has started; used like `subprocess.Popen`, by any thread.
 
-    Parameters
-    ----------
-    page
-        Its heartbeat page.
-    stdin
-        Writing end of its standard input, if that is a pipe.
-
-    Raises `OSError`: no descriptor is left to watch it; it was killed.
+    `page`: its heartbeat page. `stdin`: writing end of its standard input, if that is a pipe. Raises
+    `OSError`: no descriptor is left to watch it; it was killed.
     """
 
     def __init__(self, pid: int, page: HeartbeatPage, stdin: IO[bytes] | None = None) -> None:
@@ -118,14 +112,8 @@ class ForkedProcess:
 class ForkServer:
     """Starts processes; itself a process, started when it is first needed and again when it has ended.
 
-    Parameters
-    ----------
-    modules
-        Imported once, for all processes it forks.
-    priority
-        SCHED_FIFO priority of the fork server itself, 0 for none: vehicles may wait for a process.
-    clock
-        Monotonic clock [s].
+    `modules`: imported once, for all processes it forks. `priority`: SCHED_FIFO priority of the fork server
+    itself, 0 for none: vehicles may wait for a process. `clock`: monotonic clock [s].
     """
 
     def __init__(
@@ -178,18 +166,10 @@ class ForkServer:
     def start(self, command: Sequence[str], log: Path, *, piped: bool = False) -> ForkedProcess:
         """Start a supervised process, before other programs if that is permitted.
 
-        Parameters
-        ----------
-        command
-            Command line. A module of this interpreter (`python -m MODULE ...`) runs in the forked process;
-            any other program is executed there.
-        log
-            File its output is appended to.
-        piped
-            Whether its standard input is a pipe; empty otherwise.
-
-        Raises `OSError`: it cannot be started: no descriptors are left, or the fork server has just ended and
-        its successor is not ready.
+        `command`: command line. A module of this interpreter (`python -m MODULE ...`) runs in the forked
+        process; any other program is executed there. `log`: file its output is appended to. `piped`: whether
+        its standard input is a pipe; empty otherwise. Raises `OSError`: it cannot be started: no descriptors
+        are left, or the fork server has just ended and its successor is not ready.
         """
         self.ensure_running()
         self._wait_until_ready()

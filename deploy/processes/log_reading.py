@@ -16,12 +16,8 @@ _STAMP: Final = re.compile(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z ")
 class ProcessLogs:
     """The logs in a directory.
 
-    Parameters
-    ----------
-    names
-        Processes or vehicles whose logs are read; none for all.
-    positions
-        Number of bytes of each file that were read before.
+    `names`: processes or vehicles whose logs are read; none for all. `positions`: number of bytes of each
+    file that were read before.
     """
 
     def __init__(

@@ -124,15 +124,8 @@ class Supervisor:
     def watch(self, timeout_s: float) -> list[str]:
         """Start and stop what shall be started and stopped, kill what hangs, and restart what dies.
 
-        Parameters
-        ----------
-        timeout_s
-            How long to wait at most; a death ends the wait at once.
-
-        Returns
-        -------
-        list of str
-            A line per event, for the user.
+        `timeout_s`: how long to wait at most; a death ends the wait at once. Returns a line per event, for
+        the user.
         """
         now, attempt = self._clock(), self._attempt
         self.turns += 1

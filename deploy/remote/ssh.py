@@ -22,10 +22,7 @@ Run = Callable[[str, bytes], "subprocess.CompletedProcess[bytes]"]
 def on(target: str) -> Run:
     """Return a function that runs commands on a host.
 
-    Parameters
-    ----------
-    target
-        Argument of ssh: `lab@192.168.0.11`, or a name of its configuration.
+    `target`: argument of ssh: `lab@192.168.0.11`, or a name of its configuration.
     """
 
     def run(command: str, content: bytes) -> "subprocess.CompletedProcess[bytes]":

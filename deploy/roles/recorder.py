@@ -52,12 +52,7 @@ def recorder_settings(fleet: FleetFile, host: str, started_s: float) -> Recorder
 def flight_settings(fleet: FleetFile, host: str, started_s: float, flight: Begun) -> FlightSettings:
     """Return where and how a flight is recorded, with its metadata.
 
-    Parameters
-    ----------
-    started_s
-        Wall clock at the start of the recorder [s].
-    flight
-        The flight that it records.
+    `started_s`: wall clock at the start of the recorder [s]. `flight`: the flight that it records.
     """
     metadata = {
         "fleet": fleet.name,

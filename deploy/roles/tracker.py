@@ -24,12 +24,8 @@ VICON_ADDRESS: Final = "127.0.0.1:801"
 def run(fleet: FleetFile, _host: str, record_raw: Path | None = None) -> None:
     """Publish the poses of the motion capture.
 
-    Parameters
-    ----------
-    record_raw
-        File for the raw stream, instead of that of the fleet file.
-
-    Raises `FleetError`: the recording cannot be created, or the library of the brand is missing.
+    `record_raw`: file for the raw stream, instead of that of the fleet file. Raises `FleetError`: the
+    recording cannot be created, or the library of the brand is missing.
     """
     settings = tracker_settings(fleet)
     if record_raw is not None and settings.brand is not None:

@@ -21,10 +21,7 @@ from rcopterx.fleet.reading import load_fleet
 def wait_for_job(snapshot: Path, host: str, jobs: Sequence[tuple[str, str]]) -> Callable[[], None] | None:
     """Prepare for these jobs (role, unit) and wait until standard input names one of them.
 
-    Returns
-    -------
-    callable or None
-        Does the job; None if the supervisor has closed standard input instead.
+    Returns what does the job; None if the supervisor has closed standard input instead.
     """
     name_process("spare")
     fleet = load_fleet(snapshot)

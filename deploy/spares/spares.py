@@ -107,14 +107,8 @@ class Spares:
     ) -> ForkedProcess | None:
         """Let a spare take over a job; return its process, or None if no spare can.
 
-        Parameters
-        ----------
-        log
-            Log file of the process it replaces.
-        usable
-            Whether a spare may be taken, by its process id.
-        take_over
-            Whether an agent shall take over from one that flies its vehicle.
+        `log`: log file of the process it replaces. `usable`: whether a spare may be taken, by its process id.
+        `take_over`: whether an agent shall take over from one that flies its vehicle.
         """
         if (role, unit) not in self._jobs:
             return None

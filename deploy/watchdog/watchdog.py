@@ -111,12 +111,8 @@ class _Watch:
 class Watchdog:
     """Checks all processes of a host again and again.
 
-    Parameters
-    ----------
-    limits
-        For how long processes may be silent.
-    blind
-        No process of this host knows whether vehicles fly, so that they always may.
+    `limits`: for how long processes may be silent. `blind`: no process of this host knows whether vehicles
+    fly, so that they always may.
     """
 
     def __init__(self, limits: WatchdogConfig, blind: bool = False) -> None:
@@ -130,12 +126,8 @@ class Watchdog:
     def check(self, now_s: float, observations: Mapping[int, Observation]) -> list[Hung]:
         """Return the processes that are to be killed now; each is returned once.
 
-        Parameters
-        ----------
-        now_s
-            Monotonic time of the supervisor.
-        observations
-            By process id. A process that is missing has ended.
+        `now_s`: monotonic time of the supervisor. `observations`: by process id. A process that is missing
+        has ended.
         """
         elapsed_s = 0.0 if self._checked_s is None else now_s - self._checked_s
         self._checked_s = now_s

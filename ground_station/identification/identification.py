@@ -48,12 +48,7 @@ class Excited(NamedTuple):
 def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float) -> Iterator[None]:
     """Let vehicles hover apart from each other, without leaders; they return to their formation at the end.
 
-    Raises
-    ------
-    IdentificationError
-        A vehicle does not fly, or there is no room.
-    RefusedError, RequestFailedError, NotReachedError
-        A vehicle did not go to its place.
+    Raises `IdentificationError`: a vehicle does not fly, or there is no room.
     """
     states = {name: fleet.state_of(name) for name in names}
     statuses = {name: state.agent for name, state in states.items()}

@@ -91,12 +91,8 @@ def _line(table: object) -> TimedFault:
 def inject_faults(session: Session, faults: Fault | Sequence[TimedFault]) -> None:
     """Inject faults into the simulator of a running fleet, one now or several by their times.
 
-    Raises
-    ------
-    FaultRefusedError
-        At least one is not possible; none of them will happen.
-    RequestFailedError
-        There is no simulator.
+    Raises `FaultRefusedError`: at least one is not possible; none of them will happen. Raises
+    `RequestFailedError`: there is no simulator.
     """
     lines = tuple(faults) if isinstance(faults, Sequence) else (TimedFault(0.0, faults),)
     reply = session.request(SIMULATOR_UNIT, Inject(faults=injected_faults(lines)))

@@ -39,12 +39,7 @@ def _has_vehicles(path: Path) -> bool:
 def next_steps(running: "Sequence[RunningFleet]", files: Sequence[str]) -> tuple[str, list[Step]]:
     """Return a title and the steps that come next.
 
-    Parameters
-    ----------
-    running
-        Fleets that are up on this computer.
-    files
-        Fleet files in the working directory.
+    `running` are the fleets that are up on this computer, `files` the fleet files in the working directory.
     """
     if running:
         up = running[0]

@@ -119,14 +119,10 @@ class RadioProtocol(ABC):
     ) -> bytes:
         """Build the next frame from throttle, aileron, elevator, rudder, gear, aux1, ...; missing ones rest.
 
-        Raises
-        ------
-        PulseRangeError
-            A pulse width is not finite, outside `pulse_range_us`, or there are too many of them.
-        ProtocolError
-            A flag the radio does not offer; kill is no such flag, throttle low does the same more slowly.
-        ForbiddenInFlightError
-            `flags.bind` without `disarmed`, that is, without the knowledge that the vehicle does not fly.
+        Raises `PulseRangeError`: a pulse width is not finite, outside `pulse_range_us`, or there are too many
+        of them; `ProtocolError`: a flag the radio does not offer; kill is no such flag, throttle low does the
+        same more slowly; `ForbiddenInFlightError`: `flags.bind` without `disarmed`, that is, without the
+        knowledge that the vehicle does not fly.
         """
         self._refuse(flags, disarmed)
         return self._frame(self.check(pulses_us), flags)

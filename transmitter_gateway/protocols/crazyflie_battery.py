@@ -23,10 +23,7 @@ PATIENCE_FRAMES = 200  # frames without a voltage after which the vehicle may ha
 class BatteryLog:
     """Finds the voltage in the table of the log, item by item, and subscribes to it.
 
-    Attributes
-    ----------
-    voltage_v
-        Newest voltage, None before the first one.
+    `voltage_v`: newest voltage, None before the first one.
     """
 
     def __init__(self) -> None:

@@ -19,14 +19,9 @@ NO_VOLTAGE = 65_535
 class AutopilotState:
     """The newest reports of an autopilot.
 
-    Attributes
-    ----------
-    armed, obeys
-        Whether it is armed, and whether its mode obeys set points; None before the first heartbeat.
-    attitude_rad, voltage_v
-        Roll to the right, pitch nose up, heading clockwise from above; battery. None before the first one.
-    complaint
-        Why the last command was refused; empty if it was not.
+    `armed` and `obeys`: whether it is armed, and whether its mode obeys set points; None before the first
+    heartbeat. `attitude_rad` and `voltage_v`: roll to the right, pitch nose up, heading clockwise from above;
+    battery. None before the first one. `complaint`: why the last command was refused; empty if it was not.
     """
 
     def __init__(self, mode: Mode) -> None:

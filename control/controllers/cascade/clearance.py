@@ -94,12 +94,8 @@ class ClearRows(NamedTuple):
 def clearances(previous_m: Array, wanted_m: Array, obstacles: Sequence[Obstacle]) -> Clearances:
     """Linearise the nearest `SLOTS` ellipsoids around a plan.
 
-    Parameters
-    ----------
-    previous_m, wanted_m
-        Positions of the previous plan at the present stages, and of the reference, shape (N, 3).
-    obstacles
-        At least one.
+    `previous_m` and `wanted_m`: positions of the previous plan at the present stages, and of the reference,
+    shape (N, 3). `obstacles`: at least one.
     """
     axes = np.array([(other.horizontal_m, other.horizontal_m, other.vertical_m) for other in obstacles])
     centres = np.stack([other.positions_m for other in obstacles], axis=1)
@@ -131,12 +127,8 @@ def clearances(previous_m: Array, wanted_m: Array, obstacles: Sequence[Obstacle]
 def normals(gap: Array, way: Array, settled: Array) -> tuple[Array, Array]:
     """Return unit normals away from the others, straight and turned, shape (N, K, 3) each.
 
-    Parameters
-    ----------
-    gap, way
-        From the other's to the own position, and from there to the reference, in half axes, shape (N, K, 3).
-    settled
-        Length of a way below which the turn fades out, shape (K,).
+    `gap` and `way`: from the other's to the own position, and from there to the reference, in half axes,
+    shape (N, K, 3). `settled`: length of a way below which the turn fades out, shape (K,).
     """
     distance = np.sqrt(np.einsum("ska,ska->sk", gap, gap))
     far = distance > _TINY

@@ -94,12 +94,8 @@ class TerminalCost:
     and integrator pairs into the body frame: one Riccati equation, none in flight.
     Otherwise the equation is solved once per heading and remembered.
 
-    Parameters
-    ----------
-    paper_model
-        The dynamics.
-    state_weights, input_weights
-        Diagonals of Q, shape (11,), and R, shape (4,).
+    `state_weights` and `input_weights`: diagonals of Q, shape (11,), and R,
+    shape (4,).
     """
 
     def __init__(self, paper_model: PaperModel, state_weights: Array, input_weights: Array) -> None:
