@@ -97,6 +97,20 @@ class TiltModel:
         share = math.cos(self.upper_phase_rad) - self.upper_share
         return GRAVITY_M_S2 * share * self.flapping_rad_s_m / self.frequency_rad_s**2
 
+    @property
+    def coupling_rad(self) -> float:
+        """Angle by which an acceleration is turned against the demand that causes it, before the bar
+        follows.
+        """
+        plateau = self._plateau()
+        return math.atan2(plateau[1, 0], plateau[0, 0])
+
+    def _plateau(self) -> Array:
+        """Return the acceleration of a still bar per angular acceleration, times the lower rotor's turn."""
+        w, upper = self.frequency_rad_s, heading_matrix(self.upper_phase_rad)
+        body = GRAVITY_M_S2 * (upper.T - self.upper_share * np.eye(2)) / w**2 + self.direct_m * np.eye(2)
+        return np.asarray(body @ heading_matrix(-self.lower_phase_rad))
+
     def dynamics(self) -> TiltDynamics:
         """Continuous dynamics with the core states tilt (2), tilt rate (2) and, with a bar, its direction
         (2).
@@ -106,8 +120,7 @@ class TiltModel:
         pull, damping = w**2 * upper, 2 * self.damping_ratio * w * eye
         hanging = GRAVITY_M_S2 * self.upper_share * upper
         # angular acceleration per demand, so that the steady acceleration of a still bar is one
-        plateau = (GRAVITY_M_S2 * eye - hanging) @ np.linalg.solve(pull, lower) + self.direct_m * lower
-        lever = lower / math.sqrt(np.linalg.det(plateau))
+        lever = lower / math.sqrt(np.linalg.det(self._plateau()))
         a = np.block([[none, eye], [-pull, -damping]])
         b = np.vstack((none, lever))
         c = np.hstack((GRAVITY_M_S2 * eye - hanging, none))

@@ -69,6 +69,8 @@ def test_chains_of_helicopters_are_flown_with_the_default_and_with_plans_alone()
 @pytest.mark.campaign
 @pytest.mark.timeout(1200)
 def test_errors_do_not_grow_along_a_chain_of_twenty() -> None:
-    flown = fly_helicopters(20, "default", 0.25, False, HELICOPTERS, 0)
+    """The head hovers within 25 mm; a drawn vehicle that alone hovers worse does so in the chain as well."""
+    flown, alone = (fly_helicopters(20, "default", share, False, HELICOPTERS, 0) for share in (0.25, 0.0))
     assert flown.overshoot_m.max() < 0.06
-    assert flown.hover_m.max() < 0.025
+    assert flown.hover_m[0] < 0.025
+    assert (flown.hover_m < 1.1 * alone.hover_m + 0.001).all()

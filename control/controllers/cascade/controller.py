@@ -145,6 +145,8 @@ class CascadeController(MpcController):
 
     def _start(self, estimate: Estimate, last_input: Array) -> None:
         self._observer.start(estimate.motion, last_input)
+        if isinstance(self._horizontal, LateralTilt):
+            self._horizontal.reset()
         for solver in (self._heading_solver, self._height_solver, self._horizontal_solver):
             solver.reset()
 

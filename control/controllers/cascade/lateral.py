@@ -108,19 +108,23 @@ class Steering(NamedTuple):
     """How pitch and roll sticks act on a vehicle with a tilt model."""
 
     gain: Array  # b of both sticks, shape (2,)
-    drag: float
+    drag: float  # acceleration per velocity [1/s]
+    flapping: float  # that by the tilt of flapping rotors, before the bar follows
+    creep: float  # share of the way to the mast by which the bar follows it in a period; 0 without a bar
+    upper_share: float  # part of the thrust that follows the bar instead of the body
+    coupling_rad: float  # by which an acceleration is turned against the demand that causes it
     lead: float  # stages by which demands precede the accelerations that they cause
 
 
-STEERING: Final[Any] = record(Steering, VECTOR, NUMBER, NUMBER)
+STEERING: Final[Any] = record(Steering, VECTOR, *6 * [NUMBER])
 
 
 class LateralTilt:
     """Formulation with a tilt model for N = `stages` planned inputs.
 
-    With `feed_forward` demands are referred to those that fly the reference. Where weights of the body's axes
-    differ, so that the cost turns with the heading, `same_cost` is False. The arrays of a problem are used
-    again for the next one.
+    With `feed_forward` demands and the state at the end are referred to those that fly the reference, while
+    the stabilizer bar follows the mast. Where weights of the body's axes differ, so that the cost turns with
+    the heading, `same_cost` is False. The arrays of a problem are used again for the next one.
     """
 
     def __init__(
@@ -129,9 +133,15 @@ class LateralTilt:
         self._feed_forward = feed_forward
         system, tilt = lateral_system(model, period_s), model.tilt
         assert tilt is not None
-        lag_s = tilt.servo_lag_s + 2.0 * tilt.damping_ratio / tilt.frequency_rad_s
-        drag = float(model.k[HORIZONTAL].mean()) - tilt.flapping_drag_per_s
-        self._steering = steering = Steering(model.b[HORIZONTAL], drag, lag_s / period_s)
+        dampings = model.uncertainty.tilt_damping or (tilt.damping_ratio, tilt.damping_ratio)
+        # The model may be less damped than the mean of the vehicles that it stands for.
+        lag_s = tilt.servo_lag_s + sum(dampings) / tilt.frequency_rad_s
+        creep = 0.0 if tilt.bar_time_constant_s is None else period_s / tilt.bar_time_constant_s
+        drag, flapping = float(model.k[HORIZONTAL].mean()), -tilt.flapping_drag_per_s
+        self._steering = steering = Steering(
+            model.b[HORIZONTAL], drag, flapping, creep, tilt.upper_share, tilt.coupling_rad, lag_s / period_s
+        )
+        self._bar = np.zeros(2)
         A, B = system.transition, system.demand
         W = np.zeros(ROWS)
         effort = weights.effort[HORIZONTAL] / steering.gain**2
@@ -148,10 +158,14 @@ class LateralTilt:
         self._problem = repeated(stages, A, B, C, D, W, s, P)
         self._problem.s[0, :STICK] = 0.0
 
+    def reset(self) -> None:
+        """Begin with a reference at rest."""
+        self._bar[:] = 0.0
+
     def along(self, heading: Array, task: Task, clear: ClearRows | None) -> OptimalControlProblem:
         """State the problem as `LateralLags.along` does; sticks among its rows have the trim added."""
         p = self._problem
-        state_tilting(p, task, self._steering, heading, self._feed_forward)
+        state_tilting(p, task, self._steering, self._bar, heading, self._feed_forward)
         return p if clear is None else clear.added_to(p)
 
     def velocity_at_end(self, plan: Plan, heading: Array) -> Array:  # noqa: ARG002 - it is a state
@@ -163,17 +177,38 @@ class LateralTilt:
         return plan.y[:, STICK:ROWS] - task.estimate.tilt.trim
 
 
-@compiled(PROBLEM, TASK, STEERING, VECTOR, FLAG)
+@part
+def demands(reference: Array, axis: int, steering: Steering, bar: Array) -> tuple[Array, float, float]:
+    """Return the demands that fly a reference along an axis, and the tilts of body and bar at its end.
+
+    Demands have the shape (N + 1,) and do not contain the coupling of the axes. `bar` is the tilt of the bar
+    at the first stage in both axes; it is advanced by a period.
+    """
+    found, along, by_bar = np.empty(len(reference)), 0.0, GRAVITY_M_S2 * bar[axis]
+    for k in range(len(reference)):
+        if k > 0:
+            by_bar += steering.creep * (along - by_bar)
+        if k == 1:
+            bar[axis] = by_bar / GRAVITY_M_S2
+        velocity = reference[k, 4 + axis]
+        along = reference[k, 8 + axis] - steering.drag * velocity
+        found[k] = along - by_bar - steering.flapping * velocity
+    share = steering.upper_share
+    return found, (along - share * by_bar) / (1.0 - share) / GRAVITY_M_S2, by_bar / GRAVITY_M_S2
+
+
+@compiled(PROBLEM, TASK, STEERING, VECTOR, VECTOR, FLAG)
 def state_tilting(
-    p: OptimalControlProblem, task: Task, steering: Steering, heading: Array, feed_forward: bool
+    p: OptimalControlProblem, task: Task, steering: Steering, bar: Array, heading: Array, feed_forward: bool
 ) -> None:
     """State the problem along a planned heading."""
     motion, tilt, reference, limits = task.estimate.motion, task.estimate.tilt, task.reference, task.limits
-    N, gain, drag, servo = len(p.r), steering.gain, steering.drag, 4 + len(tilt.core)
+    N, gain, servo = len(p.r), steering.gain, 4 + len(tilt.core)
     for axis in range(2):
         rate, stick = BODY_VELOCITY + axis, STICK + axis
         slowest, fastest = limits.velocity[0, axis], limits.velocity[1, axis]
         below, above = beyond(motion[4 + axis], slowest, fastest)
+        needed, tilt_end, bar_end = demands(reference, axis, steering, bar)
         for k in range(N):
             p.r[k, axis], p.r[k, VELOCITY + axis] = reference[k, axis], reference[k, 4 + axis]
             p.low[k, axis], p.high[k, axis] = limits.position[0, axis], limits.position[1, axis]
@@ -184,11 +219,13 @@ def state_tilting(
             if feed_forward:
                 at = min(k + steering.lead, float(N))
                 before = min(int(at), N - 1)
-                needed = reference[before, 8 + axis] - drag * reference[before, 4 + axis]
-                after = reference[before + 1, 8 + axis] - drag * reference[before + 1, 4 + axis]
-                p.r[k, DEMAND + axis] = needed + (at - before) * (after - needed)
+                p.r[k, DEMAND + axis] = needed[before] + (at - before) * (needed[before + 1] - needed[before])
         p.x_0[axis], p.x_0[servo + 2 + axis] = motion[axis], tilt.wind_m_s2[axis]
         p.x_end[axis], p.x_end[VELOCITY + axis] = reference[N, axis], reference[N, 4 + axis]
+        if feed_forward:
+            p.x_end[4 + axis], p.x_end[servo + axis] = tilt_end, needed[N]
+            if steering.creep:
+                p.x_end[servo - 2 + axis] = bar_end
     demand, low, high = p.r[:, DEMAND:BODY_VELOCITY], p.low[:, STICK:ROWS], p.high[:, STICK:ROWS]
     for k in range(N):
         middle_rad = 0.5 * (heading[k] + heading[k + 1])
@@ -199,10 +236,12 @@ def state_tilting(
             p.C[k, BODY_VELOCITY, VELOCITY + axis], p.C[k, BODY_VELOCITY + 1, VELOCITY + axis] = forward, left
             p.D[k, STICK, axis], p.D[k, STICK + 1, axis] = pitch / gain[0], roll / gain[1]
         if feed_forward:  # within the bounds of the sticks
-            pitch, roll = in_body(middle_rad, demand[k, 0], demand[k, 1])
+            pitch, roll = in_body(middle_rad + steering.coupling_rad, demand[k, 0], demand[k, 1])
             pitch = gain[0] * min(max(pitch / gain[0], low[k, 0]), high[k, 0])
             roll = gain[1] * min(max(roll / gain[1], low[k, 1]), high[k, 1])
             demand[k, 0], demand[k, 1] = in_body(-middle_rad, pitch, roll)
+    x, y = p.x_end[servo], p.x_end[servo + 1]
+    p.x_end[servo], p.x_end[servo + 1] = in_body(steering.coupling_rad, x, y)
     p.x_0[VELOCITY], p.x_0[VELOCITY + 1] = in_body(-motion[YAW], motion[4], motion[5])
     pitch, roll = gain[0] * tilt.servo[0], gain[1] * tilt.servo[1]
     p.x_0[servo], p.x_0[servo + 1] = in_body(-motion[YAW], pitch, roll)

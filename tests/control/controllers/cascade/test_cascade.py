@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.vehicle_types import COAXIAL_LAG
+from support.vehicle_types import COAXIAL, COAXIAL_LAG
 
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
-from rcopterx.control.interfaces import ControlStep, Estimate
+from rcopterx.control.interfaces import ControlStep, Estimate, TiltEstimate
+from rcopterx.control.models import prediction
 from rcopterx.control.models.roll_out import predict
+from rcopterx.control.references.set_points import smooth_move
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix
@@ -108,6 +110,20 @@ def test_feed_forward_flies_an_accelerating_reference_closer() -> None:
         plan = controller.step(moving, Trajectory(samples, PERIOD_S), HOVER).plan
         errors.append(np.abs(plan.position_m - samples[:, :3]).max())
     assert errors[0] < 0.5 * errors[1]
+
+
+def test_a_way_is_flown_closely_while_the_bar_creeps_and_the_axes_couple() -> None:
+    assert COAXIAL.tilt is not None
+    controller, hover, still = make(COAXIAL, horizon=30), COAXIAL.hover_input, np.zeros(2)
+    tilt = TiltEstimate(np.zeros(COAXIAL.tilt.dynamics().size), still, still, still)
+    vehicle = state()._replace(actuator=hover, tilt=tilt)
+    way = smooth_move(np.array([0.0, 0.0, 1.0]), np.array([0.4, 0.1, 1.0]), 0.0, 0.0, 0.5)
+    controller.reset(vehicle, hover)
+    for period in range(110):
+        reference = way.sample(period * PERIOD_S, PERIOD_S, controller.horizon)
+        assert vehicle.motion[:2] == pytest.approx(reference.position_m[0, :2], abs=0.006)
+        sticks = controller.step(vehicle, reference, hover).inputs[0]
+        vehicle = prediction.predict(COAXIAL, vehicle, sticks, PERIOD_S)
 
 
 def test_a_step_that_is_still_ahead_is_prepared_for() -> None:
