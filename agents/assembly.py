@@ -29,10 +29,7 @@ TRAJECTORY_CHECKED: Final = "trajectory_checked"  # event of the thread that che
 
 
 def build_pilot(settings: AgentSettings) -> Pilot:
-    """Return a pilot with the controller, the estimator and the leaders of the settings.
-
-    Raises `ValueError`: unknown controller or estimator, or a setting it does not accept.
-    """
+    """Return the pilot of the settings; `ValueError` for a name or a setting that does not exist."""
     parts = settings.configuration.parts(settings.model, settings.period_s)
     return Pilot(
         parts.model,
@@ -50,10 +47,7 @@ def build_pilot(settings: AgentSettings) -> Pilot:
 
 
 class AgentParts:
-    """Parts of an agent beside its pilot, with subscriptions to what they need.
-
-    Replays find a subscription by its number, so its order counts.
-    """
+    """Parts of an agent beside its pilot. Replays find a subscription by its number: its order counts."""
 
     def __init__(self, settings: AgentSettings, pilot: Pilot, bus: StepBus) -> None:
         vehicle, clock, host = settings.vehicle, bus.clock, settings.bus.host

@@ -47,10 +47,7 @@ class Observation:
         return self.poses.age_s(self._clock())
 
     def take_applied(self) -> bool:
-        """Process the inputs that were written to the radio; return whether the vehicle is found in flight.
-
-        The pilot only watches inputs while another agent holds the lease.
-        """
+        """Process the inputs written to the radio; return whether the vehicle is found in flight."""
         pilot, lease, guidance = self._pilot, self._lease, self._pilot.guidance
         was_flying = guidance.rotor_on
         for received in self.applied.drain():

@@ -243,10 +243,7 @@ class Agent:
         return seen.arrived_s + pacing.rest_s(self._pilot.clock.current_frame)
 
     def next_s(self) -> float:
-        """Time of the next deadline [monotonic s]; messages wake the loop earlier.
-
-        Reports wait for the next step.
-        """
+        """Time of the next deadline [monotonic s]; reports wait for the next step."""
         parts = self.parts
         if parts.requests.waiting:
             return -math.inf

@@ -149,10 +149,7 @@ HOVER_THRUST_BITS: Final = 10  # hover thrusts are rounded to a tenth of a per c
 
 
 class Reporter:
-    """Publishes status and intent of one agent, periodically and at once after a change.
-
-    `due_s`: when the next report is due [monotonic s].
-    """
+    """Publishes status and intent of one agent at `due_s` [monotonic s], and at once after a change."""
 
     def __init__(
         self, settings: AgentSettings, pilot: Pilot, bus: StepBus, parts: AgentParts, realtime: bool

@@ -38,10 +38,7 @@ class Trial:
 
 
 def fleet_figures(document: Any) -> Figures:
-    """Of `bench scale` with one fleet: shares of one processor per vehicle, latency.
-
-    Raises `CostError`: the fleet could not be flown.
-    """
+    """Share of a processor per vehicle, and latency, of `bench scale` with one fleet; raises `CostError`."""
     (row,) = document["runs"]
     if row["missed_ticks"] is None:
         raise CostError(f"{row['vehicles']} vehicles did not fly: {row['problem']}")
@@ -56,10 +53,7 @@ def fleet_figures(document: Any) -> Figures:
 
 
 def manoeuvre_figures(document: Any) -> Figures:
-    """Of a flown manoeuvre, whether it passed its checks or not.
-
-    Raises `CostError`: it was not flown to its end.
-    """
+    """Figures of a manoeuvre that was flown to its end, passed or not; else raises `CostError`."""
     if document["frame_to_radio_ms"] is None:
         raise CostError(f"{document['manoeuvre']}: {document['problem']}")
     return {"frame_to_radio_p99_ms": document["frame_to_radio_ms"]["p99"]}
@@ -93,10 +87,7 @@ TRIALS: Final[Mapping[str, Trial]] = {
 
 
 def run(other: Path, names: Sequence[str], rounds: int, show: Show) -> dict[str, Any]:
-    """Run the trials `names` in both checkouts in turn; returns the JSON document of `rcopterx bench cost`.
-
-    Raises `CostError`: the directory is not a checkout.
-    """
+    """Run trials in both checkouts in turn; return the JSON document of `bench cost`. Raises `CostError`."""
     if not (other / "benchmarks" / "scale.py").is_file():
         raise CostError(f"{other} is no checkout of rcopterx with benchmarks/scale.py")
     document: dict[str, Any] = {"against": str(other.resolve()), "rounds": rounds, "trials": {}, "failed": {}}
@@ -129,10 +120,7 @@ def compared(here: Sequence[Figures], there: Sequence[Figures]) -> dict[str, dic
 
 
 def measured(trial: Trial, checkout: Path) -> Figures:
-    """Figures of a trial, run once by a checkout's own command line and, if it has one, environment.
-
-    Raises `CostError`: the command printed no JSON document.
-    """
+    """Figures of a trial by a checkout's own command line; raises `CostError` without a JSON document."""
     environment = os.environ | {"PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1"}
     memory_mb, last_line = 0.0, ""
     python = checkout / ".venv" / "bin" / "python"

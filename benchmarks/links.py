@@ -45,10 +45,7 @@ run_router(listen, connect, None, 26, identity, others)
 
 
 class Stream:
-    """Samples like those of three vehicles from one host to the other, and when they arrived.
-
-    Both ends are processes of one computer, so that their clocks agree.
-    """
+    """Samples like those of three vehicles between two hosts, processes of one computer and clock."""
 
     def __init__(self, sender: zenoh.Session, receiver: zenoh.Session, name: str) -> None:
         self.arrivals: list[tuple[float, float]] = []

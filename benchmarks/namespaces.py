@@ -30,10 +30,7 @@ class Network:
         self.addresses = {host: f"{NETWORK}.{number}" for number, host in enumerate(hosts, 1)}
 
     def build(self) -> None:
-        """Create namespaces, bridges and cables.
-
-        Raises `NetworkUnavailableError`: the right or the program for it is missing.
-        """
+        """Create namespaces, bridges, cables; `NetworkUnavailableError` without the right or program."""
         _ip("netns", "add", self.switch)
         self._in_switch("link", "add", "hub", "type", "bridge")
         self._in_switch("link", "set", "hub", "up")
@@ -103,10 +100,7 @@ class Network:
 
 @contextmanager
 def network(hosts: Sequence[str]) -> Iterator[Network]:
-    """A network of these hosts; it is removed at the end.
-
-    Raises `NetworkUnavailableError`: see `Network.build`.
-    """
+    """A network of these hosts, removed at the end; raises `NetworkUnavailableError`."""
     made = Network(hosts)
     try:
         made.build()

@@ -92,10 +92,7 @@ CONTESTANTS: Final[Mapping[str, Contestant]] = MappingProxyType(
 
 
 class JudgedSolver:
-    """A solver whose sticks are compared with the exact solution of every tenth problem.
-
-    `errors` gets the largest difference of a stick of each judged plan.
-    """
+    """A solver; `errors` gets the distance of its sticks from the exact solution of each tenth problem."""
 
     def __init__(self, solver: Solver, errors: list[float]) -> None:
         self._solver, self._errors, self._count = solver, errors, 0

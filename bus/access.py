@@ -26,10 +26,7 @@ class Seat:
 
 @dataclass(frozen=True)
 class Subject:
-    """A client that may connect, with its roles; one without seats may only subscribe.
-
-    `certificate` is the common name of its certificate, or None for local processes on the Unix socket.
-    """
+    """A client by its certificate's name, None on the Unix socket; without seats it may only subscribe."""
 
     certificate: str | None
     seats: tuple[Seat, ...] = ()

@@ -35,10 +35,7 @@ class Protection:
 
 
 def open_session(config: zenoh.Config) -> zenoh.Session:
-    """Open a Zenoh session; all sessions of a process are opened here, because they share their threads.
-
-    Raises `zenoh.ZError` if no router answers, or a router cannot listen.
-    """
+    """Open a Zenoh session, all of which share the threads of the process; may raise `zenoh.ZError`."""
     os.environ.setdefault(*_THREADS)
     return zenoh.open(config)
 

@@ -18,10 +18,7 @@ SAMPLES: Final = 125  # newest exchanges that are kept: ten seconds of beats
 
 
 class ClockOffset(NamedTuple):
-    """Result of one exchange.
-
-    `offset_s` is the other host's clock minus this one's, wrong by at most half of `round_trip_s`.
-    """
+    """Another host's clock minus this one's, `offset_s`, wrong by at most half of `round_trip_s`."""
 
     offset_s: float
     round_trip_s: float
@@ -94,10 +91,7 @@ class _Neighbour:
 
 
 class LinkWatch:
-    """Judges the links of one router; `now_s` is the monotonic clock in all methods.
-
-    The clocks of the fleet run at `speed` times the monotonic ones of their hosts.
-    """
+    """Judges the links of a router; `now_s` is the monotonic clock, `speed` that of the fleet's clocks."""
 
     def __init__(self, host: str, router: str, now_s: float, speed: float = 1.0) -> None:
         self._host, self._speed = host, speed

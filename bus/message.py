@@ -60,10 +60,7 @@ class InvalidMessageError(ValueError):
 
 
 class FloatArray(Struct, frozen=True):
-    """A matrix of 64-bit little-endian floats, row by row.
-
-    numpy is imported on first use: routers and `kill` start without it.
-    """
+    """A matrix of 64-bit little-endian floats, row by row; routers and `kill` start without numpy."""
 
     shape: tuple[Count, Count]
     data: bytes

@@ -60,10 +60,7 @@ def prepare_loop() -> None:
 
 
 def share_interpreter() -> None:
-    """Shorten for how long one thread may keep others from running; to be called after start-up.
-
-    Switches become frequent, and garbage collection examines only objects that are created later.
-    """
+    """Shorten for how long a thread may keep others from running; call it after start-up."""
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     gc.collect()
     gc.freeze()

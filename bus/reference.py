@@ -229,10 +229,7 @@ def field_table(
     default: Callable[[types.Field], str],
     inherited: Collection[str] = (),
 ) -> Iterator[str]:
-    """Yield the lines of a table of the fields of a type, without inherited ones.
-
-    `structure` returns the text of a type with fields of its own, `default` that of a field's default.
-    """
+    """Yield the lines of a table of a type's fields; `structure` and `default` return texts of its cells."""
     yield "| field | type | unit | default | meaning |"
     yield "| --- | --- | --- | --- | --- |"
     meanings = meanings_of(kind)

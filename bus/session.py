@@ -108,10 +108,7 @@ class Incoming:
 
 
 class RawMessage(NamedTuple):
-    """A message as it arrived, undecoded.
-
-    `number` is the count of its sender on this key, from 1 on; 0 where the sender does not count.
-    """
+    """A message as it arrived; `number` is its sender's count on this key from 1 on, 0 if unknown."""
 
     unit: str
     topic: str
@@ -121,10 +118,7 @@ class RawMessage(NamedTuple):
 
 
 def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
-    """Open a Zenoh client of the router at the first endpoint that answers, else raise `BusUnreachableError`.
-
-    Zenoh spends its whole time-out on the first endpoint of a list, so they are tried in turn.
-    """
+    """Open a Zenoh client of the first router that answers, tried in turn; else `BusUnreachableError`."""
     give_up_s = time.monotonic() + timeout_s
     attempt_s = FIRST_ATTEMPT_S
     reason = ""

@@ -134,10 +134,7 @@ OnArrival = Callable[[Inbox[Any], bytes], None]
 
 
 class Subscription(Inbox[M]):
-    """An inbox filled from the bus.
-
-    `origin` selects whether messages of the own session are received, too.
-    """
+    """An inbox filled from the bus; `origin` selects whether the own session's messages are received."""
 
     def __init__(
         self,
@@ -168,10 +165,7 @@ class Subscription(Inbox[M]):
 
 
 class UnitSubscriptions(Generic[M]):
-    """One channel of every unit of a fleet, with an inbox for each; parameters as in `Subscription`.
-
-    Messages of other units than `units` are rejected; an empty set permits all.
-    """
+    """One channel of every unit, with an inbox each; units that are not in `units`, if any, are rejected."""
 
     def __init__(
         self,

@@ -99,10 +99,7 @@ def _check_private(path: Path) -> None:
 
 
 def _digest() -> str:
-    """Digest of everything that machine code depends on.
-
-    numba itself checks the file of a kernel only, not those of the functions that the kernel calls.
-    """
+    """Digest of all sources that machine code depends on; numba checks a kernel's own file only."""
     digest = hashlib.sha256()
     package = Path(__file__).parents[1]
     for module in (*RECORDS, *sorted(MODULES)):
@@ -128,10 +125,7 @@ def only_one(path: Path, module: str) -> Iterator[None]:
 
 
 def remove_unused(base: Path, now_s: float) -> None:
-    """Remove versions of kernels that no process has used recently.
-
-    `now_s`: present time [Unix time, s].
-    """
+    """Remove versions of kernels that no process has used recently; `now_s` is the Unix time."""
     used_s = {}
     for path in base.glob(f"{_PREFIX}*"):
         with suppress(FileNotFoundError):  # another process may remove them as well
@@ -143,10 +137,7 @@ def remove_unused(base: Path, now_s: float) -> None:
 
 
 def compile_all() -> None:
-    """Compile all kernels in another process, which prints its progress, unless the cache holds them.
-
-    Raises `OSError`: compiling failed; the other process has printed why.
-    """
+    """Compile all kernels that the cache lacks in another process, which prints; `OSError` if it fails."""
     path = directory()
     if path is not None and (path / COMPLETE).exists():
         return

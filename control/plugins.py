@@ -110,10 +110,7 @@ class Registry(Generic[Part]):
         raise SettingsError(f"no {self.kind} is called {name!r}; allowed are {', '.join(self.available())}")
 
     def build(self, name: str, model: Model, period_s: float, settings: Mapping[str, object]) -> Part:
-        """Build the part of one vehicle; `settings` that are left out keep their defaults.
-
-        Raises `SettingsError` for an unknown name, or a setting that is not allowed.
-        """
+        """Build the part of one vehicle; `SettingsError` for an unknown name or a setting not allowed."""
         part_class = self.load(name)
         lowest, highest = PERIOD_RANGE_S
         if not lowest <= period_s <= highest:

@@ -17,10 +17,7 @@ EXIT_WRONG: Final = 3  # exit code for a fleet with a wrong field
 
 
 def check_fleet(fleet: FleetFile, directory: Path) -> None:
-    """Build the settings of every process of a fleet with this run directory.
-
-    Raises `FleetError`: names the field that is wrong.
-    """
+    """Build the settings of every process with this run directory; `FleetError` names the wrong field."""
     # Imported here: the launcher imports this module, and needs none of the libraries of agents.
     from rcopterx.deploy.roles.agent import check_period, pilot_of
     from rcopterx.deploy.roles.simulator import simulator_settings
@@ -42,10 +39,7 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
 
 
 def check_in_process(fleet: FleetFile, directory: Path, forks: ForkServer) -> None:
-    """As `check_fleet`, in a process that ends: what only agents need does not stay in this one.
-
-    Raises `FleetError`: names the field that is wrong; `OSError`: the check failed for another reason.
-    """
+    """As `check_fleet`, in another process: what only agents need does not stay in this one."""
     with TemporaryDirectory(prefix="rcopterx-") as place:
         snapshot, log = Path(place) / "fleet.json", Path(place) / "log"
         write_snapshot(fleet, snapshot)

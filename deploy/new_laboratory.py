@@ -49,10 +49,7 @@ class NewLaboratory(NamedTuple):
 
 
 def write_fleet_file(path: Path, laboratory: NewLaboratory) -> None:
-    """Write a fleet file that passes every check without hardware.
-
-    Raises `FleetError`: an answer cannot be used, or the file exists.
-    """
+    """Write a fleet file that passes every check without hardware, or raise `FleetError`."""
     text = fleet_file_text(laboratory, path)
     fleet = parse_fleet(text)
     check_fleet(fleet, run_directory(fleet.name, None))

@@ -22,10 +22,7 @@ SUFFIX: Final = ".template"
 
 
 def write_package(kind: str, name: str, parent: Path) -> list[Path]:
-    """Write the package `name` into a new directory of that name below `parent`; returns its files.
-
-    Raises `FleetError`: the name cannot be used, or the directory exists.
-    """
+    """Write the package `name` below `parent`; return its files. `FleetError` for an unusable name."""
     directory = parent / name
     if not re.fullmatch("[a-z][a-z0-9_]*", name):
         raise FleetError(f"{name!r} is no name: use lower case letters, digits and _")

@@ -16,10 +16,7 @@ from rcopterx.fleet.schema import (
 
 
 def check_consistency(fleet: FleetFile) -> None:
-    """Refuse a file whose tables contradict each other.
-
-    Raises `FleetError`: names the path of the wrong field and what is allowed.
-    """
+    """Refuse a file whose tables contradict each other; `FleetError` names the path of the wrong field."""
     _check_vehicles(fleet)
     _check_hosts(fleet)
     _check_security(fleet)

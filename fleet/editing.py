@@ -22,10 +22,7 @@ DIGITS = 4
 
 
 def write_calibration(path: Path, vehicle: str, calibration: Calibration) -> list[str]:
-    """Change the calibration of a vehicle; return a line for each changed field, with old and new value.
-
-    Raises `FleetError`: the file cannot be used, or comes with the package; nothing was written.
-    """
+    """Change a vehicle's calibration; return a line for each changed field. `FleetError`: nothing written."""
 
     def present(file: FleetFile) -> dict[str, Any]:
         plain: dict[str, Any] = msgspec.to_builtins(calibration_of(file, vehicle))
@@ -64,10 +61,7 @@ def _rewrite(
     *,
     inline: bool,
 ) -> list[str]:
-    """Change what `present` reads from a fleet file to `after`, and return a line for each change.
-
-    The table of these keys is created (on one line and with whole inner tables if `inline`) if missing.
-    """
+    """Change `present` in a fleet file to `after`, return the changes; a missing table is created."""
     path = _own(path)
     before, document = present(load_fleet(path)), _document(path)
     table = _table(document, keys, inline)

@@ -24,10 +24,7 @@ def formation_places(fleet: FleetFile) -> dict[str, Array]:
 
 
 def check_formation(fleet: FleetFile, minimum_distance_m: float | None) -> None:
-    """Check that each formation can be flown with its leader at heading zero.
-
-    Raises `FleetError`: two vehicles would be too close to each other, or too far apart for the volume.
-    """
+    """Check distances and room of each formation at heading zero; raises `FleetError`."""
     links = links_of(fleet)
     where = formation_places(fleet)
     for name, other in combinations(fleet.vehicles, 2):

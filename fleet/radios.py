@@ -24,10 +24,7 @@ def calibration_of(fleet: FleetFile, name: str) -> Calibration:
 
 
 def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
-    """Radio protocol of a vehicle's transmitter.
-
-    A pseudo-terminal keeps no parity, so simulated lines have none.
-    """
+    """Radio protocol of a transmitter; simulated lines have no parity, as no pseudo-terminal has."""
     transmitter = fleet.vehicles[name].transmitter
     where = f"vehicles.{name}.transmitter"
     required = type_of(fleet, name).file.transmitter

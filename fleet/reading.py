@@ -36,10 +36,7 @@ def encoded(fleet: FleetFile) -> bytes:
 
 
 def read_snapshot(path: Path) -> FleetFile:
-    """Return the fleet of a snapshot.
-
-    Raises `FleetError`: the file cannot be read or is no snapshot.
-    """
+    """Return the fleet of a snapshot's file; raises `FleetError`."""
     try:
         return snapshot_of(path.read_bytes())
     except OSError as error:
@@ -49,10 +46,7 @@ def read_snapshot(path: Path) -> FleetFile:
 
 
 def snapshot_of(content: bytes) -> FleetFile:
-    """Return the fleet of the content of a snapshot.
-
-    Raises `FleetError`: it is no snapshot.
-    """
+    """Return the fleet of the content of a snapshot, or raise `FleetError`."""
     try:
         return msgspec.json.decode(content, type=FleetFile)
     except msgspec.DecodeError as error:
@@ -73,10 +67,7 @@ def digest_of(fleet: FleetFile) -> str:
 
 
 def at_speed(fleet: FleetFile, speed: float | None) -> FleetFile:
-    """Return a fleet whose time passes at a speed, None for that of its file.
-
-    Raises `FleetError`: the fleet flies hardware, or the speed is out of range.
-    """
+    """Return a fleet at a speed, None for its file's; `FleetError` for hardware or a speed out of range."""
     if speed is None or speed == fleet.clock.speed:
         return fleet
     if fleet.simulator is None:
@@ -95,10 +86,7 @@ _STEP = re.compile(r"\.(\w+)|\[")
 
 
 def load_fleet(path: Path) -> FleetFile:
-    """Read and validate a fleet file (TOML), or a snapshot of one (JSON).
-
-    Raises `FleetError`: names the file, the path of the wrong field, and what is allowed.
-    """
+    """Read a fleet file (TOML) or snapshot (JSON); `FleetError` names the file and the wrong field."""
     if path.is_dir():
         raise FleetError(f"{path}: cannot be read: a directory; name the fleet file in it")
     if path.suffix == SUFFIX:
@@ -110,10 +98,7 @@ def load_fleet(path: Path) -> FleetFile:
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file.
-
-    Raises `FleetError`: it cannot be read or is no text; says why.
-    """
+    """Return the text of a file; `FleetError` if it cannot be read or is no text."""
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
@@ -123,10 +108,7 @@ def text_of(path: Path) -> str:
 
 
 def table_of(text: str) -> dict[str, Any]:
-    """Return the table of a TOML document.
-
-    Raises `FleetError`: it is none, or has numbers that are not finite or tables that are nested too deep.
-    """
+    """Return a TOML table, without infinities and deep nesting; else `FleetError`."""
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -217,10 +199,7 @@ def _check_values(value: object, where: str, depth: int = 0) -> None:
 
 
 def dataclass_from(kind: type[T], table: Mapping[str, Any], where: str) -> T:
-    """Build a dataclass, possibly with dataclass fields, from a table at the path `where` of the file.
-
-    Raises `FleetError`: unknown field, wrong type, or a value that the dataclass refuses.
-    """
+    """Build a dataclass from a table at the path `where` of the file; `FleetError` for a wrong field."""
     _refuse_unknown(kind, table, where)
     return converted(dict(table), kind, where)
 
@@ -243,10 +222,7 @@ def replaced(original: T, table: Mapping[str, Any], where: str) -> T:
 
 
 def _allowed_at(kind: Any, below: str) -> tuple[str, ...]:
-    """Return the fields of a table, or the words of a choice, at a place below a type.
-
-    `below`: path as in errors of msgspec, for instance `.transmitter` or `.follow[0].frame`.
-    """
+    """Return the fields or words allowed at a place below a type, such as `.follow[0].frame`."""
     node: Any = inspect.type_info(kind)
     for step in _STEP.finditer(below):
         node = _inside(_without_none(node), step[1])
@@ -282,10 +258,7 @@ def shipped_fleets() -> dict[str, Path]:
 
 
 def fleet_path(name: str) -> Path:
-    """Return the path of a fleet file, or of a shipped fleet by its name.
-
-    Raises `FleetError`: there is neither such a file nor such a shipped fleet.
-    """
+    """Return the path of a fleet file or shipped fleet; `FleetError` if there is neither."""
     path = Path(name)
     if path.exists():
         return path

@@ -11,10 +11,7 @@ from rcopterx.vehicles.model import Model
 
 
 def model_of(fleet: FleetFile, name: str) -> Model:
-    """Return the model of a vehicle: its type, the parameters in the file, and the volume as position bounds.
-
-    Raises `FleetError`: the type or a parameter is unknown.
-    """
+    """Return the model of a vehicle: type, parameters of the file, bounds by the volume; or `FleetError`."""
     model = replaced(type_of(fleet, name).model, fleet.vehicles[name].model, f"vehicles.{name}.model")
     # Set points stay within the volume, which may begin above the floor; flights begin and end on the floor.
     (low_x, low_y, low_z), high = fleet.volume.min_m, fleet.volume.max_m

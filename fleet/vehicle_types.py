@@ -73,10 +73,7 @@ def type_names() -> list[str]:
 
 @cache
 def vehicle_type(name: str) -> VehicleType:
-    """Return a type that comes with this package or with an installed one; the own one wins.
-
-    Raises `FleetError`: there is no such type, or its file is wrong; names the file and the key.
-    """
+    """Return a type of this package, or else of an installed one; `FleetError` names a wrong file and key."""
     if name not in type_names():
         allowed = ", ".join(type_names())
         raise FleetError(f"unknown type {name!r}, allowed are {allowed}, or the path of a file *{SUFFIX}")
@@ -105,10 +102,7 @@ def type_of(fleet: FleetFile, name: str) -> VehicleType:
 
 
 def _checked(name: str, table: dict[str, Any], source: str) -> VehicleType:
-    """Check all tables of a type.
-
-    Raises `FleetError`: names the source and the key.
-    """
+    """Check all tables of a type; `FleetError` names the source and the key."""
     try:
         converted({"model": {}} | table, TypeFile, "")
         if (base := table.get("base")) is not None:

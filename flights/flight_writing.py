@@ -35,10 +35,7 @@ class FlightSettings:
 
 
 class FlightWriter:
-    """Writes chunks of messages; a failure of the disk, see `problem`, interrupts the recording.
-
-    `opener` creates a file, `free` returns the free space of the disk of a directory.
-    """
+    """Writes chunks of messages; `problem` is why the disk interrupts it. `opener` creates files."""
 
     def __init__(
         self,

@@ -79,10 +79,7 @@ class Mended(NamedTuple):
 
 
 def mend(path: Path, schemas: dict[str, tuple[str, bytes]]) -> Mended:
-    """Replace a file by a complete one with everything that is readable; `schemas` as in `McapFile`.
-
-    Raises `FlightLogError` if the file is no flight log, OSError if the new one cannot be written.
-    """
+    """Replace a file by a complete one with everything readable; `FlightLogError` if it is no log."""
     contents, read, count = contents_of(path), Contents(), 0
     target = path.with_name(path.name + ".new")
     with target.open("wb") as file:

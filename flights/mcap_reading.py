@@ -32,10 +32,7 @@ class FlightLogError(ValueError):
 
 @dataclass
 class Contents:
-    """Metadata and attachments of a file by name, known once its messages have been read.
-
-    `complete` files end with a summary; `damaged_chunks` had wrong checksums and are left out.
-    """
+    """Metadata and attachments of a file, once its messages are read; `damaged_chunks` are left out."""
 
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
@@ -60,10 +57,7 @@ def records_of(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 
 
 def messages_of(path: Path, contents: Contents | None = None) -> Iterator[LoggedMessage]:
-    """Yield the messages of a file in the order of recording; `contents` is filled meanwhile.
-
-    Raises `FlightLogError`: it cannot be read, or is no MCAP file of ours.
-    """
+    """Yield the messages of a file in order of recording, filling `contents`; or `FlightLogError`."""
     contents = Contents() if contents is None else contents
     channels: dict[int, str] = {}
     with _opened(path) as file:

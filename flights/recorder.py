@@ -125,10 +125,7 @@ class Recorder:
 
 @dataclass(frozen=True)
 class RecorderSettings:
-    """Settings of a recorder process.
-
-    `flight` is called once the recorder has subscribed, because finding the commit takes time.
-    """
+    """Settings of a recorder process; `flight`, which takes time, is called once it has subscribed."""
 
     bus: BusAddress
     host: str

@@ -219,10 +219,7 @@ def parsed(arguments: Sequence[str]) -> tuple[list[str], str | None] | None:
 
 
 def run(vehicles: Sequence[str], fleet: str | None) -> int:
-    """Kill vehicles, by default all, of a fleet file or shipped fleet, or of every fleet that is up here.
-
-    Prints the outcome and returns the exit code.
-    """
+    """Kill vehicles, by default all, of one fleet or of every one here; print and return the exit code."""
     if fleet is None:
         fleets, only = fleets_to_kill(), None
     else:

@@ -39,10 +39,7 @@ def value_at(noise: HeldNoise, time_s: float) -> Array:
 
 @compiled(MATRIX, VECTOR, NUMBER)
 def correlate(steps: Array, start: Array, keep: float) -> None:
-    """Turn random steps into a noise, in place: each value keeps a fraction of the one before it.
-
-    `steps` has the shape (times, channels), the value before them, `start`, (channels,).
-    """
+    """Turn random steps, shape (times, channels), into noise, in place, from the value `start`."""
     for time in range(len(steps)):
         for channel in range(len(start)):
             before = steps[time - 1, channel] if time else start[channel]

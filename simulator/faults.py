@@ -264,9 +264,7 @@ def injected_faults(table: Iterable[TimedFault]) -> tuple[InjectedFault, ...]:
 
 
 def timed_faults(lines: Iterable[InjectedFault]) -> tuple[TimedFault, ...]:
-    """Lines of a request as faults; raises `FaultError` for an unknown kind or field, or a value of the wrong
-    type.
-    """
+    """Faults of a request; `FaultError` for an unknown kind or field, or a value of the wrong type."""
     table: list[TimedFault] = []
     for line in lines:
         kind = line.fault.get("kind")

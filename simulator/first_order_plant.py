@@ -37,9 +37,7 @@ def thrust_acceleration(pitch_rad: float, roll_rad: float, thrust_m_s2: float) -
 
 
 class AttitudeLoop:
-    """How the tilt of a vehicle follows its pitch and roll sticks, as fractions of the tilt at full stick: a
-    servo's lag, and a damped oscillator.
-    """
+    """Tilt after pitch and roll sticks, by shares of its range: a servo's lag and a damped oscillator."""
 
     def __init__(self, tilt: TiltModel) -> None:
         self._tilt = tilt
@@ -82,10 +80,7 @@ def specimen(model: Model, conditions: Conditions, generator: np.random.Generato
 
 
 class FirstOrderPlant(SteppedPlant):
-    """A vehicle that obeys equation (1), with parameters drawn around those of its model.
-
-    Public besides the members of every plant: `model` and `trim`, the true parameters.
-    """
+    """A vehicle that obeys equation (1); `model` and `trim` are its true parameters, drawn around a model."""
 
     def __init__(self, name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> None:
         self.model, self.trim = specimen(model, conditions, random_stream(seed, name, PARAMETERS))
@@ -127,9 +122,7 @@ class FirstOrderPlant(SteppedPlant):
         return pitch, roll, thrust, yaw
 
     def _moved(self, step_s: float) -> tuple[Four, Four]:
-        """Actuators half a step later and a step later; pitch and roll are those of the attitude loop, if
-        there is one.
-        """
+        """Actuators half a step later and a step later; pitch and roll of the attitude loop, if any."""
         middle, end = self._lagged(0.5 * step_s), self._lagged(step_s)
         if self._loop is not None:
             pitch, roll = self._loop.step(self._target, step_s)

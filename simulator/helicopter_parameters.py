@@ -230,10 +230,7 @@ class HelicopterParameters:
 
     @property
     def tilt_per_slope(self) -> float:
-        """Angular acceleration per slope of the air's acceleration over the rotor discs.
-
-        A downwash that grows across a disc takes lift from one side: m R^2 / (4 I), with R of the size.
-        """
+        """Angular acceleration by a downwash that grows across the discs: m R^2 / (4 I), R of the size."""
         radius_m = ROTOR_RADIUS_M * self.size**2
         return self.mass_kg * radius_m**2 / (2 * (self.inertia_kg_m2[0] + self.inertia_kg_m2[1]))
 

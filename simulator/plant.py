@@ -20,10 +20,7 @@ _TIME_TOLERANCE_S = 1e-9
 
 
 class Pose(Struct, frozen=True):
-    """Position of a vehicle's origin in the inertial frame, and its attitude.
-
-    The angles are rotations about z, then body y, then body x. As z points up, positive pitch is nose down.
-    """
+    """Position, inertial, and rotations about z, body y, body x; positive pitch is nose down, as z is up."""
 
     position_m: Three
     yaw_rad: float = 0.0
@@ -146,10 +143,7 @@ class Plant(ABC):
     @property
     @abstractmethod
     def motion(self) -> tuple[float, ...]:
-        """True motion state in the order of `rcopterx.vehicles.state`, eight numbers, yaw unwrapped.
-
-        The velocity is that in the heading frame: turned by the yaw alone, not tilted with the body.
-        """
+        """True motion state (8,) as in `rcopterx.vehicles.state`; velocity is turned by the yaw alone."""
 
     @property
     @abstractmethod

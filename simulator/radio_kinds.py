@@ -17,10 +17,7 @@ from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
 
 
 def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
-    """Module for a vehicle's transmitter protocol, wired and set as it expects, switched on at `start_s`.
-
-    Raises `ValueError` for a protocol whose module is not emulated.
-    """
+    """Module for a transmitter protocol, set as it expects, on at `start_s`; else `ValueError`."""
     match radio.protocol:
         case MultiProtocol(settings=settings):
             return MultiModule(start_s, inverted_wiring=settings.inverted_line)

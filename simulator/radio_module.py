@@ -18,9 +18,7 @@ Timer = tuple[float, Callable[[float], None]]
 
 
 class SerialFrame(Struct, frozen=True):
-    """A frame the module accepted: when its last byte had arrived, and its channels, throttle, aileron,
-    elevator, ...
-    """
+    """A frame that the module accepted: arrival of its last byte, and its channels."""
 
     arrival_s: float
     pulses_us: tuple[float, ...]
@@ -73,10 +71,7 @@ class AirPacket(Struct, frozen=True):
 
 @dataclass(slots=True)
 class SerialInput:
-    """Bytes on a serial line: back to back within one read, in bursts between pauses.
-
-    `byte_s` is the time of one byte on the wire; a burst ends when no byte completes for `end_of_frame_s`.
-    """
+    """Bytes of a serial line, `byte_s` each; a burst ends after a pause of `end_of_frame_s`."""
 
     byte_s: float
     end_of_frame_s: float
@@ -173,10 +168,7 @@ class RadioModule(ABC):
 
 
 class RadioEnd(ABC):
-    """A radio and the receiver of its vehicle.
-
-    Call `receive` whenever `fileno` is readable, and `live` often enough for answers and time limits.
-    """
+    """A radio and its receiver: `receive` when `fileno` is readable, `live` often, for time limits."""
 
     def __init__(self, reception: Reception) -> None:
         self.reception = reception

@@ -69,10 +69,7 @@ def status_answer(flags: int, radio: str = "", sub_protocol: str = "") -> bytes:
 
 
 class MultiModule(RadioModule):
-    """A module in serial mode with its dial at 0.
-
-    `inverted_wiring`: whether the line is inverted; a frame whose polarity bit differs makes the module deaf.
-    """
+    """A module in serial mode; `inverted_wiring` must agree with the polarity bit of its frames."""
 
     def __init__(self, powered_s: float = 0.0, *, inverted_wiring: bool = True) -> None:
         super().__init__(BYTE_S, END_OF_FRAME_S, FRAME_LENGTH)

@@ -30,10 +30,7 @@ class Room:
         self._now_s = start_s
 
     def advance(self, now_s: float) -> None:
-        """Advance radios and vehicles to `now_s`; sticks move when radio packets are received.
-
-        The caller receives the bytes that gateways write to the radios meanwhile.
-        """
+        """Advance radios and vehicles to `now_s`; the caller receives what gateways write meanwhile."""
         for vehicle in self.vehicles:
             radio = self.radios[vehicle.name]
             radio.live(now_s)

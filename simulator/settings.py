@@ -20,9 +20,7 @@ class SimulatedRadio:
 
 @dataclass(frozen=True)
 class SimulatedVehicle:
-    """One vehicle of the simulated laboratory: its subject in the emulated Tracker, its start pose, the
-    pseudo-terminal or UDP port of its radio, and how its electronics read pulse widths.
-    """
+    """A vehicle, its subject, start pose, port of its radio, and how it reads pulse widths."""
 
     name: str
     subject: str

@@ -119,9 +119,7 @@ class TrackerServer:
         self._flush()
 
     def publish(self, frame: TrackerFrame) -> Published:
-        """Send a captured frame to every client it is due for; raises `ValueError` for two bodies of one
-        name.
-        """
+        """Send a frame to every client it is due for; `ValueError` for two bodies of one name."""
         if len({body.name for body in frame.bodies}) < len(frame.bodies):
             raise ValueError(f"frame {frame.frame}: two bodies have the same name")
         self._frames += 1

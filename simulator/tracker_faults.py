@@ -52,10 +52,7 @@ class TrackerFaults:
         self._random = random.Random(NOISE_SEED)
 
     def apply(self, fault: TrackerFault, now_s: float) -> None:
-        """Start a fault now.
-
-        Raises `FaultError` for an unknown subject, or something this Tracker does not offer.
-        """
+        """Start a fault now; `FaultError` for an unknown subject, or what this Tracker does not offer."""
         self._check(fault)
         self.applied += 1
         match fault:
@@ -69,10 +66,7 @@ class TrackerFaults:
                 self._pending.append(fault)
 
     def schedule(self, table: Iterable[TimedFault], start_s: float) -> None:
-        """Apply faults later, at `start_s` plus their own time; raises `FaultError` and accepts none.
-
-        Lines for radios are ignored.
-        """
+        """Apply faults later, at `start_s` plus their time, not those for radios; all or `FaultError`."""
         lines = [
             (line.at_s, line.fault)
             for line in table

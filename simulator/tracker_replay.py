@@ -11,9 +11,7 @@ from rcopterx.vicon_gateway.recording import RecordedConnection
 
 
 class ReplayProgress(NamedTuple):
-    """Progress of a replay: the recorded connection that was begun last, from 1, of how many; its played time
-    and its length; and the clients connected now.
-    """
+    """Connection that is replayed, of how many; its played time and length; clients that are connected."""
 
     connection: int
     connections: int

@@ -49,9 +49,7 @@ class TrackerConnection:
         return packet(ObjectEnums(self.offer))
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Handle bytes of the client and return the packets to send at once; raises `WireError` if they are
-        malformed.
-        """
+        """Handle bytes of the client; return the packets to send at once, or raise `WireError`."""
         self._reader.feed(data)
         replies: list[bytes] = []
         while (body := self._reader.next_body()) is not None:

@@ -39,10 +39,7 @@ class UdpVehicle(Reception, ABC):
 
 
 class VehicleUdp(RadioEnd):
-    """A vehicle behind a UDP port; it reports to the sender of the newest datagram.
-
-    Raises `OSError` if the port is in use.
-    """
+    """A vehicle behind a UDP port; it reports to the newest datagram's sender. May raise `OSError`."""
 
     def __init__(self, path: str, vehicle: UdpVehicle) -> None:
         super().__init__(vehicle)

@@ -68,10 +68,7 @@ class Admission:
     def consider(
         self, command: CommandInput, now_s: float, *, pose: PoseInput | None, flying: bool
     ) -> Rejection | None:
-        """Accept `command` or return why not; the first one of a later lease takes over.
-
-        `pose` is the newest raw pose of the vehicle, `flying` whether it may be in the air.
-        """
+        """Accept `command` or return why not, by the newest raw pose; a later lease takes over."""
         checked = self._check_form(command)
         if isinstance(checked, AcceptedCommand):
             rejection = self._check_order(checked.cause, None if pose is None else pose.epoch, flying)

@@ -166,10 +166,7 @@ class Arbiter:
         return "; ".join(missing + present)
 
     def take_over(self, last: LastApplied, now_s: float) -> Answer:
-        """Continue the flight of an earlier process, or answer why not and stay as after any start.
-
-        The vehicle is landed, until fresh commands arrive if commands counted before.
-        """
+        """Continue the flight of an earlier process, by landing until fresh commands; or answer why not."""
         self.step(now_s)
         problem = take_over_problem(last, self.surveillance.own_track, self.limits, now_s)
         if problem is None and self.state is not State.DISARMED:

@@ -10,10 +10,7 @@ AFTER_BIND_S = 5.0
 
 
 class Binding:
-    """Progress of a bind; `active` while frames request it.
-
-    `at_power_up`: whether the radio binds only when it is switched on.
-    """
+    """Progress of a bind; `active` while frames request it, `at_power_up` only when switched on."""
 
     def __init__(self, *, at_power_up: bool) -> None:
         self.active = False

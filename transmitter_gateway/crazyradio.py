@@ -60,10 +60,7 @@ def find_dongle(number: int) -> UsbDevice:
 
 
 class Crazyradio:
-    """A dongle and the ports of its vehicles.
-
-    `problem`: why it is not open; None when it is. `find`: opens the dongle; raises `OSError`.
-    """
+    """A dongle, opened by `find`, and the ports of its vehicles; `problem` is why it is not open."""
 
     def __init__(self, find: Callable[[], UsbDevice]) -> None:
         self.problem: str | None = "not opened yet"
@@ -149,10 +146,7 @@ def crazyradio(number: int) -> Crazyradio:
 
 
 class CrazyradioPort(Port):
-    """One vehicle on a dongle; open as long as the dongle is.
-
-    Counters have the packets that were acknowledged, those that were not, and how often they were repeated.
-    """
+    """One vehicle on an open dongle; counters of acknowledged, lost and repeated packets."""
 
     def __init__(self, path: str, address: RadioAddress, dongle: Crazyradio) -> None:
         super().__init__(path)

@@ -11,10 +11,7 @@ HINT = "space or k: cut all motors of this gateway at once, latching; Ctrl-C: br
 
 
 class KillKeys(AbstractContextManager["KillKeys"]):
-    """Reads single keys of a terminal without waiting; does nothing where there is no terminal.
-
-    The terminal echoes no keys and delivers them one by one until the context ends.
-    """
+    """Single keys of a terminal, if there is one, without waiting and without echo until the end."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor

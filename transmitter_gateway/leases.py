@@ -15,9 +15,7 @@ MOST_AGENTS: Final = 16
 
 
 class Leases:
-    """Issues the leases of one vehicle: `issued` is the newest, `commanding` the one whose commands count, or
-    0.
-    """
+    """Leases of one vehicle: newest `issued`, and `commanding`, whose commands count; 0 for none."""
 
     def __init__(self) -> None:
         self.commanding = 0

@@ -165,10 +165,7 @@ def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios, caugh
 
 
 def run_until_stopped(gateway: Gateway, caught: set[int]) -> None:
-    """Serve until SIGTERM or SIGINT, then bring the vehicles down.
-
-    `caught` holds the signals that have arrived; SIGUSR1 is removed when it has been obeyed.
-    """
+    """Serve until SIGTERM or SIGINT is in `caught`, then bring the vehicles down."""
     while not caught & {signal.SIGTERM, signal.SIGINT}:
         gateway.wait()
         gateway.step()

@@ -243,9 +243,7 @@ def queued_bytes(descriptor: int) -> int:
 
 
 def set_baud(descriptor: int, baud: int) -> None:
-    """Set a baud rate that has no termios constant, on Linux; raises `OSError` if the device does not accept
-    it.
-    """
+    """Set a baud rate without termios constant, on Linux; `OSError` if the device refuses it."""
     *flags, rest, _, _ = TERMIOS2.unpack(fcntl.ioctl(descriptor, TCGETS2, bytes(TERMIOS2.size)))
     flags[2] = flags[2] & ~SPEED_BITS | SPEED_IS_A_NUMBER
     fcntl.ioctl(descriptor, TCSETS2, TERMIOS2.pack(*flags, rest, baud, baud))

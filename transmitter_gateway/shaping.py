@@ -92,10 +92,7 @@ class Shaping:
         self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, limits, brakes=brakes), elapsed_s)
 
     def descend(self, elapsed_s: float, *, over: bool) -> None:
-        """Come down without poses: level, the thrust falls to a little less than that of a hover.
-
-        A descent that is `over` in the air ends without thrust.
-        """
+        """Descend level without poses, thrust a little below hover; if `over` in the air, without thrust."""
         if over:
             self._level(0.0, FADE_PER_S, elapsed_s)
         else:

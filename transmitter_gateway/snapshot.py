@@ -12,9 +12,7 @@ from rcopterx.transmitter_gateway.port import WriteOutcome
 
 
 class Write(Struct, frozen=True):
-    """One attempt to write a frame: its outcome, the decision behind it and its pulse widths in channel
-    order.
-    """
+    """One attempt to write a frame: outcome, decision behind it, pulse widths in channel order."""
 
     time_s: float
     outcome: WriteOutcome
@@ -24,10 +22,7 @@ class Write(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class TransmitterSnapshot:
-    """Everything a status message needs, at one moment; every counter of arbiter and port by name.
-
-    `module` is the state of the module, or the problem of the port, as text.
-    """
+    """Everything a status message needs; `module` is the state of the module or the port's problem."""
 
     state: State
     reason: str

@@ -95,10 +95,7 @@ class StatePage:
 
 
 def open_page(path: Path) -> StatePage:
-    """Map the page of a vehicle, created if missing, and keep other processes from it until it is closed.
-
-    Raises `OSError`: it cannot be created, another process has it, or another user has access to it.
-    """
+    """Map a vehicle's page, created if missing, and lock it until it is closed; raises `OSError`."""
     path.parent.mkdir(mode=0o700, exist_ok=True)
     _check_private(path.parent, path.parent.lstat(), stat.S_IFDIR)
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)

@@ -71,10 +71,7 @@ class Surveillance:
         self.newest: PoseInput | None = None
 
     def own_pose(self, pose: PoseInput, now_s: float, *, airborne: bool) -> bool:
-        """Take a pose of the own vehicle; return whether its position is accepted.
-
-        On the floor, not `airborne`, a vehicle can be carried anywhere.
-        """
+        """Take a pose of the own vehicle; return whether it is accepted, as any is on the floor."""
         track = self.own_track
         rejection = self._check(pose, track, now_s)
         if rejection is not None:
@@ -188,10 +185,7 @@ class Surveillance:
         self._mistaken = None
 
     def take_over(self, distrust: str | None) -> None:
-        """Begin with a vehicle that flies already, so that its floor is not known.
-
-        `distrust` is a reason why the own poses must not be accepted until the vehicle has landed.
-        """
+        """Begin with a vehicle in flight, floor unknown; `distrust` rejects own poses until it has landed."""
         self._stood_at_m = None
         self._mistaken = distrust
 
@@ -201,10 +195,7 @@ class Surveillance:
         return self._mistaken is not None
 
     def floor_m(self, otherwise_m: float) -> float:
-        """Height at which the vehicle stood before it took off.
-
-        `otherwise_m` holds for a vehicle that was not seen standing, or that stood on something higher.
-        """
+        """Height at which the vehicle stood before take-off; `otherwise_m` if that was not seen."""
         stood_at_m = self._stood_at_m
         return otherwise_m if stood_at_m is None or stood_at_m > otherwise_m + STANDING_M else stood_at_m
 

@@ -20,10 +20,7 @@ class Arming(Struct, frozen=True):
 
 
 def prepare_channels(protocol: RadioProtocol, calibration: Calibration, limits: ArbiterLimits) -> None:
-    """Let unused channels rest, and check the extremes.
-
-    Raises `PulseRangeError`: the calibration can give a pulse width that the protocol cannot carry.
-    """
+    """Let unused channels rest; `PulseRangeError` if the protocol cannot carry the calibration's extremes."""
     protocol.rest_us = calibration.rest_us
     for extreme in (limits.lower, limits.upper):
         for on in (False, True):

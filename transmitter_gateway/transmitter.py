@@ -143,10 +143,7 @@ class Transmitter:
             self._last, self._ready = last, last.ready
 
     def _save(self) -> None:
-        """Write into the page what a successor needs, before it shows outside of this process.
-
-        Until it is decided whether a vehicle is taken over, the page of the earlier process stays.
-        """
+        """Write what a successor needs before it shows outside, but not before a take-over is decided."""
         if self._page is not None and not self.undecided and (last := self._applied()) != self._page.last:
             self._page.save(last)
 

@@ -23,10 +23,7 @@ def udp_address(path: str) -> tuple[str, int]:
 
 
 class UdpPort(Port):
-    """A socket that is open from the first answer to a probe until the system reports the other end gone.
-
-    Raises `ProtocolError` for an address that is none.
-    """
+    """A socket that is open from a probe's first answer until the other end is gone."""
 
     def __init__(self, path: str, protocol: SetPointRadio) -> None:
         super().__init__(path)

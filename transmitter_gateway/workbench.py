@@ -55,10 +55,7 @@ class Workbench(AbstractContextManager["Workbench"]):
         until: Callable[[], bool] = lambda: False,
         descriptors: Sequence[int] = (),
     ) -> bool:
-        """Serve the radio for some seconds or until `until` is true, and return whether it is.
-
-        `descriptors`, for instance standard input, end a pause as well.
-        """
+        """Serve the radio for some seconds or until `until` is true, returned; `descriptors` end pauses."""
         end_s = self._clock() + seconds
         while not until():
             now_s = self._clock()
@@ -73,9 +70,7 @@ class Workbench(AbstractContextManager["Workbench"]):
         return True
 
     def wait_ready(self, limit_s: float = 5.0) -> str:
-        """Wait until the module is ready and return its text; raises `WorkbenchError` if it does not become
-        ready.
-        """
+        """Wait until the module is ready and return its text, or raise `WorkbenchError`."""
         if not self.run(limit_s, self._ready):
             snapshot = self.transmitter.snapshot(self._clock())
             hint = (
@@ -98,10 +93,7 @@ class Workbench(AbstractContextManager["Workbench"]):
         self.run(LONGEST_BINDING_S, lambda: not self.transmitter.busy(self._clock()))
 
     def range_check(self, seconds: float, until: Callable[[], bool], descriptors: Sequence[int] = ()) -> None:
-        """Send with reduced power and move the swash plate, to show whether the vehicle receives it.
-
-        Raises `WorkbenchError` if the radio has no reduced power.
-        """
+        """Move the swash plate at reduced power, to show the reception; `WorkbenchError` if there is none."""
         self._require(self.transmitter.range_check(True))
         end_s = self._clock() + seconds
         pitch = 0.5
@@ -112,9 +104,7 @@ class Workbench(AbstractContextManager["Workbench"]):
                 return
 
     def show(self, u: Sequence[float], *, throttle_us: float | None = None, seconds: float) -> None:
-        """Send inputs for some seconds, the throttle low or at a pulse width; raises `WorkbenchError` if it
-        is refused.
-        """
+        """Send inputs for some seconds, throttle low or at a pulse width; `WorkbenchError` if refused."""
         self._require(self.transmitter.show(u, throttle_us=throttle_us, until_s=self._clock() + seconds))
 
     def _require(self, answer: Answer) -> None:

@@ -112,9 +112,7 @@ class TiltModel:
         return np.asarray(body @ heading_matrix(-self.lower_phase_rad))
 
     def dynamics(self) -> TiltDynamics:
-        """Continuous dynamics with the core states tilt (2), tilt rate (2) and, with a bar, its direction
-        (2).
-        """
+        """Continuous dynamics of the core: tilt (2), its rate (2) and, with a bar, its direction (2)."""
         w, eye, none = self.frequency_rad_s, np.eye(2), np.zeros((2, 2))
         upper, lower = heading_matrix(self.upper_phase_rad), heading_matrix(-self.lower_phase_rad)
         pull, damping = w**2 * upper, 2 * self.damping_ratio * w * eye

@@ -99,10 +99,7 @@ class FrameClient(ABC):
         """What the client does, for people."""
 
     def next_frame(self, timeout_s: float) -> CapturedFrame | None:
-        """Wait for the next frame and return the newest; None when `timeout_s` is over.
-
-        Older frames that arrived meanwhile are counted as skipped. Connecting happens in here, too.
-        """
+        """Wait at most `timeout_s` for the newest frame; earlier ones count as skipped. Connects, too."""
         now_s = self._clock()
         give_up_s = now_s + timeout_s
         while self._name != "closed":
@@ -149,10 +146,7 @@ class FrameClient(ABC):
 
 
 class DataStreamClient(FrameClient):
-    """Frames of a Tracker, newest first, for as long as the caller wants.
-
-    `record_raw` writes a recording of all received bytes.
-    """
+    """Frames of a Tracker, newest first; `record_raw` writes a recording of all received bytes."""
 
     def __init__(
         self,

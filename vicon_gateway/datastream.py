@@ -53,10 +53,7 @@ class CarryOver:
         self.contents: Contents | None = None
 
     def apply(self, objects: Iterable[tuple[int, bytes]]) -> bool:
-        """Apply one packet's objects; True when it makes a frame, that is, carries a dynamic object.
-
-        Raises `WireError` for a malformed Contents object.
-        """
+        """Apply a packet's objects; True for a frame, with a dynamic object. Raises `WireError`."""
         present: dict[int, list[bytes]] = {}
         for kind, payload in objects:
             present.setdefault(kind, []).append(payload)
@@ -122,10 +119,7 @@ class _Subject(NamedTuple):
 
 
 class DataStreamSession:
-    """One connection to a DataStream server, from the offer to the last frame.
-
-    `connection` is the number written into the frames; `counters` outlive the session.
-    """
+    """One connection to a DataStream server, number `connection`; `counters` outlive it."""
 
     def __init__(self, connection: int = 1, counters: StreamCounters | None = None) -> None:
         self.counters = StreamCounters() if counters is None else counters
@@ -239,9 +233,7 @@ class DataStreamSession:
             self._ping(now_s)
 
     def _carries_segments(self) -> bool:
-        """Whether a frame was captured after our selection arrived; earlier ones show every subject as
-        occluded.
-        """
+        """Whether a frame follows our selection; earlier ones show every subject as occluded."""
         contents = self._carry_over.contents
         if contents is None or self._segments:
             return True

@@ -29,10 +29,7 @@ from rcopterx.vicon_gateway.recording import RecordingFile
 
 
 class SubjectMap:
-    """Assigns poses to vehicles and keeps account of all subjects.
-
-    Subject names must match exactly (blanks count).
-    """
+    """Assigns poses to vehicles by exact subject names, and keeps account of all subjects."""
 
     def __init__(self, vehicle_of_subject: Mapping[str, str]) -> None:
         self._vehicles = dict(vehicle_of_subject)
@@ -72,10 +69,7 @@ class SubjectMap:
 
 @dataclass(frozen=True)
 class TrackerSettings:
-    """Motion capture to read: subjects with their vehicles, and where to record the raw stream, if anywhere.
-
-    `brand` is None for a Vicon Tracker, read by our own client. An existing recording is not overwritten.
-    """
+    """Motion capture, None for Vicon as `brand`; subjects; and a new file for the raw stream, if any."""
 
     bus: BusAddress
     host: str

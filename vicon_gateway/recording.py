@@ -168,16 +168,12 @@ class RecordingFile:
 
     @classmethod
     def create(cls, path: Path) -> Self:
-        """Create a new file, with a number added to its name if there is one already; raises
-        `RecordingFileError`.
-        """
+        """Create a new file, its name numbered if one exists; raises `RecordingFileError`."""
         file = _created(path)
         return cls(file, Path(file.name))
 
     def write(self, data: bytes) -> None:
-        """Queue bytes for writing; raises `OSError` if earlier ones could not be written, or the disk is too
-        slow.
-        """
+        """Queue bytes for writing; `OSError` if earlier ones failed or the disk is too slow."""
         if self._error is not None:
             raise self._error
         if self._queued_bytes + len(data) - self._written_bytes > MAX_WAITING_BYTES:

@@ -11,10 +11,7 @@ NORM_TOLERANCE = 1e-3  # a matrix whose quaternion's squared norm is further fro
 
 
 def quaternion_from_matrix(matrix: Sequence[float]) -> Quaternion | None:
-    """Convert a row-major rotation matrix to a unit quaternion x, y, z, w with w >= 0 (Shepperd's method).
-
-    Returns None where the matrix is not a rotation: not finite, all zeros, scaled or mirrored.
-    """
+    """Convert a row-major rotation matrix to x, y, z, w >= 0 (Shepperd's method); None if it is none."""
     m00, m01, m02, m10, m11, m12, m20, m21, m22 = matrix
     trace = m00 + m11 + m22
     # The divisor must be one of the larger components, so that nothing is lost to cancellation.

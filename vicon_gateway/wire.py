@@ -136,10 +136,7 @@ class PacketReader:
         self._buffer += data
 
     def next_body(self) -> bytes | None:
-        """Return the body of the next complete packet, None when more bytes are needed.
-
-        Raises `WireError` for a wrong magic (judged from the first byte on) or a body longer than the limit.
-        """
+        """Return the next complete body, if any; `WireError` for a wrong magic or an excessive length."""
         buffer = self._buffer
         if buffer[:4] != _MAGIC_BYTES[: len(buffer)]:
             raise WireError(

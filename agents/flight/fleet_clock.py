@@ -2,10 +2,7 @@
 
 
 class FleetClock:
-    """Counts the frame periods that have passed, also those in which no frame came.
-
-    Frames that were bridged by coasting are not counted a second time when the Tracker resumes.
-    """
+    """Counts the frame periods that have passed; frames bridged by coasting are counted once."""
 
     def __init__(self) -> None:
         self.epoch = 0
@@ -17,10 +14,7 @@ class FleetClock:
         self.started = False
 
     def frames_until(self, epoch: int, frame: int, period_s: float) -> int:
-        """Return the number of periods to be predicted up to a received frame; -1 for an old frame or epoch.
-
-        It is 1 in undisturbed flight, and 0 where coasting has covered them already.
-        """
+        """Return the periods to predict up to a frame: 1 undisturbed, 0 after coasting, -1 if it is old."""
         if self.started and epoch == self.epoch:
             elapsed = frame - self.frame
             if elapsed <= 0:

@@ -31,10 +31,7 @@ class BumplessTransfer:
         self._pending = True
 
     def smoothed(self, inputs: Array, last_input: Array, period_s: float) -> Array:
-        """Return the inputs of this period and the next ones, shape (k, 4), with the rest of the difference.
-
-        `last_input` is the input of the last period, shape (4,); the result is within the limits.
-        """
+        """Return the inputs from this period on, shape (k, 4), with the rest of the difference."""
         if self._pending:
             self._pending = False
             self._difference = last_input - inputs[0]

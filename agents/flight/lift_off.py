@@ -55,10 +55,7 @@ class LiftOff:
         return min(share * self._hover, self._largest)
 
     def estimate(self, motion: Array, time_s: float) -> Estimate:
-        """Return the estimate of a vehicle that has just lifted; `motion`, shape (8,): where it stood.
-
-        The thrust that acts after delay and lag carries its weight.
-        """
+        """Return the estimate after lift-off from `motion`, shape (8,); the thrust carries the weight."""
         climbing = motion.copy()
         climbing[ZD_BODY] = LIFT_SPEED_M_S
         actuator, disturbance = np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE)

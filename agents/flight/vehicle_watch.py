@@ -44,10 +44,7 @@ AXES: Final = ((U_PITCH, "pitch"), (U_ROLL, "roll"), (U_YAW, "yaw"))
 
 @dataclass(frozen=True, slots=True)
 class HoverThrustLimits:
-    """Hover thrust at which the battery counts as nearly empty and as empty; shares of the largest thrust.
-
-    Raises `ValueError`: not in order, or not above 0 and at most 1.
-    """
+    """Shares of the largest thrust whose hover shows a nearly empty and an empty battery, in this order."""
 
     warn_at: float = 0.8
     land_at: float = 0.88
@@ -205,10 +202,7 @@ class _StickEffect:
         self._dead_for_s = 0.0
 
     def advance(self, stick: float, velocity: float, other: float) -> tuple[float, float]:
-        """Advance by one period; return the velocities asked for and made until its beginning.
-
-        `stick` acts in it, and `other` is the acceleration of turning and gravity.
-        """
+        """Advance by a period, under `stick` and the acceleration `other` of turning and gravity."""
         until_now = self._asked, velocity - self._passive
         period_s, (far_below, far_above), (below_s, above_s) = self._period_s, self._far, self._near_for_s
         before = stick if self._stick is None else self._stick

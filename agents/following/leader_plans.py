@@ -60,10 +60,7 @@ class LeaderPlans:
         return all(plan is not None and (plan.epoch, plan.frame) >= (epoch, frame) for plan in newest)
 
     def plans(self, clock: FleetClock, cycles_from: tuple[int, int] = (0, 0)) -> Mapping[str, LeaderPlan]:
-        """Return plans on this vehicle's clock, without those of another epoch or of a cycle.
-
-        Plans before `cycles_from`, an epoch and a frame in it, may still name ancestors of the past.
-        """
+        """Return plans on this vehicle's clock; ancestors in those before `cycles_from` may be outdated."""
         found = {}
         for name, inbox in self._inboxes.items():
             received = inbox.latest()

@@ -116,10 +116,7 @@ def _pose(offset: FormationOffset) -> Array:
 
 
 def combined_reference(references: Sequence[Trajectory], weights: Sequence[float]) -> Trajectory:
-    """Return the weighted mean of the references to several leaders, of equal stages and periods.
-
-    Quadratic terms with weights that add up to one have the same minimum as one term around that mean.
-    """
+    """Return the weighted mean of references of equal stages; it has the minimum of their weighted costs."""
     if len(references) == 1:
         return references[0]
     shares = np.asarray(weights) / np.sum(weights)

@@ -59,10 +59,7 @@ def place_problem(
     heads: Mapping[str, Array],
     room: Room,
 ) -> str | None:
-    """Return why a vehicle cannot follow its new leaders, None if it can; its own followers come along.
-
-    `links` and `heads` are those of the others (`rcopterx.agents.formation.topology.formation_of`).
-    """
+    """Return why a vehicle cannot follow its new leaders, None if it can; its followers come along."""
     after = {**links, name: following}
     where = places(after, heads)
     if name not in where:
@@ -89,10 +86,7 @@ def take_off_problem(
     statuses: Mapping[str, AgentStatus],
     room: Room,
 ) -> str | None:
-    """Return why a vehicle cannot take off from a place, shape (3,); None if it can.
-
-    The column above it must be free, and its place beside its leaders if they are in the air.
-    """
+    """Return why the column above a place, or the place beside leaders in the air, is not free, or None."""
     for other, status in statuses.items():
         if status.position_m is None or other == name:
             continue

@@ -46,10 +46,7 @@ def roots(links: FormationGraph, name: str) -> tuple[str, ...]:
 
 
 def line_between(links: FormationGraph, name: str, leader: str) -> tuple[str, ...]:
-    """Shortest line from a vehicle to one of its ancestors, both included; empty if there is none.
-
-    A line from a vehicle to itself is a cycle.
-    """
+    """Shortest line from a vehicle to an ancestor, both included, or to itself (a cycle); else empty."""
     lines: list[tuple[str, ...]] = [(name,)]
     seen: set[str] = set()
     while lines:

@@ -24,10 +24,7 @@ T = TypeVar("T")
 
 
 class EstimatorGuard:
-    """An `Estimator` that continues with the default one when the selected one fails.
-
-    Without a default estimator, the last good estimate stays.
-    """
+    """An `Estimator` that continues with the default one, or the last estimate, if the selected one fails."""
 
     def __init__(self, estimator: Estimator, default: Estimator | None = None) -> None:
         # counts and describes failures
@@ -86,10 +83,7 @@ class EstimatorGuard:
         self._call(lambda estimator: estimator.predict(applied_input, period_s), None)
 
     def correct(self, measurement: Measurement, after: Sequence[tuple[Array, float]] = ()) -> bool:
-        """Predict up to a pose and correct by it (`Estimator.correct`), in one guarded call.
-
-        `after` are the inputs that acted since the last call, and for how long each [s].
-        """
+        """Predict under the inputs `after` and for how long each acted [s], then correct by a pose."""
 
         def follow(estimator: Estimator) -> bool:
             for applied_input, duration_s in after:

@@ -37,10 +37,7 @@ class GuardedCall:
     def attempt(
         self, name: str, limit_s: float, call: Callable[[], T], problem: Callable[[T], str | None]
     ) -> T | None:
-        """Call something; return its result, or None after a failure, which is counted.
-
-        `problem` returns the reason why a result is unusable, None for a usable one. It may raise as well.
-        """
+        """Call something; return None after a failure, which is counted. `problem` says what is unusable."""
         limit, allowed_s = self.limit, self.allowed_s(limit_s)
         self._calls += 1
         try:

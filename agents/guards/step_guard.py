@@ -47,10 +47,7 @@ _ESTIMATE_CAP: Final = np.array([50.0, 50.0, 50.0, 1e6, 50.0, 50.0, 50.0, 100.0]
 
 
 def hovering_input(model: Model, motion: Array, set_point: Array) -> Array:
-    """Input that brings a vehicle to rest at a place, not limited; shape (4,).
-
-    `motion`: motion state, shape (8,). `set_point`: x, y, z [m], yaw [rad].
-    """
+    """Input, shape (4,), not limited, that brings motion, shape (8,), to rest at x, y, z [m], yaw [rad]."""
     error = np.clip(motion[:4] - set_point, -_ERROR_CAP, _ERROR_CAP)
     error = turned_about_z(error, -float(motion[YAW]))
     acceleration = -_STIFFNESS * error - _DAMPING * motion[XD_BODY:]

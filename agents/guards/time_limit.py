@@ -15,10 +15,7 @@ SHORTEST_ALARM_S: Final = 0.001
 
 
 class OutOfTimeError(BaseException):
-    """A call took too long.
-
-    Not an `Exception`, because the code that it interrupts may catch all of those.
-    """
+    """A call took too long. No `Exception`: the code that it interrupts may catch all of those."""
 
 
 class TimeLimit:

@@ -69,10 +69,7 @@ class Overload:
         return self._calm_s >= self._ease_after_s and self._do_again()
 
     def stand(self, late_s: float) -> bool:
-        """Process a control period on the floor, where no more than planned is left out.
-
-        Returns whether it was more.
-        """
+        """Process a period on the floor, without further relief; return whether it was more than planned."""
         changed, self.relief = self.relief is not self._planned, self._planned
         self._calm_s, self._ease_after_s, self._eased = 0.0, EASE_AFTER_S, False
         self._note(late_s, 0)

@@ -72,10 +72,7 @@ class Pacing:
         self.behind = False
 
     def on_begin(self, epoch: int, frame: int, flying: bool) -> None:
-        """Begin a control period; while flying, the one before is missed if it has no command yet.
-
-        A late pose begins the period of its frame once more, to correct the prediction.
-        """
+        """Begin a control period, or once more that of a late pose; one without a command is missed."""
         period = epoch, frame
         if flying and self._commanded < self._begun < period:
             self.missed_ticks += 1
@@ -105,10 +102,7 @@ class Pacing:
         return True
 
     def plan_frame(self, frame: int) -> int:
-        """Return the oldest frame of plans of leaders that are new enough for a period.
-
-        At a lower rate it is the period before, because vehicles of the same turn plan at the same time.
-        """
+        """Return the oldest frame of usable plans, at lower rates that of the period before."""
         return frame if self.every == 1 else frame - self._turn()[0]
 
     def rest_s(self, frame: int) -> float:

@@ -53,10 +53,7 @@ FormationCheck = Callable[[Array], str | None]
 
 
 class TrajectoryRequests:
-    """At most one trajectory that is being checked; the way to its beginning is checked when it begins.
-
-    `refusal`: why no trajectory is taken now, None if one is.
-    """
+    """At most one trajectory that is being checked; `refusal` is why none is taken now, if so."""
 
     def __init__(
         self,

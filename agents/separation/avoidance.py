@@ -58,10 +58,7 @@ def near(
     stages: int,
     delay_s: float,
 ) -> Near:
-    """Find the plans that come near.
-
-    The obstacles are in the order of their names, so that a vehicle keeps its place among the constraints.
-    """
+    """Find the plans that come near; the obstacles keep their places among the constraints, by name."""
     own_m = plan.resampled(period_s, period_s, stages).position_m
     obstacles: list[Obstacle] = []
     closest, closest_m = np.inf, np.inf

@@ -135,10 +135,7 @@ class Tuning:
         self._work.wait()
 
     def finish(self) -> str | ValueError | None:
-        """Swap in what is ready, between two control periods.
-
-        Returns a description of the new configuration, why it stays the same, or None while nothing is ready.
-        """
+        """Swap in what is ready between two periods; return what flies or why not, None if not ready."""
         found = self._work.finish()
         if found is None:
             return None

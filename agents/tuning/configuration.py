@@ -94,10 +94,7 @@ class Configuration:
         return replace(self, estimator=DEFAULT_ESTIMATOR, estimator_settings={})
 
     def flown_model(self, model: Model) -> Model:
-        """Return the model of the fleet file with the parameters identified in flight.
-
-        Raises `ValueError`: a parameter that the vehicle cannot have, or another structure of the tilt.
-        """
+        """Return the model with the parameters identified in flight; `ValueError` for one it cannot have."""
         flown = with_parameters(model, self.model)
         sizes = [0 if one.tilt is None else one.tilt.dynamics().size for one in (model, flown)]
         if sizes[0] != sizes[1]:
@@ -105,17 +102,11 @@ class Configuration:
         return flown
 
     def controller_for(self, model: Model, period_s: float) -> Controller:
-        """Build the controller.
-
-        Raises `ValueError`: unknown controller, or a setting it does not accept.
-        """
+        """Build the controller; `ValueError` for an unknown one or a setting it does not accept."""
         return CONTROLLERS.build(self.controller, self.flown_model(model), period_s, self.controller_settings)
 
     def estimator_for(self, model: Model, period_s: float) -> Estimator:
-        """Build the estimator.
-
-        Raises `ValueError`: unknown estimator, or a setting it does not accept.
-        """
+        """Build the estimator; `ValueError` for an unknown one or a setting it does not accept."""
         return ESTIMATORS.build(self.estimator, self.flown_model(model), period_s, self.estimator_settings)
 
     def parts(self, model: Model, period_s: float) -> FlownParts:

@@ -67,10 +67,7 @@ class OscillationGuard:
         return (self._lands or self._seen) if lowered else ""
 
     def watch(self, output: ControlOutput, flown_by_own: bool = True) -> None:
-        """Process the control period that was just flown, and lower the bandwidth if necessary.
-
-        `flown_by_own` is False while an external program flies, whose bandwidth is its own.
-        """
+        """Process the last period, lower the bandwidth if necessary; not that of an external program."""
         pilot = self._pilot
         if output.reference is None or pilot.exciter.under_way:
             # Sines that an identification adds are no oscillation; should they bring one about, the vehicle

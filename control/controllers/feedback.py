@@ -112,10 +112,7 @@ class LqrSettings(ControllerSettings, frozen=True, kw_only=True):
 
 
 class LqrController(FeedbackController):
-    """Infinite-horizon regulator of equation (2), gains turned with the heading.
-
-    Raises `SettingsError`: bounds that the vehicle cannot have.
-    """
+    """Infinite-horizon regulator of equation (2), gains turned with the heading; raises `SettingsError`."""
 
     Settings = LqrSettings
 
@@ -145,10 +142,7 @@ class PidSettings(ControllerSettings, frozen=True, kw_only=True):
 
 
 class PidController(FeedbackController):
-    """PID in the body frame of the present heading; the model serves the plan alone.
-
-    Raises `SettingsError`: bounds that the vehicle cannot have.
-    """
+    """PID in the body frame of the present heading; the model serves the plan. Raises `SettingsError`."""
 
     Settings = PidSettings
 

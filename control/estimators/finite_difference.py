@@ -25,10 +25,7 @@ class FiniteDifferenceSettings(EstimatorSettings, frozen=True, kw_only=True):
 
 
 class FiniteDifferenceEstimator(PoseEstimator):
-    """Pose as measured; velocity from smoothed differences of poses. Disturbances are not estimated.
-
-    Raises `ValueError`: the cut-off frequency is above half the pose rate.
-    """
+    """Pose as measured, velocity from smoothed differences; `ValueError` for a cut-off above Nyquist."""
 
     Settings = FiniteDifferenceSettings
 

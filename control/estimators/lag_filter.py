@@ -70,10 +70,7 @@ def jacobian_at_rest(model: Model, period_s: float) -> Array:
 
 @compiled(MATRIX, ANY_VECTOR, ANY_VECTOR)
 def jacobian(at_rest: Array, start: Array, end: Array) -> Array:
-    """Return the derivative of the state after a period by the state before it, shape (16, 16).
-
-    `at_rest` is `jacobian_at_rest`, `start` and `end` are the motion before and after, shape (8,).
-    """
+    """Return the derivative of the state after a period by the state before it, shape (16, 16)."""
     F = at_rest.copy()
     c, s = math.cos(start[YAW]), math.sin(start[YAW])
     turn_c, turn_s = math.cos(end[YAW] - start[YAW]), math.sin(end[YAW] - start[YAW])

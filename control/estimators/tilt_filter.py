@@ -50,10 +50,7 @@ _SERVO_DENSITY: Final = 0.01
 
 
 class TiltFilter:
-    """State x and covariance P of one vehicle with a tilt model.
-
-    Accelerations are in m/s^2, tilts are horizontal components of an axis. A tilt of None is not measured.
-    """
+    """State x and covariance P of one vehicle with a tilt model; a tilt of None is not measured."""
 
     def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
         self._model, self._settings = model, settings
@@ -188,10 +185,7 @@ class TiltFilter:
 
 @cached_by_period
 def process_noise(model: Model, settings: ExtendedKalmanSettings, period_s: float) -> Array:
-    """Return the covariance Q that a period adds, shape (n, n); the same for every heading.
-
-    It is Van Loan's integral, plus random walks of servo, trim and offset.
-    """
+    """Return the covariance Q that a period adds, shape (n, n): Van Loan's integral plus random walks."""
     noise, system = model_noise(model, settings.measured_tilt), lateral_system(model, period_s)
     size = system.size
     density = np.zeros(size)

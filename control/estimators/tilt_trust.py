@@ -38,10 +38,7 @@ class TiltTrust:
         self._measured_energy = self._expected_energy = self._common_energy = self._noise_energy = 0.0
 
     def observe(self, measured: Array, expected: Array, yaw_rad: float, period_s: float) -> bool:
-        """Compare a measured tilt with the expected one; return whether `trusted` has changed.
-
-        Tilts are in the inertial frame, shape (2,); `period_s` is the time since the last one.
-        """
+        """Compare inertial tilts, shape (2,), measured and expected; return whether `trusted` has changed."""
         noise_energy = self._observe_noise(measured, period_s)
         to_body = cmath.rect(1.0, -yaw_rad)
         in_body, expected_in_body = (

@@ -166,10 +166,7 @@ def prediction_errors(candidate: Candidate, flights: Flights) -> PredictionError
 
 
 def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
-    """Return poses predicted one second ahead.
-
-    Shape (K, 4): x, y, z [m], yaw [rad] for the time of every row; NaN in the first second.
-    """
+    """Return poses predicted one second ahead, shape (K, 4): x, y, z [m], yaw [rad]; NaN at first."""
     periods = round(AHEAD_S / recording.period_s)
     measured = np.column_stack((recording.position_m, recording.yaw_rad))[periods:]
     plane = _horizontal(candidate, recording).errors_ahead(periods)

@@ -79,10 +79,7 @@ class Motion:
         return self._measured - self._states() @ self._c.T
 
     def ahead(self, periods: int, rows: slice = EVERY_ROW) -> Complex:
-        """Return outputs predicted `periods` ahead with the recorded inputs, of some of K - periods rows.
-
-        Shape (K - periods, m) for all rows.
-        """
+        """Return outputs predicted `periods` ahead with the recorded inputs, shape (K - periods, m)."""
         states = self._states()
         states = states + (self._measured - states @ self._c.T) @ self._gain.T
         push, count = self._push(), len(self._inputs) - periods

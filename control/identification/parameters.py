@@ -138,10 +138,7 @@ _COUPLING: Final = _number("thrust coupling", "model.thrust_coupling", "", 1.0, 
 
 
 def vertical_parameters(logged: bool) -> tuple[Parameter, ...]:
-    """Return the parameters of the motion in height, those of a vehicle that logged its battery if so.
-
-    Its firmware makes up for the battery in part, so thrust is not proportional to its stick.
-    """
+    """Return the parameters of the height, in another form for a firmware that makes up for the battery."""
     return (_SLOPE, _THRUST_LAG, _PER_VOLT) if logged else (THRUST_GAIN, _THRUST_LAG)
 
 

@@ -32,10 +32,7 @@ def tilt_loop(
     estimator: ExtendedKalmanSettings = DEFAULT_FILTER,
     compensate: bool = True,
 ) -> FeedbackLoop:
-    """Return the loop of both horizontal axes of a vehicle with a tilt model, in complex numbers.
-
-    Its input is the demand [m/s^2]. With `compensate` the cascade predicts with the estimated wind.
-    """
+    """Return the loop of both horizontal axes of a tilt model, complex; its input is the demand [m/s^2]."""
     loop = _filtered_tilt(model, period_s, estimator)
     system = lateral_system(model, period_s)
     known, wind = system.size // 2, system.wind.start // 2
@@ -110,10 +107,7 @@ def lag_loop(
     estimator: ExtendedKalmanSettings = DEFAULT_FILTER,
     compensate: bool = True,
 ) -> FeedbackLoop:
-    """Return the loop of one axis (0 to 3: x, y, height, yaw) behind a first-order lag.
-
-    Its input is the stick. With `compensate` the cascade predicts with the estimated disturbance.
-    """
+    """Return the loop of one axis (x, y, height, yaw) behind a first-order lag; its input is the stick."""
     position, velocity, effort = weights
     a, b = LagDynamics.of(model, period_s, slice(axis, axis + 1)).matrices()
     feedback = np.zeros(4)

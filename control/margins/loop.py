@@ -84,10 +84,7 @@ class FeedbackLoop:
         return float(np.prod(np.abs((z - open_) / (z - closed)), axis=1).max())
 
     def closed_loops(self, perturbations: Sequence[Perturbation]) -> Array:
-        """Return the transitions over a period of the plant, of the inputs under way, and of the estimate.
-
-        Their shape is (k, s, s).
-        """
+        """Return the transitions over a period of plant, inputs under way and estimate, shape (k, s, s)."""
         delays = [self._split(self.delay_s + perturbation.delay_s) for perturbation in perturbations]
         assumed_late, assumed_part_s = self._split(self.delay_s)
         under_way = max(assumed_late, *(late for late, _ in delays)) + 1
@@ -138,10 +135,7 @@ def regulator(step: Dynamics, state_weights: Sequence[float], effort: float) -> 
 
 
 def steady_filter_gain(transition: Array, measured: Array, process: Array | Complex, noise: Array) -> Array:
-    """Return the steady gain K of the Kalman filter, shape (m, p).
-
-    `transition` F and `process` Q have shape (m, m), `measured` H has (p, m), the variances `noise` (p,).
-    """
+    """Return the steady Kalman gain K, shape (m, p); F, Q have shape (m, m), H (p, m), `noise` (p,)."""
     P = solve_discrete_are(transition.conj().T, measured.conj().T, process, np.diag(noise))
     PH = P @ measured.conj().T
     S = measured @ PH + np.diag(noise)

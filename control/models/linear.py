@@ -16,10 +16,7 @@ Arguments = TypeVarTuple("Arguments")
 
 
 def cached_by_period(prepare: Callable[[*Arguments, float], T]) -> Callable[[*Arguments, float], T]:
-    """Cache the results of a function whose last argument is a period.
-
-    Periods are sums with rounding errors, so they are rounded to 1 us.
-    """
+    """Cache results by the last argument, a period; sums of rounded periods are equal within 1 us."""
     cached: Callable[..., T] = lru_cache(maxsize=256)(prepare)
 
     @wraps(prepare)
@@ -45,8 +42,5 @@ def zero_order_hold(a: NDArray[Any], b: NDArray[Any], time_s: float) -> tuple[ND
 
 
 def as_complex(matrix: Array) -> Complex:
-    """Return a map between vectors of the plane that commutes with rotations as complex numbers.
-
-    Blocks [[a, -b], [b, a]] of a matrix of shape (2 n, 2 m) become numbers a + i b, shape (n, m).
-    """
+    """Return the complex form, shape (n, m), of a map of shape (2 n, 2 m) that commutes with rotations."""
     return np.asarray(matrix[0::2, 0::2] + 1j * matrix[1::2, 0::2])

@@ -32,10 +32,7 @@ def lag_poles(model: Model, period_s: float) -> Array:
 
 
 def predict(model: Model, estimate: Estimate, inputs: Array, period_s: float) -> Trajectory:
-    """Roll the model out from an estimate, whose disturbance lasts, under inputs of shape (N - 1, 4).
-
-    The trajectory has N stages.
-    """
+    """Roll the model out from an estimate, whose disturbance lasts, under N - 1 inputs, to N stages."""
     poles = lag_poles(model, period_s)
     return Trajectory(_roll_out(motion_model(model), estimate, inputs, poles, period_s), period_s)
 

@@ -56,10 +56,7 @@ def resample(
 
 @compiled(ANY_MATRIX, ANY_VECTOR, NUMBER)
 def samples_through(positions: Array, end_rates: Array, period_s: float) -> Array:
-    """Return the samples of N stages through positions x, y, z, yaw, shape (N, 4); rates are differences.
-
-    `end_rates` are the rates of the last stage, shape (4,).
-    """
+    """Return samples of N stages through positions, shape (N, 4); rates are differences, but the last."""
     stages = len(positions)
     samples = np.empty((stages, 12))
     for axis in range(4):

@@ -150,10 +150,7 @@ def smooth_way(
 
 
 def _gentle_way(limits: ProfileLimits, begin: Array, ends: Array) -> tuple[float, float]:
-    """Shortest duration [s] of a quintic within limits, else the gentlest; and its share of the limits.
-
-    Rows `ends` belong to `_DURATIONS_S`, or one row to all of them.
-    """
+    """Shortest quintic within limits, else the gentlest: its duration [s] and its share of the limits."""
     durations, moments = np.meshgrid(_DURATIONS_S, _MOMENTS, indexing="ij")
     after = np.repeat(np.broadcast_to(ends, (len(durations), COLUMNS)), len(_MOMENTS), axis=0)
     way = (begin[None], after, durations.reshape(-1, 1), moments.reshape(-1, 1))

@@ -23,10 +23,7 @@ READABLE: Final = (1e-3, 1e-5, 1e-7)
 
 
 class RiccatiSolver:
-    """Workspace that solves one problem after another, warm-started; the shapes of arrays may change.
-
-    `max_iterations`: interior-point iterations after which the best plan known is returned.
-    """
+    """Workspace that solves one problem after another, warm-started; the shapes of arrays may change."""
 
     def __init__(self, max_iterations: int = 40) -> None:
         self._max_iterations = max_iterations

@@ -72,10 +72,7 @@ class Runners:
 
 
 class Guard:
-    """Watches vehicles whose agents may run on this host.
-
-    `host`: this host. `turns`: number of hosts that are before this one in line, by vehicle.
-    """
+    """Watches vehicles whose agents may run on `host`; `turns` counts the hosts in line before it."""
 
     def __init__(self, host: str, turns: Mapping[str, int]) -> None:
         self._host, self._turns = host, turns

@@ -65,10 +65,7 @@ def call_in_realtime(priority: int, function: Callable[[], T]) -> T:
 
 
 def stretched(limits: WatchdogConfig, clock: Clock) -> WatchdogConfig:
-    """Return the limits of a watchdog in real time, which is never shorter than the time of the fleet.
-
-    Processes need real time to start and to end.
-    """
+    """Return limits of a watchdog in real time, never shorter than the fleet's: processes need real time."""
     flight_s, floor_s = (max(limit_s, clock.real_s(limit_s)) for limit_s in (limits.flight_s, limits.floor_s))
     return replace(limits, flight_s=flight_s, floor_s=floor_s)
 

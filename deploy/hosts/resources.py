@@ -61,10 +61,7 @@ def check_resources(fleet: FleetFile, host: str, directory: Path, without: Colle
 
 
 def check_without(fleet: FleetFile, without: Collection[str]) -> None:
-    """Check the vehicles that shall not take part.
-
-    Raises `FleetError`: one is unknown, or none is left.
-    """
+    """Check the vehicles that shall not take part; `FleetError` if one is unknown or none is left."""
     for name in without:
         check_known("--without", "vehicle", name, fleet.vehicles)
     if len(set(without)) == len(fleet.vehicles):
@@ -72,10 +69,7 @@ def check_without(fleet: FleetFile, without: Collection[str]) -> None:
 
 
 def check_router(fleet: FleetFile, host: str) -> None:
-    """Check that the router of a host can listen, and that the fleet is not up on this computer.
-
-    Raises `FleetError`: the fleet is up, or another program listens at the address.
-    """
+    """Check that the router can listen and the fleet is not up on this computer; raises `FleetError`."""
     for running in running_fleets():
         if (running.fleet, running.namespace, running.host) == (fleet.name, fleet.bus.namespace, host):
             raise FleetError(f"{fleet.name} is already up on this computer; stop it first")
@@ -84,10 +78,7 @@ def check_router(fleet: FleetFile, host: str) -> None:
 
 
 def check_free(address: str, port: int, where: str) -> None:
-    """Check that no other program listens at an address.
-
-    Raises `FleetError`: begins with `where`, the field of the fleet file.
-    """
+    """Check that no other program listens at an address; `FleetError` begins with the field `where`."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -99,10 +90,7 @@ def check_free(address: str, port: int, where: str) -> None:
 
 
 def check_certificate(fleet: FleetFile, host: str) -> None:
-    """Check the certificate of this host, in a fleet with certificates.
-
-    Raises `FleetError`: says what is wrong with it.
-    """
+    """Check the certificate of this host, in a fleet with certificates; `FleetError` says what is wrong."""
     directory = directory_of(fleet)
     if directory is None:
         return

@@ -16,10 +16,7 @@ SHARED_MEMORY = Path("/dev/shm")  # files here are memory: writing to them never
 
 
 def base_directory() -> Path:
-    """Return the directory of all fleets on this host.
-
-    It is `RCOPTERX_RUN` if set, else lies in `XDG_RUNTIME_DIR` if writable, else in the temporary directory.
-    """
+    """Return `RCOPTERX_RUN`, else a directory in `XDG_RUNTIME_DIR` if writable, else a temporary one."""
     base = os.environ.get("RCOPTERX_RUN")
     if base is None:
         runtime = os.environ.get("XDG_RUNTIME_DIR")
@@ -51,10 +48,7 @@ def run_directory(fleet_name: str, namespace: str | None) -> Path:
 
 
 def check_owner(path: Path) -> None:
-    """Refuse a directory that another user has put in the place of ours, for instance in `/tmp`.
-
-    Raises `OSError`: it belongs to another user, or it is a link.
-    """
+    """Raise `OSError` for a link, or a directory that another user has put in the place of ours."""
     status = path.lstat()
     if not stat.S_ISDIR(status.st_mode):
         raise OSError(errno.ENOTDIR, f"{path} is a link or a file")
@@ -115,9 +109,6 @@ def states_directories() -> list[Path]:
 
 
 def router_socket(host: str, directory: Path) -> str | None:
-    """Return the Zenoh endpoint of a router for processes of its host, faster than TCP.
-
-    None if the path is longer than the operating system allows for a socket.
-    """
+    """Return the Zenoh endpoint of a router's Unix socket; None if its path is too long."""
     path = directory / f"router-{host}.sock"
     return f"unixsock-stream/{path}" if len(str(path)) <= LONGEST_SOCKET_PATH else None

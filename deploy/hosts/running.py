@@ -37,10 +37,7 @@ class RunningFleet(NamedTuple):
 
 @contextmanager
 def recorded(directory: Path, running: RunningFleet) -> Iterator[None]:
-    """Keep the record of a running fleet in its run directory while the context lasts.
-
-    Raises `OSError`: another router of this fleet is running.
-    """
+    """Keep the record of a running fleet while the context lasts; `OSError` if another router runs."""
     path = directory / f"up-{running.host}.json"
     descriptor = _locked(path)
     try:

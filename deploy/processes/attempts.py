@@ -13,10 +13,7 @@ Step = Callable[[], list[str]]  # returns a line per event, for the user
 
 
 class Attempts:
-    """Calls steps, and turns their errors into lines for the user.
-
-    `clock`: monotonic clock [s].
-    """
+    """Calls steps, and turns their errors into lines for the user; `clock` is monotonic [s]."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock

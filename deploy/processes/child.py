@@ -12,10 +12,7 @@ MAX_PAUSE_S = 5.0
 
 
 def restart_pause_s(quick_deaths: int) -> float:
-    """Pause before a restart, by the number of deaths in a row that came shortly after a start.
-
-    The first restarts are immediate, for a crash in flight; a process that cannot start is retried slowly.
-    """
+    """Pause before a restart; none after the first of the deaths that came shortly after a start."""
     if quick_deaths < QUICK_RESTARTS:
         return 0.0
     return float(min(MAX_PAUSE_S, 0.2 * 2 ** (quick_deaths - QUICK_RESTARTS)))

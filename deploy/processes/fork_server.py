@@ -70,10 +70,7 @@ def main() -> None:
 
 
 def serve(connection: socket.socket, priority: int) -> Callable[[], object] | None:
-    """Carry out orders until the supervisor closes the connection.
-
-    Returns in a forked process what it shall do, with an empty call stack below; None in the server itself.
-    """
+    """Carry out orders until the supervisor closes; in a forked process return what it shall do."""
     while True:
         message, descriptors, _, _ = socket.recv_fds(connection, LARGEST_BYTES, DESCRIPTORS)
         if not message:
@@ -111,10 +108,7 @@ def _freeze() -> None:
 
 
 def _prepare(words: Sequence[str]) -> str:
-    """Prepare pilots; return what is wrong, if anything.
-
-    Processes are started in any case: they build for themselves what is not prepared, and report errors.
-    """
+    """Prepare pilots; return what is wrong, if anything: processes then build for themselves."""
     from rcopterx.deploy.processes.prepared import prepare
     from rcopterx.deploy.roles.agent import pilot_of
 
@@ -127,10 +121,7 @@ def _prepare(words: Sequence[str]) -> str:
 
 
 def _fork_twice() -> int | None:
-    """Return the process id of a forked process that is no child of this one; None in that process.
-
-    Raises `OSError`: there are no processes or descriptors left.
-    """
+    """Fork a process that is no child of this one; return its id, None in it. Raises `OSError`."""
     reading, writing = os.pipe()
     try:
         intermediate = os.fork()

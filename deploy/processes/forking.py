@@ -137,10 +137,7 @@ class ForkServer:
         return None if self._process is None else self._process.pid
 
     def ensure_running(self) -> bool:
-        """Start it if it does not run and was not started a moment ago; return whether it is a successor.
-
-        Raises `OSError`: it cannot be started.
-        """
+        """Start it if it does not run, not too often; return whether it is a successor, or `OSError`."""
         if self._process is not None and self._process.poll() is None:
             return False
         if self._clock() - self._start_s < RETRY_S:

@@ -33,10 +33,7 @@ class ProcessLogs:
         return sorted({path.name.partition(SUFFIX)[0] for path in self._directory.glob(f"*{SUFFIX}*")})
 
     def new_lines(self) -> list[LoggedLine]:
-        """Return all lines that were not read before, sorted by time.
-
-        Lines without a time, for instance of a traceback, have that of the line before.
-        """
+        """Return all unread lines, sorted by time; lines without one have that of the line before."""
         lines = [line for path in self._files() for line in self._lines_of(path)]
         # Stable: lines of one log with the same time keep their order.
         return sorted(lines, key=lambda line: line.time)

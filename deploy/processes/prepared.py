@@ -58,10 +58,7 @@ def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
 
 
 def prepare(snapshot: Path, host: str, vehicles: Iterable[str], build: "PilotBuilder") -> None:
-    """Build the pilots of vehicles on a host, in the place of those that were prepared before.
-
-    Raises `FleetError`: the snapshot cannot be read, or a pilot cannot be built from it.
-    """
+    """Build the pilots of vehicles on a host in place of earlier ones; `FleetError` if one cannot be."""
     global _prepared
     _prepared = None
     fleet = read_snapshot(snapshot)

@@ -44,10 +44,7 @@ def append(path: Path, lines: list[str]) -> None:
 
 
 def rotate(directory: Path) -> None:
-    """Move the content of each log that has become large to its older one; ignore a failing disk.
-
-    Processes go on writing to the same file, which they have opened for appending.
-    """
+    """Move each large log to its older one, ignoring a failing disk; processes append to the same file."""
     with suppress(OSError):
         for path in directory.glob(f"*{SUFFIX}"):
             if path.stat().st_size > LARGEST_BYTES:

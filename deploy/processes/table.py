@@ -33,10 +33,7 @@ class ProcessSpec:
 
 
 def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
-    """Return the processes of a host in starting order.
-
-    Raises `FleetError`: the host is unknown.
-    """
+    """Return the processes of a host in starting order; `FleetError` for an unknown host."""
     check_known("hosts", "host", host, fleet.hosts)
     # Routers import this module and start without the limits of vehicles.
     from rcopterx.fleet.vehicle_models import longest_shutdown_s

@@ -20,10 +20,7 @@ Run = Callable[[str, bytes], "subprocess.CompletedProcess[bytes]"]
 
 
 def on(target: str) -> Run:
-    """Return a function that runs commands on a host.
-
-    `target`: argument of ssh: `lab@192.168.0.11`, or a name of its configuration.
-    """
+    """Return a function that runs commands at the ssh target, such as `lab@192.168.0.11`."""
 
     def run(command: str, content: bytes) -> "subprocess.CompletedProcess[bytes]":
         done = subprocess.run(
@@ -46,10 +43,7 @@ def login(run: Run) -> Login:
 
 
 def take(run: Run, steps: Iterable[Step], *, dry: bool) -> Iterator[tuple[Step, bool]]:
-    """Take the steps that are not done yet, none if `dry`; yield each step and whether it was done before.
-
-    Raises `RemoteError`: a step failed; the following ones are not taken.
-    """
+    """Take the steps that are not done yet, none if `dry`; yield each with whether it was done before."""
     for step in steps:
         done = run(step.done, b"").returncode == 0
         if not (done or dry):

@@ -86,10 +86,7 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
 
 
 def hover_thrust_limits_of(fleet: FleetFile, name: str) -> HoverThrustLimits:
-    """Return the limits of the thrust to hover, which show an empty battery.
-
-    Raises `FleetError`: the vehicle would land before it warns.
-    """
+    """Return the limits of the hover thrust; `FleetError` if the vehicle would land before it warns."""
     battery = fleet.vehicles[name].battery
     try:
         return HoverThrustLimits(battery.warn_at_thrust, battery.land_at_thrust)

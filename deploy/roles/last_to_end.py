@@ -21,10 +21,7 @@ ENDED_S: Final = 1.0
 
 
 def outlive_launcher(fleet: FleetFile, host: str) -> None:
-    """If the launcher dies, send SIGTERM to this process only when the gateways of its host have ended.
-
-    Replaces what `end_with_parent` has set up; to be called by the main thread.
-    """
+    """If the launcher dies, end only after the host's gateways; replaces `end_with_parent`; main thread."""
     parent = os.environ.get("RCOPTERX_PARENT")
     if parent is None:
         return

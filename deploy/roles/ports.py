@@ -13,10 +13,7 @@ from rcopterx.transmitter_gateway.udp_port import UDP, udp_address
 
 
 def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
-    """Return the port of a vehicle's transmitter; a serial device may be in the run directory.
-
-    Raises `FleetError`: it is none for the vehicle's protocol.
-    """
+    """Return the port of a vehicle's transmitter; `FleetError` if it is none for the protocol."""
     port = fleet.vehicles[name].transmitter.port
     protocol, where = protocol_of(fleet, name), f"vehicles.{name}.transmitter.port"
     addressed = isinstance(protocol, SetPointRadio)

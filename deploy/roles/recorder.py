@@ -50,10 +50,7 @@ def recorder_settings(fleet: FleetFile, host: str, started_s: float) -> Recorder
 
 
 def flight_settings(fleet: FleetFile, host: str, started_s: float, flight: Begun) -> FlightSettings:
-    """Return where and how a flight is recorded, with its metadata.
-
-    `started_s`: wall clock at the start of the recorder [s]. `flight`: the flight that it records.
-    """
+    """Return where and how the flight that began at `started_s` (wall clock) is recorded."""
     metadata = {
         "fleet": fleet.name,
         "digest": digest_of(fleet),

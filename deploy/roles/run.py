@@ -84,10 +84,7 @@ def name_process(*words: str) -> None:
 
 
 def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
-    """Refuse unknown roles and units that the file does not name.
-
-    Raises `FleetError`: names what is allowed.
-    """
+    """Refuse unknown roles and units that the file does not name; `FleetError` names what is allowed."""
     known: dict[str, Mapping[str, object]] = {
         "router": fleet.hosts, "recorder": fleet.hosts, "simulator": fleet.hosts, "tracker": fleet.hosts,
         "transmitters": fleet.gateways, "agent": fleet.vehicles,
@@ -98,10 +95,7 @@ def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
 
 
 def runner(role: str) -> Callable[[FleetFile, str], None]:
-    """Import the module of a role other than `agent`, and return its `run`; see `outlive_launcher`.
-
-    No other role is imported: start-up time counts when a process restarts in flight.
-    """
+    """Return `run` of a role other than `agent`; no other is imported: restarts in flight must be fast."""
     run: Callable[[FleetFile, str], None] = importlib.import_module(f"rcopterx.deploy.roles.{role}").run
     if role == "transmitters":
         return run

@@ -26,10 +26,7 @@ def run(fleet: FleetFile, _host: str) -> None:
 
 
 def conditions_of(fleet: FleetFile) -> Conditions:
-    """Return the conditions of the simulated laboratory.
-
-    Raises `FleetError`: there is no simulator, a preset or field is unknown, or a library is missing.
-    """
+    """Return the conditions of the simulated laboratory; `FleetError` if they cannot be had."""
     if fleet.simulator is None:
         raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")
     preset = fleet.simulator.conditions

@@ -54,10 +54,7 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
 
 
 def tracker_address(fleet: FleetFile) -> tuple[str, int]:
-    """Return host and port of the Tracker.
-
-    Raises `FleetError`: the address is not of the form HOST:PORT.
-    """
+    """Return host and port of the Tracker; `FleetError` if the address is not HOST:PORT."""
     host, separator, port = fleet.tracker.address.rpartition(":")
     if not separator or not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise FleetError(f"tracker.address: {fleet.tracker.address!r}, must be HOST:PORT")
@@ -65,10 +62,7 @@ def tracker_address(fleet: FleetFile) -> tuple[str, int]:
 
 
 def brand_of(fleet: FleetFile) -> BrandSettings | None:
-    """Return the settings of another brand; None for a Vicon Tracker, which our own client reads.
-
-    Raises `FleetError`: this brand does not have a field, or needs one that is missing.
-    """
+    """Return the settings of another brand, None for a Vicon Tracker; `FleetError` for a wrong field."""
     tracker = fleet.tracker
     brand = tracker.brand
     if brand not in BRAND_NAMES:
@@ -119,10 +113,7 @@ def raw_recording(fleet: FleetFile) -> Path | None:
 
 
 def check_motion_capture(fleet: FleetFile) -> None:
-    """Check that the library of the brand is installed and that the recording can be created.
-
-    Raises `FleetError`: names the field.
-    """
+    """Check the library of the brand and that the recording can be created; `FleetError` names the field."""
     try:
         if brand_of(fleet) is not None:
             check_library()

@@ -19,10 +19,7 @@ from rcopterx.fleet.reading import load_fleet
 
 
 def wait_for_job(snapshot: Path, host: str, jobs: Sequence[tuple[str, str]]) -> Callable[[], None] | None:
-    """Prepare for these jobs (role, unit) and wait until standard input names one of them.
-
-    Returns what does the job; None if the supervisor has closed standard input instead.
-    """
+    """Prepare for jobs (role, unit) and return the one that standard input names, None at its end."""
     name_process("spare")
     fleet = load_fleet(snapshot)
     pilots = {unit: ready_pilot(fleet, unit, host) for role, unit in jobs if role == "agent"}

@@ -82,10 +82,7 @@ class Spares:
         self._spares: list[_Spare] = []
 
     def prepare(self) -> None:
-        """Start the spares that are missing, one after the other: the next one once all others are ready.
-
-        Raises `OSError`: one cannot be started.
-        """
+        """Start the missing spares, each once all others are ready; `OSError` if one cannot be started."""
         for spare in [spare for spare in self._spares if spare.process.poll() is not None]:
             spare.end()
             self._spares.remove(spare)

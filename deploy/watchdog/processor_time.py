@@ -71,10 +71,7 @@ def _read(path: str) -> bytes:
 
 
 def excuse_of(process: int, before: Threads, now: Threads, elapsed_s: float) -> Excuse:
-    """Return what excuses a process for having made no progress between two readings, `elapsed_s` apart.
-
-    `waited_s` is that of the thread that waited longest, because the loop may depend on any thread.
-    """
+    """Return what excuses a process without progress for `elapsed_s`, by the thread that waited longest."""
     main = now.get(process)
     state = "" if main is None else main.state
     waits = [_waited_s(before[thread], time, elapsed_s) for thread, time in now.items() if thread in before]

@@ -33,10 +33,7 @@ def measured_hover(observer: Observer, vehicle: str, seconds: float) -> tuple[fl
 def mean_of_hover(
     states: Sequence[str], inputs: Sequence[Sequence[float]], seconds: float
 ) -> tuple[float, float, float, float]:
-    """Mean of applied inputs (n, 4).
-
-    Raises HoverError if there are too few, not all are armed, or the second half differs from the first.
-    """
+    """Mean of applied inputs, shape (n, 4); `HoverError` if they are few, not all armed, or drift."""
     if len(inputs) < FEWEST_PER_S * seconds:
         raise HoverError(f"only {len(inputs)} frames in {seconds:g} s")
     others = sorted(set(states) - {"armed"})

@@ -46,10 +46,7 @@ class Excited(NamedTuple):
 
 @contextmanager
 def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float) -> Iterator[None]:
-    """Let vehicles hover apart from each other, without leaders; they return to their formation at the end.
-
-    Raises `IdentificationError`: a vehicle does not fly, or there is no room.
-    """
+    """Let vehicles hover apart, without leaders, then return to formation; `IdentificationError`."""
     states = {name: fleet.state_of(name) for name in names}
     statuses = {name: state.agent for name, state in states.items()}
     standing = [name for name, status in statuses.items() if status is None or status.phase != "flying"]
@@ -79,10 +76,7 @@ def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float) -> Iterator
 def excited_flights(
     fleet: Observer, names: Sequence[str], wanted: Wanted, progress: Progress = lambda _: None
 ) -> Excited:
-    """Excite hovering vehicles without leaders at the same time, and record poses and applied sticks.
-
-    Raises `RequestFailedError`: an agent did not answer.
-    """
+    """Excite hovering vehicles at the same time; return recordings and failures."""
     recordings: dict[str, FlightRecording] = {}
     failures: dict[str, str] = {}
     recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED))

@@ -123,10 +123,7 @@ def _response(status: HTTPStatus, text: str) -> Response:
 
 
 def kept_key(path: Path) -> str:
-    """Return the secret in a file, created if missing.
-
-    Windows of a page that was restarted connect again, so that KILL works in them.
-    """
+    """Return the secret in a file, created if missing, by which windows of a restarted page reconnect."""
     if not path.exists():
         fresh = path.with_suffix(f".{os.getpid()}")
         fresh.touch(0o600)

@@ -29,10 +29,7 @@ class History:
         self.newest_s = -math.inf  # of the newest sample
 
     def add(self, now_s: float, state: VehicleState, sticks: tuple[float, ...] | None) -> None:
-        """Add a sample unless the last one is younger than a sampling period.
-
-        `sticks` are pitch, roll, thrust and yaw as written to the radio, None if unknown.
-        """
+        """Add a sample unless one was added a moment ago; `sticks` as written to the radio, or None."""
         if now_s - self.newest_s < SAMPLE_S * 0.9:
             return
         self.newest_s = now_s

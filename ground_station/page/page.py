@@ -49,10 +49,7 @@ NOTICE_S: Final = 6.0
 
 
 class PageFrame:
-    """The part of the page that browsers load while the fleet is still starting; `FleetPage` fills it.
-
-    `steers` is False for a page that only watches.
-    """
+    """The part of the page that loads while the fleet starts, for `FleetPage`; `steers` if not watching."""
 
     def __init__(self, server: PageServer, name: str, steers: bool = True) -> None:
         self.server, self.steers = server, steers

@@ -65,10 +65,7 @@ class Steering:
         self.run(f"landing of {', '.join(names or ('all',))}", lambda: self._fleet.land(names), "landed")
 
     def kill(self) -> None:
-        """Cut the motors of all vehicles now.
-
-        Unlike `run`, every call is published, also while another kill is waiting for confirmation.
-        """
+        """Cut the motors of all vehicles now, in every call, also while another kill awaits confirmation."""
         try:
             self._fleet.kill(reason=KILL_REASON)
         except FLIGHT_ERRORS as error:

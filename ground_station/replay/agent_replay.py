@@ -70,10 +70,7 @@ def changed(fleet: FleetFile, vehicle: str, changes: Mapping[str, Any]) -> Fleet
 
 
 def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) -> Comparison:
-    """Run the agent of a vehicle, configured by a fleet file, on the inputs of a recorded one.
-
-    Differences up to `tolerance` are ignored. Raises FleetError if the fleet file cannot be used.
-    """
+    """Run an agent on recorded inputs; differences up to `tolerance` are ignored. Raises FleetError."""
     result = Comparison(recorded.vehicle)
     errors: list[np.ndarray[Any, np.dtype[np.float64]]] = []
     for life in recorded.lives:
@@ -181,10 +178,7 @@ class _LifeComparison:
             self._first(step, plan.frame, *self._cause(step, period, plan, old, error, gap))
 
     def _plan_then(self, plan: Plan, planned: bytes) -> bytes | None:
-        """Recorded plan to compare one with: of several of the same frame the nearest.
-
-        There are several after a frame was bridged, and where another agent of the vehicle took over.
-        """
+        """Recorded plan to compare with: the nearest of those of a frame that was bridged or taken over."""
         plans = self._life.plans.get((plan.epoch, plan.frame), [])
         if planned in plans:
             return planned

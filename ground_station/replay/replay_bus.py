@@ -31,10 +31,7 @@ class _Subscription:
 
 
 class ReplayBus:
-    """Implements `rcopterx.bus.stepping.StepBus` from the life of a recorded agent.
-
-    `published` is called with every message that the agent publishes.
-    """
+    """Implements `StepBus` from the life of a recorded agent; `published` gets every message it sends."""
 
     def __init__(self, life: AgentLife, published: Callable[[Channel[Any], Message], None]) -> None:
         self.life = life.life

@@ -57,10 +57,7 @@ def republish(
     wait: Callable[[float], bool],
     clock: Callable[[], float] = time.monotonic,
 ) -> int:
-    """Send the messages of a flight at their times divided by `speed`; return how many were sent.
-
-    `wait` waits a time [s] and returns True to end the replay.
-    """
+    """Send a flight's messages at `speed`, until `wait` returns True; return how many were sent."""
     started_s, first_ns, sent = clock(), None, 0
     for path in parts:
         for message in messages_of(path):

@@ -195,10 +195,7 @@ class FlightFigures:
         return sorted({link.leader for plan in self.plans[name] for link in plan.following})
 
     def offsets_m(self, name: str, leader: str) -> tuple[NDArray[np.int64], Array, Array]:
-        """Frames, shape (n,), and offsets of a follower from a leader as flown and as wanted, shape (n, 4).
-
-        Columns are x, y, z in the inertial frame [m] and heading [rad].
-        """
+        """Frames, and offsets from a leader, flown and wanted, (n, 4): inertial x, y, z [m], yaw [rad]."""
         own, other = self._positions[name], self._positions.get(leader, {})
         frames, flown, wanted = [], [], []
         for plan in self.plans[name]:

@@ -93,10 +93,7 @@ def _thrust(frames: Sequence[_Frame]) -> Iterator[tuple[_Frame, str]]:
 def _ends(
     frames: Sequence[_Frame], reasons: Iterable[tuple[TransmitterStatus, float]]
 ) -> Iterator[tuple[_Frame, str]]:
-    """No flight of a vehicle that is seen in the air ends, except by a kill or for one of `EXCUSES`.
-
-    A descent may, because the arbiter does not see its vehicle there, but not by a gap between frames.
-    """
+    """No flight of a vehicle that is seen in the air ends, except by a kill or one of `EXCUSES`."""
     excused_s = [arrived_s for status, arrived_s in reasons if status.reason.startswith(EXCUSES)]
     for before, frame in pairwise(frames):
         was, state = before.message.state, frame.message.state

@@ -53,10 +53,7 @@ class Recording:
 
 
 class Recorder:
-    """Records messages between `start` and `stop`.
-
-    `kept` limits the recording to the newest messages; `only` limits it to some of the recorded channels.
-    """
+    """Records messages between `start` and `stop`: `only` some channels, `kept` newest messages."""
 
     def __init__(
         self, session: Session, kept: int | None = None, only: Sequence[Channel[Any]] | None = None

@@ -21,10 +21,7 @@ CLOCK_S: Final = 0.1
 
 
 def joined_fleet(file: FleetFile) -> Fleet | None:
-    """The fleet, through the router of the first host that answers; None if there is none.
-
-    Raises WrongFleetError if a host uses another fleet file.
-    """
+    """The fleet, through the router of the first host that answers, if any; raises WrongFleetError."""
     here = [running.host for running in running_fleets() if running.fleet == file.name]
     for host in dict.fromkeys((*(host for host in here if host in file.hosts), *file.hosts)):
         try:
@@ -42,10 +39,7 @@ class Daemons:
         self._there: list[str] = []
 
     def find(self) -> list[str]:
-        """Find the hosts of the fleet file; return a line for every one that is missing or differs.
-
-        Raises WrongFleetError if a host uses another version of the fleet file.
-        """
+        """Find the hosts of the fleet file; return a line for every one that is missing or differs."""
         wanted = self._fleet.file.hosts
         give_up_s = time.monotonic() + LINKED_S
         answers: dict[str, IdentifyReply] = {}

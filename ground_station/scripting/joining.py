@@ -14,10 +14,7 @@ class WrongFleetError(ConnectionError):
 
 
 def fleet_that_is_up() -> tuple[FleetFile, str]:
-    """The one fleet that is up on this computer, and the host that this computer is.
-
-    Raises FleetError if none is up here, or several are.
-    """
+    """The one fleet that is up and the host that this computer is; FleetError for none or several."""
     running = running_fleets()
     if not running:
         raise FleetError(

@@ -90,10 +90,7 @@ def capacity_notes(host: str, status: LauncherStatus) -> list[str]:
 
 
 def link_notes(statuses: Mapping[str, RouterStatus], here: str) -> list[str]:
-    """A line for every link between hosts that is missing, and for every host that is linked with `here`.
-
-    `statuses` are those of the routers, by host.
-    """
+    """A line for every link that is missing, and for every host that is linked with `here`."""
     lines = []
     missing = set()
     for host, status in sorted(statuses.items()):

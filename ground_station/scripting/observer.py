@@ -362,10 +362,7 @@ class Observer:
         what: str,
         followers: bool,
     ) -> None:
-        """Wait until states that were reported after this call show no problem of any vehicle.
-
-        Without names these are all followers, or all vehicles that do not follow.
-        """
+        """Wait until new states show no problem of any vehicle, or of all followers, or of all others."""
         wanted = self.present() if names is None else list(names)
         from_s = self.session.clock() + UNDER_WAY_S
 

@@ -36,10 +36,7 @@ Change = Mapping[str, tuple[LeaderLink, ...]]
 
 
 def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tuple[Change, dict[str, Array]]:
-    """New leaders by vehicle when two vehicles exchange roles, and the places of all vehicles.
-
-    Raises RefusedError if one of the two does not fly.
-    """
+    """New leaders when two vehicles exchange roles, and all places; RefusedError if one does not fly."""
     links, heads = formation_of(statuses)
     where = places(links, heads)
     for name in (first, second):
@@ -63,10 +60,7 @@ def role(links: Sequence[LeaderLink]) -> str:
 
 
 def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
-    """The leader of the whole formation in which a vehicle flies.
-
-    Raises RefusedError if it does not fly, leads already, or there are several.
-    """
+    """The leader of a vehicle's formation; RefusedError if it does not fly, leads, or has several."""
     _expect_flying(statuses, name)
     links, _ = formation_of(statuses)
     heads = roots(links, name)

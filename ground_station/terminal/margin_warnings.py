@@ -16,10 +16,7 @@ NICE: Final = 5  # about a quarter of a processor that an ordinary program uses 
 
 
 def start_in_background(command: Sequence[str]) -> "subprocess.Popen[bytes]":
-    """Start a program with pipes for its standard streams, in a session of its own: Ctrl-C does not end it.
-
-    Raises `OSError`: it cannot be started.
-    """
+    """Start a program with pipes in a session of its own: Ctrl-C does not end it. May raise `OSError`."""
     pipe = subprocess.PIPE
     process = subprocess.Popen(
         command, stdin=pipe, stdout=pipe, stderr=pipe, env=child_environment(), start_new_session=True

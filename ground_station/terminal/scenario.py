@@ -26,10 +26,7 @@ class FaultRefusedError(RuntimeError):
 
 
 def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
-    """Fault of a kind of `rcopterx.simulator.faults.FAULTS`, with hyphens or underscores.
-
-    Texts among the values are converted where numbers are needed. Raises ScenarioError.
-    """
+    """Fault of a kind of `FAULTS`; texts become numbers where needed. Raises ScenarioError."""
     kind = kind.replace("-", "_")
     if kind not in FAULTS:
         raise ScenarioError(f"unknown fault {kind!r}, known are {', '.join(FAULTS)}")

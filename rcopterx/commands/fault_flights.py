@@ -56,10 +56,7 @@ def list_faults() -> None:
 
 
 class FleetHolder:
-    """Holds the fleet that flies faults, and starts another one after a fleet did not survive.
-
-    `path` is a copy of the fleet file that faults may change; None uses the fleet that is up.
-    """
+    """The fleet that flies faults, started again after a loss; `path` is a copy that faults may change."""
 
     def __init__(self, path: Path | None, options: FlightOptions) -> None:
         self._path = path

@@ -65,10 +65,7 @@ HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host
 
 
 def chosen_host(fleet: "FleetFile", host: str | None) -> str:
-    """Host on which a command runs: the only one, or the named one.
-
-    Raises `FleetError`: several hosts and none was named, or an unknown one.
-    """
+    """Host on which a command runs: the only one or the named one; else `FleetError`."""
     from rcopterx.fleet.schema import FleetError
 
     if host is None and len(fleet.hosts) == 1:
@@ -131,10 +128,7 @@ def joined_fleet(
 def running_fleet(
     name: str | None, vehicles: Iterable[str] | None = None, router_within_s: float = ROUTER_S
 ) -> Iterator["Fleet"]:
-    """Join the fleet that is up, or the running one of a file, and check names of vehicles.
-
-    Errors end the command.
-    """
+    """Join a running fleet, by default that of this computer, and check names; errors end the command."""
     with user_errors(), joined_fleet(*wanted_fleet(name), name, router_within_s) as fleet:
         known_vehicles(fleet.file.vehicles, vehicles)
         yield fleet

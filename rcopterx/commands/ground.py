@@ -104,10 +104,7 @@ def installed() -> bool:
 
 @contextmanager
 def page_of(fleet: str, announce: Callable[[str], object]) -> Iterator[None]:
-    """Serve the page of a fleet from another process while the block runs.
-
-    `announce` is called from another thread with the address of the page, or with an error.
-    """
+    """Serve the page from another process; another thread passes its address or an error to `announce`."""
     if not installed():
         announce(f"no web page: it needs viser: {INSTALL}")
         yield

@@ -15,10 +15,7 @@ class Interruption:
 
 @contextmanager
 def until_ctrl_c() -> Iterator[Interruption]:
-    """Leave the block at Ctrl-C, without an error.
-
-    Endless loops also check the flag: Python drops an exception that a signal raises in a finalizer.
-    """
+    """Leave the block at Ctrl-C, without an error; endless loops check the flag for a lost exception."""
     interruption = Interruption()
 
     def interrupt(*_: object) -> None:

@@ -37,10 +37,7 @@ def _has_vehicles(path: Path) -> bool:
 
 
 def next_steps(running: "Sequence[RunningFleet]", files: Sequence[str]) -> tuple[str, list[Step]]:
-    """Return a title and the steps that come next.
-
-    `running` are the fleets that are up on this computer, `files` the fleet files in the working directory.
-    """
+    """Return a title and the steps that come next, by the fleets that are up and the files here."""
     if running:
         up = running[0]
         return f"Fleet {up.fleet} is up, with {', '.join(up.vehicles)}.", [

@@ -44,10 +44,7 @@ class Dialogue:
         self._waiting = b""
 
     def line(self, question: str, seconds: float = 3600.0) -> str | None:
-        """Next line in lower case without blanks; None if there is none in time.
-
-        Raises `WorkbenchError`: standard input has ended.
-        """
+        """Next line in lower case without blanks, None if late; `WorkbenchError` at the end of the input."""
         typer.echo(question, err=True)
         if not self._bench.run(seconds, self.has_line, [self._input]):
             return None
@@ -101,10 +98,7 @@ def _wait(descriptors: Sequence[int], timeout_s: float) -> Sequence[int]:
 
 
 def own_model_match(file: FleetFile, vehicle: str) -> int:
-    """Number of the vehicle's model match.
-
-    Raises `FleetError`: another vehicle has the same number: its transmitter could fly this one.
-    """
+    """Number of the vehicle's model match; `FleetError` if another vehicle has the same."""
     number = file.vehicles[vehicle].transmitter.model_match
     for name, other in file.vehicles.items():
         if name != vehicle and other.transmitter.model_match == number:
@@ -134,10 +128,7 @@ def check_signs(bench: Workbench, dialogue: Dialogue, calibration: Calibration) 
 def find_throttle(
     bench: Workbench, dialogue: Dialogue, calibration: Calibration, hover_thrust: float
 ) -> Calibration:
-    """Let the user raise the throttle of the tethered vehicle in small steps to find both points.
-
-    The pulse width at which it hovers becomes that of `hover_thrust`, at which its model hovers.
-    """
+    """Let the user raise the throttle of the tethered vehicle to both points; the second one is hover."""
     found: dict[str, float] = {}
     dialogue.line("Tether the vehicle, keep clear of the rotors, then press return.")
     low_us = us = calibration.throttle.low_us

@@ -33,9 +33,7 @@ class FrameDecodeError(ProtocolError):
 
 @dataclass(frozen=True, slots=True)
 class SerialLine:
-    """Settings of a serial line; parity is "N" or "E". A pseudo-terminal drops parity, so simulations use
-    "N".
-    """
+    """Settings of a serial line; parity is "N", as in simulations, or "E", which no pseudo-terminal has."""
 
     baud: int
     parity: Literal["N", "E"] = "N"
@@ -137,10 +135,7 @@ class RadioProtocol(ABC):
 
     @abstractmethod
     def link_resumed(self, now_s: float) -> None:
-        """Open the link to a module that an earlier process found ready a moment ago.
-
-        It counts as ready until it reports otherwise, or has been silent for too long.
-        """
+        """Open the link to a module that an earlier process found ready; so it counts until it is silent."""
 
     def frame_written(self, now_s: float) -> None:  # noqa: B027 - few radios use it
         """Note that a frame was written as a whole."""

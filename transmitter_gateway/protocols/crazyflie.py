@@ -36,10 +36,7 @@ class CrazyflieSettings(FullStick):
 
 
 class CrazyflieProtocol(SetPointRadio):
-    """Driver of one Crazyflie; a frame is one or more packets, see `crtp.joined`.
-
-    `counters` counts malformed answers.
-    """
+    """Driver of a Crazyflie; a frame is packets, see `crtp.joined`. `counters`: malformed answers."""
 
     name: ClassVar[str] = "crazyflie"
     settings: CrazyflieSettings

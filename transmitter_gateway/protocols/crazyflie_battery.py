@@ -21,10 +21,7 @@ PATIENCE_FRAMES = 200  # frames without a voltage after which the vehicle may ha
 
 
 class BatteryLog:
-    """Finds the voltage in the table of the log, item by item, and subscribes to it.
-
-    `voltage_v`: newest voltage, None before the first one.
-    """
+    """Finds the voltage in the table of the log, item by item, and subscribes: `voltage_v`, if known."""
 
     def __init__(self) -> None:
         self.voltage_v: float | None = None

@@ -75,10 +75,7 @@ def set_point_of(packet: Packet) -> SetPoint:
 
 
 class SupervisorState(Struct, frozen=True):
-    """State of the firmware's supervisor, as far as it is used here.
-
-    `arms_itself`: whenever it can; `locked`: until a restart.
-    """
+    """State of the firmware's supervisor; `arms_itself` whenever it can, `locked` until a restart."""
 
     can_be_armed: bool = False
     armed: bool = False

@@ -228,10 +228,7 @@ def packed(mav: mavlink.MAVLink, message: Any) -> bytes:
 
 
 def set_point_of(message: Any) -> tuple[SetPoint, float]:
-    """Return the set point of a SET_ATTITUDE_TARGET and its heading, clockwise from north [rad].
-
-    Raises `FrameDecodeError` if a number is not finite, or the quaternion is no rotation.
-    """
+    """Return set point and heading, clockwise from north [rad], or raise `FrameDecodeError`."""
     if not all(map(math.isfinite, (*message.q, message.body_yaw_rate, message.thrust))):
         raise FrameDecodeError("mavlink: a set point that is not finite")
     length = math.hypot(*message.q)

@@ -8,10 +8,7 @@ from rcopterx.transmitter_gateway.protocols.set_points import FullStick
 
 
 class Mode(NamedTuple):
-    """A mode that obeys set points: of which `MAV_AUTOPILOT`, and its number as requested and as reported.
-
-    `ignored` are bits for body rates of a set point.
-    """
+    """A mode of a `MAV_AUTOPILOT` that obeys set points, as requested, as reported, bits for no rates."""
 
     autopilot: int
     requested: int

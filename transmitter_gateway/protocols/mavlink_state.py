@@ -58,10 +58,7 @@ class AutopilotState:
                 self._text = message.text
 
     def take_answer(self, message: Any, *, arming: bool, now_s: float) -> None:
-        """Keep the answer to a command: what it has changed, or why it was refused.
-
-        `arming` is whether the last command for arming was to arm.
-        """
+        """Keep the answer to a command: its change or refusal; `arming` if the last one was to arm."""
         if message.command not in (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE):
             return
         if message.result == mavlink.MAV_RESULT_ACCEPTED:

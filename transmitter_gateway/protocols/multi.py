@@ -91,9 +91,7 @@ class MultiFrame(Struct, frozen=True):
 
     @property
     def ordered_counts(self) -> tuple[int, ...]:
-        """Channel values, throttle, aileron, elevator, rudder first; the build of the module expects A, E, T,
-        R unless the mapping is off.
-        """
+        """Channels, throttle, aileron, elevator, rudder first; without mapping off they are A, E, T, R."""
         return self.counts if self.mapping_off else (self.counts[2], *self.counts[:2], *self.counts[3:])
 
     @property
@@ -132,10 +130,7 @@ class MultiFrame(Struct, frozen=True):
 
     @staticmethod
     def from_bytes(frame: bytes) -> MultiFrame:
-        """Decode a frame of 26 to 36 bytes; bytes after the 27th are protocol data and ignored.
-
-        Raises `FrameDecodeError` for a wrong length or header.
-        """
+        """Decode a frame of 26 to 36 bytes, of which 27 count; raises `FrameDecodeError`."""
         if not 26 <= len(frame) <= 36:
             raise FrameDecodeError(f"multi: frame of {len(frame)} bytes, 26 to 36 are possible")
         if frame[0] & 0xFC != 0x54:

@@ -30,9 +30,7 @@ class MultiRadio:
 
     @property
     def taer(self) -> bool:
-        """Whether channels are on the line as throttle, aileron, elevator, rudder, with the module's mapping
-        off; all others are on the line as aileron, elevator, throttle, rudder.
-        """
+        """Whether the line has throttle, aileron, elevator, rudder (mapping off), else A, E, T, R."""
         return self.number == DSM
 
 

@@ -51,10 +51,7 @@ class PpmSettings:
 
 
 class PpmGenProtocol(OneWayRadio):
-    """Driver of an Arduino with the ppm-gen firmware; its pulses stop 100 ms after the last packet.
-
-    The radio itself binds, checks range and sets the power.
-    """
+    """Driver of an Arduino with ppm-gen, for a radio that binds, checks range and sets power itself."""
 
     name: ClassVar[str] = "ppm"
     offers: ClassVar[frozenset[str]] = frozenset()

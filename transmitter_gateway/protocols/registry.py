@@ -50,10 +50,7 @@ def settings_class(name: str) -> type[Any]:
 
 
 def settings_of(name: str, options: Mapping[str, object]) -> Any:
-    """Return the settings of a protocol of `PROTOCOL_NAMES` with some fields of its settings class.
-
-    Raises `ProtocolError` for an unknown radio or option, or a value that is not allowed.
-    """
+    """Return the settings of a protocol with some fields; `ProtocolError` for what is not allowed."""
     kind = settings_class(name)
     allowed = {item.name: type(item.default) for item in fields(kind)}
     for key, value in options.items():
@@ -67,10 +64,7 @@ def settings_of(name: str, options: Mapping[str, object]) -> Any:
 def create_protocol(
     name: str, options: Mapping[str, object] | None = None, line: SerialLine | None = None
 ) -> RadioProtocol:
-    """Create a protocol with the options of `settings_of`; `line` are line settings other than its own.
-
-    Raises `ProtocolError` as `settings_of`, and if the library of the protocol is not installed.
-    """
+    """Create a protocol with options and other `line` settings; raises `ProtocolError`."""
     settings = settings_of(name, options or {})
     _, create, own_line = _kind(name)
     return create(settings, line or own_line)

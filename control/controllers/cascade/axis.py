@@ -41,10 +41,7 @@ class AxisProblem:
         self._problem.s[0, : 2 * m] = 0.0
 
     def problem(self, task: Task, heights: Array | None = None) -> OptimalControlProblem:
-        """State the problem of an axis that depends on no other.
-
-        `heights` bounds the position at every stage, shape (2, N), instead of the task's bounds.
-        """
+        """State the problem of an axis alone; `heights`, shape (2, N), replace the position's bounds."""
         p, dynamics, first, m = self._problem, self._dynamics, self._axes.start, self._dynamics.axes
         velocity = task.reference[:, 4 + first : 4 + first + m]
         change = np.zeros(velocity.shape)

@@ -42,10 +42,7 @@ class Clearances:
     highest_m: Array  # bounds of the height, shape (N,); infinite where there is none
 
     def heights(self, bounds: Array) -> Array:
-        """Return bounds of the height at every stage, shape (2, N), within those of the volume, shape (2,).
-
-        Where vehicles above and below leave no room, the middle is the set point.
-        """
+        """Return bounds of the height, shape (2, N); where there is no room, around the middle."""
         low = np.minimum(np.maximum(bounds[0], self.lowest_m), bounds[1] - NARROWEST_M)
         high = np.maximum(np.minimum(bounds[1], self.highest_m), bounds[0] + NARROWEST_M)
         middle, none = 0.5 * (low + high), high - low < NARROWEST_M

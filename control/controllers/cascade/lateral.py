@@ -44,10 +44,7 @@ class LateralLags(AxisProblem):
     same_cost = False  # A changes with every heading plan
 
     def along(self, heading: Array, task: Task, clear: ClearRows | None) -> OptimalControlProblem:
-        """State the problem along a planned heading of the N + 1 stages and one more, shape (N + 2,).
-
-        Its first two states are the position in the inertial frame.
-        """
+        """State the problem along a planned heading, shape (N + 2,); positions are inertial."""
         p, feed_forward = self._problem, self._feed_forward
         R = heading_matrix(0.5 * float(heading[-2] + heading[-1]))
         p.P[:] = self._P_0
