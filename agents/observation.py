@@ -63,8 +63,7 @@ class Observation:
     def frames(self, now_s: float) -> Iterator[float]:
         """Give new and overdue frames to the pilot; yield when each began [monotonic s].
 
-        Poses that have waited during a pause update the estimate, but begin no control period: commands that
-        are computed from the past do not act.
+        Poses that waited during a pause update the estimate only: commands computed from the past do not act.
         """
         pilot, pacing = self._pilot, self._pacing
         for received in self.poses.drain():

@@ -59,11 +59,7 @@ def command_message(
 def timing_of(
     settings: AgentSettings, pilot: Pilot, seen: Received[Pose] | None, began_s: float, ready_s: float
 ) -> CommandTiming | None:
-    """Return the stages that a command has passed so far.
-
-    None where the frame was predicted, and where hosts have no names. The controller began and had finished
-    at `began_s` and `ready_s` [monotonic s]; `seen` is the newest pose.
-    """
+    """Return the stages that a command has passed, by `began_s` and `ready_s` [monotonic s], if known."""
     if seen is None:
         return None
     pose, clock = seen.message, pilot.clock

@@ -1,7 +1,4 @@
-"""Latency from pose to command over four hosts with mutual TLS, compared with one host without.
-
-Hosts are network namespaces of this computer: their monotonic clocks are one, and they share its processors.
-"""
+"""Latency from pose to command over four hosts (network namespaces) with TLS, against one host."""
 
 import os
 import subprocess
@@ -123,11 +120,7 @@ def _measured(fleet: Fleet, seconds: float) -> list[Commands]:
 
 
 def fleet_text(addresses: Mapping[str, str], agents: Mapping[str, str], certificates: Path | None) -> str:
-    """Text of the fleet file `trio`, flown from several hosts.
-
-    `addresses`: by host. `agents`: host of each vehicle's agent. `certificates`: directory of the
-    certificates; None for a fleet without.
-    """
+    """Text of the fleet file `trio` over several hosts, by addresses, hosts of agents, and certificates."""
     fleet = tomlkit.parse(fleet_path("trio").read_text(encoding="utf-8"))
     fleet["tracker"] = {"address": f"{addresses[LABORATORY]}:{TRACKER_PORT}"}
     fleet["hosts"] = {

@@ -1,8 +1,4 @@
-"""HPIPM, the interior-point method of acados for optimal control, in the place of our own solver.
-
-It comes with the wheel `comma-deps-acados` and is called through its C interface
-(https://github.com/giaf/hpipm).
-"""
+"""HPIPM of acados in the place of our solver, by the C interface of the wheel `comma-deps-acados`."""
 
 from ctypes import CDLL, RTLD_GLOBAL, byref, c_char, c_double, c_int, c_size_t, c_void_p
 from ctypes import Array as CArray

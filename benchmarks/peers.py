@@ -1,7 +1,4 @@
-"""Other solvers of quadratic programs in the place of our own, on the same problems.
-
-Each keeps its workspace from solve to solve and gets only new numbers, as its documentation recommends.
-"""
+"""Other solvers of quadratic programs in the place of our own; each keeps its workspace, as documented."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable

@@ -1,8 +1,4 @@
-"""Time from the kill of a process of a flying fleet until the vehicles are flown again.
-
-The fleet hovers in formation in the simulated laboratory; one process after the other gets SIGKILL. Times are
-those of arrival in this process, which runs on the same host.
-"""
+"""Time from SIGKILL of a process of a hovering formation until the vehicles are flown again, on one host."""
 
 import os
 import signal

@@ -1,7 +1,4 @@
-"""Rules of access for routers, derived from the tables of channels and requests.
-
-A router checks messages where they enter it. Every known client may receive everything; all else is denied.
-"""
+"""Rules of access for routers, which deny what is not derived from the tables of channels and requests."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,4 @@
-"""The one table of channels.
-
-Keys, codecs, liveness, recording, access rules, documentation and tests use it; no other module writes keys.
-"""
+"""The one table of channels, for codecs, liveness, recording, access rules, documentation and tests."""
 
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar

@@ -1,7 +1,4 @@
-"""Keys of the bus; `rcopterx.bus.channels` is the table of the messages under them.
-
-A module of its own because `rcopterx kill` needs keys and has no time to import message types.
-"""
+"""Keys of the bus; separate from the messages in `channels`, because `rcopterx kill` must start quickly."""
 
 from typing import Final
 

@@ -1,7 +1,4 @@
-"""TCP sockets of the links of this process, found through its file descriptors.
-
-Zenoh closes and dials links by its own timers only; it reacts at once when the socket is shut down.
-"""
+"""TCP sockets of the links of this process; Zenoh reacts at once when one of them is shut down."""
 
 import os
 import socket

@@ -1,7 +1,4 @@
-"""Numbers whose last bits are zero, so that flight logs compress well.
-
-They are rounded before they are used, not only before they are sent: the log holds what was flown.
-"""
+"""Numbers with few bits, for small flight logs, rounded before use: the log holds what was flown."""
 
 from collections.abc import Iterable
 from math import floor

@@ -60,10 +60,9 @@ class StepBus(Protocol):
     def end_step(
         self, vehicle: str, estimate: Sequence[float] | None, overtime: Sequence[tuple[int, int]] = ()
     ) -> None:
-        """Publish the inputs of the steps since the last publication, under the name of the vehicle.
+        """Publish the inputs of the steps since the last publication, under the vehicle's name.
 
-        `estimate` are the 16 values of `RoundedEstimate` after a control period, else None; `overtime` are
-        calls given up for time, see `AgentSteps.overtime`.
+        `estimate` has the 16 values of `RoundedEstimate` after a control period; see `AgentSteps.overtime`.
         """
 
     def publish_steps(self, enabled: bool) -> None:

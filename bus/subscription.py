@@ -1,7 +1,4 @@
-"""Inboxes that hold the newest message and its age.
-
-A callback on Zenoh's thread stores the payload and wakes the loop; decoding is left to the loop.
-"""
+"""Inboxes of newest messages with their ages, filled by Zenoh's thread, decoded by the loop."""
 
 import threading
 from collections import Counter, deque

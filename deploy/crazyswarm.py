@@ -1,8 +1,4 @@
-"""Reads the configuration of Crazyswarm2: its vehicles and its motion capture.
-
-Format: the package `crazyflie` of https://github.com/IMRCLab/crazyswarm2, files `config/crazyflies.yaml` and
-`config/motion_capture.yaml`.
-"""
+"""Reads the configuration of Crazyswarm2, `crazyflies.yaml` and `motion_capture.yaml`."""
 
 from pathlib import Path
 from typing import Annotated, NamedTuple, TypeVar

@@ -1,7 +1,4 @@
-"""Checks that every process of a fleet can be set up before any of them is started.
-
-`python -m rcopterx.deploy.fleet_check SNAPSHOT DIRECTORY` checks a snapshot of the fleet file.
-"""
+"""Checks, for `python -m` also of a snapshot, that all processes can be set up before any is started."""
 
 import sys
 from pathlib import Path

@@ -40,12 +40,7 @@ def fitted_parameters(model: Model) -> dict[str, Any]:
 
 
 def write_model(path: Path, vehicle: str, model: Model) -> list[str]:
-    """Change the model of a vehicle; return a line for each changed field, with old and new value.
-
-    Only the fields in `FITTED` are written, rounded to `DIGITS` significant digits.
-
-    Raises `FleetError`: the file cannot be used, or comes with the package; nothing was written.
-    """
+    """Change a model's `FITTED` fields, rounded to `DIGITS`; return lines of changes, or `FleetError`."""
 
     def present(file: FleetFile) -> dict[str, Any]:
         return fitted_parameters(model_of(file, vehicle))

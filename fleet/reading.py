@@ -1,7 +1,4 @@
-"""Reads a fleet file: a TOML document, refused as a whole with the path of the wrong field.
-
-Processes of a fleet that is up read a snapshot of its file.
-"""
+"""Reads a fleet file: a TOML document, refused as a whole with the path of the wrong field, or a snapshot."""
 
 import hashlib
 import math
@@ -54,11 +51,7 @@ def snapshot_of(content: bytes) -> FleetFile:
 
 
 def digest_of(fleet: FleetFile) -> str:
-    """Return a short digest that identifies a fleet.
-
-    It ignores comments, order, calibrations and models: `rcopterx calibrate` and `rcopterx identify` may
-    change the file while the fleet is up.
-    """
+    """Return a short digest of a fleet without calibrations and models, which may change while it is up."""
     plain = msgspec.to_builtins(fleet)
     for vehicle in plain["vehicles"].values():
         del vehicle["transmitter"]["calibration"]
@@ -166,12 +159,9 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def converted(raw: object, kind: type[T], where: str, *, strict: bool = True) -> T:
-    """Convert a table at the path `where` of the file (empty for the whole file) to a type.
+    """Convert a table at the path `where` of the file to a type; unless `strict`, texts become numbers.
 
-    Texts become numbers where these are needed, unless `strict`.
-
-    Raises `FleetError`: wrong type, missing or unknown field, or a value that the type refuses; names the
-    path of the field.
+    Raises `FleetError`: names the path of a wrong type, a missing or unknown field, or a refused value.
     """
     try:
         return msgspec.convert(raw, kind, strict=strict)

@@ -1,7 +1,4 @@
-"""Writes the page of the fleet file: `python -m rcopterx.fleet.reference > docs/fleet_file.md`.
-
-Keys, types, defaults, limits and meanings come from the types in `schema`.
-"""
+"""Writes the page of the fleet file from its types: `python -m rcopterx.fleet.reference`."""
 
 import json
 from collections.abc import Iterator

@@ -1,7 +1,4 @@
-"""Directory of flight logs: names, parts, selection, and removal of the oldest.
-
-A flight is one or more files (parts): `trio-20261122-141500.000.mcap`, `...001.mcap`.
-"""
+"""Flight logs of a directory, such as the parts `trio-20261122-141500.000.mcap`, `...001.mcap`."""
 
 import os
 import re

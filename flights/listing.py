@@ -17,11 +17,7 @@ CHUNK_MESSAGES: Final = 500
 
 @dataclass(frozen=True)
 class FlightSummary:
-    """One line of the list of flights.
-
-    `complete` is False while the flight is recorded, and after the recorder was killed; `problem` says why
-    it cannot be read.
-    """
+    """One line of the list of flights; `complete` once it has ended well, `problem` if it is unreadable."""
 
     name: str
     fleet: str

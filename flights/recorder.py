@@ -81,11 +81,7 @@ class Waiting:
 
 
 class Recorder:
-    """Writes waiting messages into the files of a flight.
-
-    `wall_ns` is the wall clock at zero of the monotonic clock; later corrections of the wall clock have no
-    effect.
-    """
+    """Writes waiting messages into the files of a flight, at times from `wall_ns` at monotonic zero on."""
 
     def __init__(self, waiting: Waiting, writer: FlightWriter, wall_ns: int) -> None:
         self._waiting = waiting
@@ -135,11 +131,7 @@ class RecorderSettings:
 
 
 def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) -> None:
-    """Record until SIGTERM or SIGINT; a failure of the disk interrupts the recording, not the process.
-
-    `announce` is called with a line when the recording stops early, and when it resumes.
-    Raises `BusUnreachableError`.
-    """
+    """Record until SIGTERM or SIGINT; the disk's failures interrupt it, with lines for `announce`."""
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())

@@ -1,7 +1,4 @@
-"""Formation flight of miniature helicopters; `Fleet` is the scripting interface.
-
-Names are imported on first use, so that `rcopterx kill` starts without numerical libraries.
-"""
+"""Formation flight of miniature helicopters; names are imported on first use, for a quick `kill`."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING

@@ -138,8 +138,7 @@ def kill(
 ) -> list[Verdict]:
     """Cut the motors, again and again, until every arbiter reports KILLED or the time is over.
 
-    `fleets` are those whose routers are used; without `vehicles` all are killed. `only` names the only fleet
-    that shall obey; None means every fleet behind these routers.
+    `fleets` are those whose routers are used; without `vehicles`, or `only` a fleet, all behind them obey.
     """
     states, stop = States(), threading.Event()
     target = key(only or EVERY_FLEET, FLEET_UNIT, KILL_TOPIC)

@@ -15,11 +15,7 @@ _BLOCK: Final = 256
 
 
 def random_stream(seed: int, vehicle: str, purpose: int) -> np.random.Generator:
-    """Random generator of one vehicle for a purpose (`PARAMETERS`, `TURBULENCE`, `NOISE`, `RADIO`).
-
-    The stream depends on the seed, not negative, and on the vehicle's name, not on how many others fly:
-    adding a vehicle changes neither weather nor parameters of the others.
-    """
+    """Random generator of one vehicle for a purpose, by seed and name: other vehicles do not change it."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(purpose, *vehicle.encode())))
 
 

@@ -1,8 +1,4 @@
-"""Faults of the simulated laboratory, in scenario files and in requests (docs/motion_capture.md).
-
-A fault is a small message with a `kind`. Faults with `duration_s` end by themselves; without one they last
-until `recover`.
-"""
+"""Faults of the simulated laboratory (docs/motion_capture.md), messages with a `kind`, until `recover`."""
 
 import heapq
 import itertools

@@ -1,7 +1,4 @@
-"""Vehicle of equation (1): sticks become accelerations through first-order lags.
-
-A quadrotor in attitude mode differs from it by the geometry of its tilt.
-"""
+"""Vehicle of equation (1) with first-order lags; a quadrotor differs by the geometry of its tilt."""
 
 import math
 from dataclasses import replace
@@ -24,11 +21,7 @@ def tilt_limit_rad(model: Model) -> float:
 
 
 def thrust_acceleration(pitch_rad: float, roll_rad: float, thrust_m_s2: float) -> tuple[float, float, float]:
-    """Forward, left and upward acceleration [m/s^2] by the tilted thrust in the heading frame, without
-    gravity.
-
-    Positive pitch accelerates forward (nose down), positive roll to the right (minus body y).
-    """
+    """Forward, left, upward acceleration [m/s^2] by the tilted thrust alone; positive pitch is nose down."""
     return (
         thrust_m_s2 * math.sin(pitch_rad) * math.cos(roll_rad),
         -thrust_m_s2 * math.sin(roll_rad),
@@ -60,11 +53,7 @@ class AttitudeLoop:
 
 
 def specimen(model: Model, conditions: Conditions, generator: np.random.Generator) -> tuple[Model, Four]:
-    """Draw the true parameters of one vehicle of a type: its model with true b, k, lags and frequency of the
-    tilt, and its trim offsets.
-
-    The same amount is drawn from the generator whatever the conditions switch on.
-    """
+    """Draw a vehicle's true b, k, lags, tilt frequency and trim, whatever the conditions switch on."""
     b, k, lag, trim = generator.uniform(-1.0, 1.0, (4, 4))
     lag_s = model.lag_s * (1 + conditions.lag_mismatch * lag)
     tilt = model.tilt if model.airframe == "attitude" and conditions.actuator_lag else None

@@ -1,7 +1,4 @@
-"""The coaxial helicopter with stabilizer bar as a plant: servos, markers and state around its dynamics.
-
-To fly one by itself, without weather and delay, see docs/helicopter.md.
-"""
+"""The coaxial helicopter with stabilizer bar (docs/helicopter.md) as a plant: servos, markers, state."""
 
 import math
 from typing import Final, NamedTuple

@@ -223,11 +223,7 @@ def rotor_loads(
 
 @compiled(AIRFRAME, STATE, CONTROLS, NUMBER, AIR)
 def derivative(airframe: Airframe, state: State, controls: Controls, thrust_factor: float, air: Air) -> State:
-    """Time derivative of the state.
-
-    `thrust_factor`: fraction of the thrust that battery and faults leave. `air`: accelerations by the air:
-    inertial x, y, z [m/s^2], yaw [rad/s^2], tilt towards inertial x and y [rad/s^2].
-    """
+    """Time derivative of the state at a `thrust_factor`, in accelerations by the `air`, shape (6,)."""
     qw, qx, qy, qz, p, q, r = state.qw, state.qx, state.qy, state.qz, state.p, state.q, state.r
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_matrix(state)
     lean_x, lean_y, cosine, stretch = bar_lean(state)

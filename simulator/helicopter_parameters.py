@@ -89,11 +89,7 @@ class HelicopterParameters:
 
     @classmethod
     def nominal(cls, size: float = NOMINAL_SIZE) -> Self:
-        """Middle of the family, with the stick gains `NOMINAL_PLATEAU_M_S2`; `size` is the time scale against
-        the CoaX.
-
-        The trim and the tilt of the markers are half of what the family allows, in a fixed direction.
-        """
+        """Middle of the family, with the gains `NOMINAL_PLATEAU_M_S2`, at a time scale; half of its trims."""
         length, mass = size**2, size**6
         vehicle = cls(
             size=size,

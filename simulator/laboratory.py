@@ -1,8 +1,4 @@
-"""The simulated laboratory without its wires: vehicles flying together, and their poses as a Tracker measures
-them.
-
-No sockets and no clock; the caller advances the time.
-"""
+"""The simulated laboratory without wires: vehicles flying together, and poses as a Tracker measures them."""
 
 import math
 from collections.abc import Mapping

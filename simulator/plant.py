@@ -55,12 +55,7 @@ STILL: Final = Wake()
 
 @dataclass(frozen=True, kw_only=True)
 class PlantFaults:
-    """Faults of a vehicle.
-
-    A gain of 0 is a stick without effect, -1 a reversed one; sticks with indices in `stuck` keep their
-    position. `thrust_factor` is left of the thrust besides what the battery uses; `trim` offsets sticks that
-    are not stuck; sticks act `delay_s` later.
-    """
+    """Faults of a vehicle: gains (-1 reversed), `stuck` sticks, thrust left, trim and delay of sticks."""
 
     stick_gain: Four = (1.0, 1.0, 1.0, 1.0)
     stuck: frozenset[int] = frozenset()

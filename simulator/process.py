@@ -48,11 +48,7 @@ class Simulator:
         session.serve(channels.SIMULATOR_UNIT, ["inject"])
 
     def run_once(self) -> None:
-        """Wait for bytes or for the next due time, and handle them.
-
-        Bytes are received as they arrive, because their time of arrival counts: modules, vehicles and
-        requests are handled at the next frame.
-        """
+        """Wait for bytes, received as they arrive, or for the next due time, when all else is handled."""
         tracker_due_s = self._tracker.next_due_s()
         due_s = min(self._step_at_s, tracker_due_s)
         ports = {radio.fileno(): radio for radio in self._room.radios.values() if radio.is_open}

@@ -145,11 +145,7 @@ class RadioPty(RadioEnd):
         ]
 
     def _clear_exclusive(self) -> None:
-        """Clear the exclusive mark of a writer that may be gone.
-
-        A serial adapter clears it with the last close; a pseudo-terminal keeps it, and a restarted gateway
-        could not open the port again.
-        """
+        """Clear the exclusive mark of a gone writer, which a pseudo-terminal, unlike an adapter, keeps."""
         fcntl.ioctl(self._slave, termios.TIOCNXCL)
         self._exclusive_cleared = True
 

@@ -62,12 +62,9 @@ def condition_refused(radio: RadioEnd, condition: str) -> str | None:
 
 
 def set_condition(radio: RadioEnd, condition: str, now_s: float) -> None:
-    """Break or repair a radio while the laboratory runs.
+    """Break or repair a radio: `ready`, `unplugged` (cable), `adapter`, `off` (power), or `refusing` DSM2.
 
-    `condition` is `ready`; `unplugged`: the cable, which also feeds the module, is pulled; `adapter`: the
-    adapter is gone, the module has power; `off`: the adapter is there, the module has no
-    power; `refusing`: a Multiprotocol module whose firmware has no DSM2. A Crazyflie keeps its battery
-    without the adapter, and loses it with `off`.
+    A Crazyflie keeps its battery without the adapter, and loses it with `off`.
     """
     if (module := _multi_module(radio)) is not None:
         module.knows_dsm2 = condition != "refusing"

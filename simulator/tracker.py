@@ -1,8 +1,4 @@
-"""Tracker emulator: a DataStream server for any number of clients (Vicon DataStream SDK).
-
-One thread, no blocking: the owner's loop calls `poll` when `fileno` is readable or `next_due_s` has come, and
-`publish` once per captured frame. Slow or dead clients lose frames and never delay the others.
-"""
+"""Tracker emulator: a DataStream server for any number of clients; one thread, whose loop calls `poll`."""
 
 import selectors
 import socket
@@ -22,11 +18,7 @@ WRONG_MAGIC_PACKET = HEADER.pack(0x0BADF00D, 0)
 
 
 class Published(NamedTuple):
-    """Result of publishing a captured frame, sent or queued to so many clients.
-
-    The frame id on the wire differs from the captured one after a `ResetFrameId`; `sent_s` is just before the
-    first byte.
-    """
+    """Result of publishing a frame: its id on the wire, number of clients, time before its first byte."""
 
     frame: int
     sent_s: float

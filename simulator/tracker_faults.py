@@ -1,8 +1,4 @@
-"""Faults of the Tracker emulator (docs/motion_capture.md), on request or by a time table.
-
-`rcopterx.simulator.faults` lists them. Those with `duration_s` end by themselves, others last until
-`Recover`.
-"""
+"""Faults of the Tracker emulator (docs/motion_capture.md), on request or by a time table."""
 
 import random
 from collections import deque

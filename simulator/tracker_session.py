@@ -1,7 +1,4 @@
-"""The server's side of a DataStream connection as a pure state machine (Vicon DataStream SDK).
-
-Received bytes and captured frames go in, bytes to send come out. No socket, no clock.
-"""
+"""The server's side of a DataStream connection as a pure state machine: bytes and frames in, bytes out."""
 
 from collections.abc import Mapping
 from itertools import chain

@@ -27,10 +27,9 @@ def beside_leaders(
     period_s: float,
     stages: int,
 ) -> References:
-    """Return the references beside leaders with plans: `stages` stages from `time_s + delay_s` on.
+    """Return references beside leaders, `stages` from `time_s + delay_s` on, next to the heading `yaw_rad`.
 
-    `deviation_share` is the copied share of the leaders' deviations from their nominal references, `yaw_rad`
-    the vehicle's heading, next to which the headings of the references are.
+    `deviation_share` is the copied share of the leaders' deviations from their nominal references.
     """
     weights = [link.weight for link in links]
 

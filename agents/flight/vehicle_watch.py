@@ -131,11 +131,7 @@ class VehicleWatch:
     def observe(
         self, command: Array, motion: Array, time_s: float, informative: bool = True
     ) -> VehicleFault | None:
-        """Process one control period; return a fault as soon as it is certain, once.
-
-        `command` and `motion`: the sticks of this period, shape (4,), and the state at its beginning, shape
-        (8,). `informative`: whether the vehicle is seen and its controller flies it.
-        """
+        """Process one period, of `command` (4,) and `motion` (8,) before it; return a certain fault, once."""
         gap_s, self._watched_at_s = time_s - self._watched_at_s, time_s
         if not (self.active and informative) or self.fault is not None or gap_s > 1.5 * self._period_s:
             self._forget()

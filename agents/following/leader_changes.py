@@ -1,7 +1,6 @@
-"""Requested changes of leaders that have not been made yet.
+"""Requested changes of leaders that have not been made yet, by plans of the leaders, or by newest statuses.
 
-A request is decided by the plans of the leaders, or by their newest statuses. In the second case the reply
-precedes the first plan, which takes a control period; until it arrives the vehicle flies on as before.
+In the second case the reply precedes the first plan; until it arrives the vehicle flies on as before.
 """
 
 from collections import Counter

@@ -1,7 +1,4 @@
-"""A change of leaders that several vehicles make at one frame: prepared, committed, applied.
-
-The client has to prepare all vehicles before it commits the first one.
-"""
+"""A change of leaders that several vehicles make at one frame: all prepare it before the first commits it."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence

@@ -1,8 +1,7 @@
 """Plans of vehicles that could come near, received only as long as they could; how far to keep from each.
 
-The plans of all vehicles would cost each agent fifty wake-ups per second and vehicle. Statuses, five per
-second, contain places and set points, from which follows which vehicles could meet. Their plans do not wake
-the agent, and are decoded when a control period begins.
+The plans of all vehicles would cost each agent fifty wake-ups per second and vehicle. Statuses show which
+vehicles could meet; their plans do not wake the agent.
 """
 
 from collections import Counter
@@ -29,8 +28,7 @@ def ellipsoid_scale(
 ) -> float:
     """Return the scale, 0 to 1, of the ellipsoid that a vehicle keeps free of another one.
 
-    It is 0 for its followers, whose plans are made from its own. Vehicles of one formation keep at most
-    `FORMATION_SCALE` of the distance of their `places` (x, y, z first), which an operator has chosen.
+    It is 0 for followers, and at most `FORMATION_SCALE` of the distance of `places` in one formation.
     """
     if name in ancestors(links, other):
         return 0.0

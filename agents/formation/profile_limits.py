@@ -24,11 +24,7 @@ SHORTEST_ARM_M: Final = 0.02
 
 
 def profile_limits_of(links: FormationGraph, models: Mapping[str, Model], name: str) -> ProfileLimits | None:
-    """Return the limits of a vehicle's ways for all vehicles below it; None if there are none.
-
-    Followers whose offsets turn with the heading fly an arc as their leader turns, faster at longer arms.
-    Vehicles without a model count as equal to this one.
-    """
+    """Return the limits of a vehicle's ways for all vehicles below it, of its own model if unknown."""
     arms = arms_of(links, name)
     rate, acceleration = np.full((2, 3), np.inf)
     for follower in followers(links, name):

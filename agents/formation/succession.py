@@ -81,11 +81,7 @@ def following_mode(finding: Finding, policy: Policy, successor: Successor) -> Fo
 def successor_of(
     lost: str, links: FormationGraph, ready: Collection[str], order: Iterable[str]
 ) -> str | None:
-    """Return the vehicle that leads the followers of a lost leader; None if there is none.
-
-    It is the first one in `order` that followed the leader and is `ready`: it flies and may lead. All
-    followers come to the same result by the published statuses.
-    """
+    """Return the first in `order` that is `ready` to lead and followed the lost leader, the same for all."""
     for name in order:
         if name in ready and any(link.leader == lost for link in links.get(name, ())):
             return name

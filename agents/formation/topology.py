@@ -1,7 +1,4 @@
-"""The formation as a graph: ancestors, cycles, places in space, and exchanges of roles.
-
-Pure functions of the published links, used by agents, by the checks of a fleet file and on the ground.
-"""
+"""The formation as a graph: ancestors, cycles, places in space, and exchanges of roles; pure functions."""
 
 from collections.abc import Iterable, Mapping
 
@@ -172,11 +169,7 @@ AT_WORK = (Phase.TAKEOFF, Phase.FLYING)
 def formation_of(
     statuses: Mapping[str, AgentStatus], flying: Iterable[str] = ()
 ) -> tuple[FormationGraph, dict[str, Array]]:
-    """Return links and heads of the vehicles at work, as arguments of `topology.places`.
-
-    A vehicle on the floor or on its way there keeps its place, and so does one whose leaders are not at work.
-    `flying` names further vehicles at work.
-    """
+    """Return links and heads of vehicles at work and of those `flying`; others keep their places, unled."""
     at_work = {name for name, status in statuses.items() if status.phase in AT_WORK} | set(flying)
     links: dict[str, tuple[LeaderLink, ...]] = {}
     heads: dict[str, Array] = {}

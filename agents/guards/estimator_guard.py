@@ -1,8 +1,4 @@
-"""Guard between a pilot and its estimator: the pilot has an estimate, whatever the estimator does.
-
-An estimator may be a plug-in. Once it raises, returns an unusable estimate or misses its time limit, its
-state is not trusted any more: the default estimator continues from the last good estimate.
-"""
+"""Guard between pilot and estimator: once this fails, the default one continues from the last estimate."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence

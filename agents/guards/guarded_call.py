@@ -12,10 +12,9 @@ T = TypeVar("T")
 
 
 class GuardedCall:
-    """Calls with a time limit whose failures are counted.
+    """Calls with a time limit whose failures are counted, under names that begin with `part`.
 
-    `part` begins the names of failures: `controller` or `estimator`. `first_calls` and `first_calls_factor`:
-    the first calls load code and fill caches; so many of them may take so many times as long.
+    The first calls load code and fill caches, and may take `first_calls_factor` times as long.
     """
 
     def __init__(self, part: str, first_calls: int, first_calls_factor: float) -> None:

@@ -103,11 +103,7 @@ class StepGuard:
     def step(
         self, controller: Controller, estimate: Estimate, reference: Trajectory, last_input: Array
     ) -> ControlStep:
-        """Return one control step, of the controller or in its place.
-
-        It is finite and within the limits of the vehicle; its `fallback` names what was flown in the place of
-        a result that could not be used.
-        """
+        """Return one finite control step within the limits; `fallback` names what flew instead, if any."""
         task = self._task(controller, estimate, reference, last_input)
         step = self._controller_step(controller, task)
         if step is not None:

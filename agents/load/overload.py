@@ -57,11 +57,7 @@ class Overload:
         return sum(self._late) / (self._late.maxlen or 1)
 
     def observe(self, late_s: float, missed: int) -> bool:
-        """Process a control period in flight; return whether `relief` has changed, by one level.
-
-        `late_s` is the time from when its pose was due to its command; `missed` periods before it had
-        something to compute.
-        """
+        """Process a period in flight, `late_s` after its pose; return whether `relief` has changed."""
         self._note(late_s, missed)
         self._calm_s += self._period_s * self.relief.every
         if self.late_share > LATE_SHARE:

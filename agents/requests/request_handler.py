@@ -1,7 +1,4 @@
-"""Replies to requests: checks them, applies them, or returns why they are refused.
-
-A thread checks trajectories, which takes longer than a control period.
-"""
+"""Replies to requests: checks them, applies them, or returns why they are refused; paths in a thread."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterable

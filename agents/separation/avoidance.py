@@ -100,8 +100,7 @@ class PlanAvoidance:
     ) -> bool:
         """Update the obstacles of the controller; return False if plans touch and it avoids none.
 
-        `plan`: newest plan of the controller, if any. `free`: whether the vehicle can give way, which only
-        free flight allows. `delay_s`: from the present to the first stage of the plan.
+        Only `free` flight gives way. `delay_s` is from the present to the first stage of `plan`.
         """
         obstacles: tuple[Obstacle, ...] = ()
         touching = False

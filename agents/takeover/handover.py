@@ -1,8 +1,7 @@
 """Handover between an agent and its successor: publishing an intent, and resuming that of a predecessor.
 
-A successor requests the intent of its predecessor from the launcher of its host. If the predecessor still
-flies, the successor receives its intents until a moment after the handover, so that no request to the
-predecessor is lost.
+The launcher of its host has the predecessor's intent. While the predecessor still flies, the successor
+receives its intents, so that no request to it is lost.
 """
 
 from typing import Final

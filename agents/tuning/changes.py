@@ -1,8 +1,4 @@
-"""Changes of controller, estimator and settings in flight.
-
-A thread builds and warms up the new objects; they are swapped in between two control periods, so that no
-period is late.
-"""
+"""Changes in flight: a thread builds and warms up the new objects, swapped in between control periods."""
 
 from collections.abc import Callable
 from contextlib import suppress

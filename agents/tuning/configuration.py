@@ -66,11 +66,7 @@ class Configuration:
         estimator_settings: Mapping[str, object],
         model: Mapping[str, object] | None = None,
     ) -> "Configuration":
-        """The configuration after a change.
-
-        Settings and parameters of the model are added to the present ones. Another controller keeps only the
-        horizon, another estimator nothing, because settings are specific to each of them.
-        """
+        """The configuration with added settings and parameters; other parts keep only the horizon."""
         kept = dict(self.controller_settings)
         if controller not in (None, self.controller):
             kept = {name: value for name, value in kept.items() if name == "horizon"}

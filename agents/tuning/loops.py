@@ -33,8 +33,7 @@ def unknown_loops(configuration: Configuration) -> str | None:
 def loops_of(model: Model, period_s: float, configuration: Configuration) -> Mapping[str, FeedbackLoop]:
     """Loops of a vehicle by axis: `horizontal`, or `x` and `y` without a tilt model, `height` and `yaw`.
 
-    Integral action, which the cascade needs only without an estimated disturbance, is left out.
-    `unknown_loops` has to accept the configuration. Raises `SettingsError`: a setting that is not allowed.
+    For a configuration without `unknown_loops`, and without integral action. Raises `SettingsError`.
     """
     cascade = parse_settings(CascadeSettings, configuration.controller_settings)
     estimator = parse_settings(ExtendedKalmanSettings, configuration.estimator_settings)

@@ -28,11 +28,7 @@ class Task:
 
 
 class ExternalController:
-    """A `Controller` that flies by answers from outside.
-
-    `own`: the vehicle's own controller, which flies until the first answer has come. `patience_s`: silence
-    after which the external controller counts as gone.
-    """
+    """A `Controller` that flies by answers from outside, `own` before the first and after `patience_s`."""
 
     def __init__(self, own: Controller, model: Model, patience_s: float) -> None:
         self.own = own
@@ -60,11 +56,7 @@ class ExternalController:
         return self._number - self._answered > self._patience
 
     def answer(self, number: int, inputs: Array) -> str | None:
-        """Take an answer in; what is wrong with it is returned.
-
-        `number`: task it belongs to. `inputs`: planned inputs from the instant of the task on, shape (k, 4),
-        k at least 1.
-        """
+        """Take in an answer to task `number`, planned inputs (k, 4); return what is wrong with it."""
         if number > self._number:
             return f"task {number} has not been given out yet, the newest is {self._number}"
         if number <= self._answered:

@@ -56,14 +56,9 @@ class _Run:
 class InnovationGate:
     """Refuses jumps, counts them, and opens again when the jump turns out to be where the vehicle is.
 
-    A marker swap shows the vehicle elsewhere or turned round for some frames. If refused poses go on for
-    `gate_limit_s` and each could have been flown to from the one before (at up to twice the limits of the
-    vehicle), the estimate is wrong (a collision, a vehicle carried by hand, poses missing for long) and the
-    estimator has to restart there.
-
-    A single pose off by some centimetres, of one marker taken for another, is near enough to have been flown
-    to, and would kick the sticks. So sudden ones are rejected until two in a row agree that the measured body
-    has shifted.
+    If refused poses go on for `gate_limit_s`, each within twice the limits of the vehicle from the one
+    before, the estimate is wrong, and the estimator restarts there. A sudden pose near enough, as of one
+    marker taken for another, is rejected until two in a row agree.
     """
 
     def __init__(self, model: Model, settings: EstimatorSettings) -> None:

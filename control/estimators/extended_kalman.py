@@ -1,8 +1,7 @@
 """The default estimator: extended Kalman filter of motion, actuators, disturbances and tilt.
 
-`rcopterx.control.estimators.lag_filter` estimates all vehicles with first-order lags. For a vehicle with a
-tilt model `rcopterx.control.estimators.horizontal` then replaces the horizontal motion. This module decides
-when the vehicle stands on the floor, and how much noise the poses have.
+`lag_filter` estimates all vehicles, `horizontal` replaces the horizontal motion of those with a tilt model.
+Here it is decided when the vehicle stands on the floor, and how much noise the poses have.
 """
 
 import math

@@ -1,8 +1,4 @@
-"""Horizontal motion of a vehicle with a tilt model: two Kalman filters, with and without the measured tilt.
-
-The filter without the measured tilt is selected where no tilt is measured, or one that contradicts the motion
-(`rcopterx.control.estimators.tilt_trust`).
-"""
+"""Horizontal motion with a tilt model: Kalman filters with, and without, a tilt that may not be trusted."""
 
 from collections import Counter
 from typing import Final

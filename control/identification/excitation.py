@@ -94,11 +94,7 @@ TONES_HZ: Final = _all_tones()  # frequencies on pitch, roll, thrust and yaw of 
 
 
 def excitation_for(model: Model, duration_s: float, strength: float = 1.0, comb: int = 0) -> Excitation:
-    """Return the excitation that moves a vehicle of this model by centimetres.
-
-    `strength` is the fraction of the usual accelerations and yaw rate; the root mean square is at most a
-    quarter of each stick's range.
-    """
+    """Return the excitation that moves this model by centimetres, times `strength`."""
     pitch, roll, thrust, yaw = model.input_gain
     yaw_rate_gain = yaw / max(-model.damping[3], 1.0)
     wanted = np.array(
@@ -148,11 +144,7 @@ class Exciter:
         return max(0.0, self._start_s + self._excitation.duration_s - time_s)
 
     def watch(self, time_s: float, position_m: Array, blind_s: float, flying: bool) -> None:
-        """End an excitation that is over, or whose limits are exceeded.
-
-        `position_m`: position of the vehicle, shape (3,). `blind_s`: time since its last pose. `flying`:
-        whether it flies freely, neither taking off nor landing.
-        """
+        """End an excitation that is over, or whose limits are exceeded: place, blind time, free flight."""
         if self._excitation is None:
             return
         away_m = np.abs(position_m - self._place_m)

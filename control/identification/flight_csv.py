@@ -1,7 +1,6 @@
-"""Flights recorded elsewhere: CSV files of poses and of the commands to a firmware's attitude control.
+"""Flights recorded elsewhere: CSV of poses and attitude commands, in the columns of NanoBench.
 
-The columns are those of NanoBench (https://github.com/syediu/nanobench-iros2026): seconds, metres, quaternion
-components, degrees, units of thrust, volts. Further columns are ignored.
+https://github.com/syediu/nanobench-iros2026: seconds, metres, quaternions, degrees, thrust, volts.
 """
 
 import csv

@@ -22,10 +22,9 @@ from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array, Z
 
 @dataclass(frozen=True)
 class LinearSystem:
-    """Continuous system with one input, dx/dt = A x + B u, measured as y = C x.
+    """Continuous system dx/dt = A x + B u, y = C x, of shapes (n, n), (n,), (m, n), with one input.
 
-    A, B and C have shapes (n, n), (n,) and (m, n); `process_variance`, shape (n,), is the squared density
-    of the process noise, `measurement_variance` has shape (m,).
+    The variances, of shapes (n,) and (m,), are of the process (squared density) and the measurement.
     """
 
     a: Complex
@@ -39,11 +38,7 @@ EVERY_ROW: Final = slice(None)
 
 
 class Motion:
-    """A motion of a flight, predicted by a Kalman filter with the stationary gain.
-
-    `delay_s`: after it an input acts; it need not be a whole number of periods. `inputs` and `measured`: of
-    the whole flight, shapes (K,) and (K, m).
-    """
+    """A motion of a flight, inputs (K,) and measurements (K, m), predicted by a stationary Kalman filter."""
 
     def __init__(
         self, system: LinearSystem, period_s: float, delay_s: float, inputs: Complex, measured: Complex
@@ -120,11 +115,7 @@ _YAW_DRIFT: Final = 0.05
 
 @dataclass(frozen=True)
 class Offsets:
-    """Offsets of a vehicle and a flight that are not dynamics.
-
-    `trim` is of the pitch and roll stick, `body_rad` the tilt of the measured body frame against the axis
-    of the thrust, body frame. Thrust changes by the fraction `per_volt` with each volt of the battery.
-    """
+    """Trim of pitch and roll stick, tilt of the body frame against the thrust; thrust changes `per_volt`."""
 
     trim: tuple[float, float] = (0.0, 0.0)
     body_rad: tuple[float, float] = (0.0, 0.0)

@@ -131,11 +131,7 @@ class FlightLog:
         self._inputs[row] = value
 
     def recording(self) -> FlightRecording:
-        """Return the rows between the first and the last period of which both are known.
-
-        Raises `RecordingError` where poses or sticks are missing for longer than `LONGEST_GAP_S`, or
-        altogether.
-        """
+        """Return the rows between first and last period of both; `RecordingError` for gaps or none."""
         common = self._poses.keys() & self._inputs.keys()
         if len(common) < 2:
             raise RecordingError("nothing was recorded: no poses, or no commands")

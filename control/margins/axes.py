@@ -1,8 +1,4 @@
-"""The feedback loops of a vehicle: cascade and extended Kalman filter around the vehicle's own model.
-
-The loops are linear: no bound is active, the filter's gain is steady, the tracker sends one pose per control
-period, and the vehicle does not turn.
-"""
+"""The feedback loops of a vehicle around its own model, linear: cascade and filter, no bounds, no turning."""
 
 from dataclasses import replace
 from functools import lru_cache

@@ -43,8 +43,7 @@ class LinearVehicle:
     def passed_on(self) -> float:
         """Largest spectral radius, over all frequencies, of the reference's effect on the plan.
 
-        Along a line of equal vehicles that copy a share of deviations, these grow with the depth if the share
-        times this exceeds one.
+        Times the copied share it must not exceed one, or deviations grow along a line.
         """
         largest = 0.0
         for z in np.exp(2j * np.pi * FREQUENCIES_HZ * self.period_s):

@@ -10,11 +10,7 @@ PEAK_TO_MEAN_SPEED: Final = 1.875  # ratio of the peak to the mean speed from re
 
 
 def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple[Array, Array, Array]:
-    """Quintic from rest to rest: values, rates and accelerations, shape (k, m) each.
-
-    `begin` and `end`: values at the ends, shape (m,). `s`: share of the time that has passed, shape (k, 1).
-    `duration_s`: time between the ends.
-    """
+    """Quintic from rest to rest between values (m,) at shares `s` (k, 1): values, rates, accelerations."""
     span = end - begin
     return (
         begin + span * s**3 * (10 + s * (6 * s - 15)),
@@ -24,11 +20,7 @@ def rest_to_rest(begin: Array, end: Array, s: Array, duration_s: float) -> tuple
 
 
 def quintic(before: Array, after: Array, span: Array, s: Array) -> Array:
-    """Quintic Hermite interpolation: rows of shape (k, 12).
-
-    `before` and `after`: rows of four values, their rates and their accelerations at both ends, shape (k,
-    12). `span` and `s`: time between the ends, and the share of it that has passed, shape (k, 1).
-    """
+    """Quintic Hermite interpolation to rows (k, 12) between such rows, `span` apart, at the shares `s`."""
     p0, v0, a0 = before[:, :4], before[:, 4:8] * span, before[:, 8:] * span**2
     c3, c4, c5 = _powers(before, after, span)
     value = p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))

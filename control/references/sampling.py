@@ -9,13 +9,10 @@ ON_STAGE = 1e-6  # an instant so close to a stage, in periods, is on it
 
 @part
 def place_in_plan(at_s: float, plan_period_s: float, last: int) -> tuple[int, float, float, int]:
-    """Locate an instant, counted from the first stage, in a plan with stages 0 to `last`.
+    """Locate an instant in a plan with stages 0 to `last`.
 
-    Returns
-    -------
-    tuple
-        The stage before the instant, the share of the next one, by how long [s] the instant is before
-        (negative) or after the plan, and the stage at that end.
+    Returns the stage before it, the share of the next one, the time [s] before (negative) or after the plan,
+    and the stage at that end.
     """
     at = at_s / plan_period_s
     nearest = np.rint(at)

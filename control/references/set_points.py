@@ -1,7 +1,4 @@
-"""References of vehicles without leaders: set points and smooth moves between them.
-
-A controller samples its reference over the whole horizon at every step, so that it knows the changes ahead.
-"""
+"""References of vehicles without leaders, sampled over the whole horizon: set points and smooth moves."""
 
 import math
 from dataclasses import dataclass
@@ -83,11 +80,7 @@ class Transition(TimedPath, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class ProfileLimits:
-    """Limits of the way of a leader to a set point: horizontal, vertical, of the heading.
-
-    The acceleration of the heading counts as sqrt(psi''^2 + psi'^4): times an arm, the acceleration of a
-    vehicle that is carried round.
-    """
+    """Limits of the way of a leader: horizontal, vertical, of the heading (there sqrt(psi''^2 + psi'^4))."""
 
     rate: Three  # [m/s], [m/s], [rad/s]
     acceleration: Three

@@ -1,7 +1,4 @@
-"""The active-set iteration: rows beyond a bound are pulled to it with the weight s, other rows are not.
-
-This is Newton's method for the piecewise quadratic cost of the problem. Every iteration is one sweep.
-"""
+"""Newton's method for the piecewise quadratic cost: each sweep pulls rows beyond a bound with weight s."""
 
 from typing import Any, Final, NamedTuple
 
@@ -70,11 +67,9 @@ def set_pulls(p: OptimalControlProblem, a: ActiveSet) -> bool:
 def iterate_active_set(
     p: OptimalControlProblem, a: ActiveSet, free: Factor, pulled: Factor, factored: bool, plan: Trajectories
 ) -> tuple[int, bool, bool]:
-    """Sweep until the active set stays.
+    """Sweep until the active set stays; return the number of sweeps, whether it did, and of `free`.
 
-    `free` and `pulled`: factors of sweeps without and with active bounds. `factored`: whether `free` is the
-    factor of this problem. Returns the number of sweeps, whether the active set stayed, and whether `free` is
-    the factor afterwards.
+    `free` and `pulled` are factors without and with active bounds; `factored` if `free` is this problem's.
     """
     for sweep in range(1, MOST_SWEEPS + 1):
         if set_pulls(p, a):

@@ -17,11 +17,7 @@ MAX_ITERATIONS: Final = 4000
 
 
 class OsqpSolver:
-    """Workspace of OSQP for problems of one shape; a problem of another shape sets it up again.
-
-    `tolerance`: absolute and relative. `time_limit_s`: longest time of a solve; OSQP cannot be stopped from
-    outside.
-    """
+    """Workspace of OSQP, set up for each new shape; `time_limit_s` as it cannot be stopped from outside."""
 
     def __init__(self, tolerance: float = TOLERANCE, time_limit_s: float = 0.012) -> None:
         self._tolerance, self._time_limit_s = tolerance, time_limit_s

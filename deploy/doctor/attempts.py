@@ -1,7 +1,4 @@
-"""Attempts on a running fleet that its routers must refuse.
-
-All messages are empty, so that receivers reject and count those that get through.
-"""
+"""Attempts on a running fleet that its routers must refuse; receivers reject empty messages anyway."""
 
 import threading
 import time
@@ -47,11 +44,7 @@ def strangers(fleet: FleetFile, host: str, directory: Path, now: datetime) -> It
 
 
 def members(fleet: FleetFile, address: BusAddress, here: str, directory: Path) -> Iterator[Result]:
-    """Try to publish and request what is not permitted, with each readable certificate.
-
-    `address`: router of this computer. `here`: which host this computer is. `directory`: directory of the
-    certificates.
-    """
+    """Try to publish and request what is not permitted, `here`, with each readable certificate."""
     seats = [seat for host in fleet.hosts for seat in host_seats(fleet, host)]
     seats += operator_seats(fleet)
     with closing(opened(address, ANSWER_S)) as listener:

@@ -37,11 +37,7 @@ def examine(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
 
 
 def real_time(priority: int, limit: int, capabilities: int) -> Result:
-    """Check that processes may have their real-time priorities.
-
-    `priority`: highest SCHED_FIFO priority of the fleet; 0 for none. `limit`: `RLIMIT_RTPRIO`; -1 for no
-    limit. `capabilities`: effective capabilities of this process, as bits.
-    """
+    """Check that processes may have the fleet's priorities, by `RLIMIT_RTPRIO` and capabilities."""
     if priority == 0:
         return Result(True, "the fleet file asks for no real-time priority")
     if limit == resource.RLIM_INFINITY or limit >= priority or capabilities >> CAP_SYS_NICE & 1:

@@ -1,7 +1,4 @@
-"""Processor time of an agent's control period on this computer.
-
-`python -m rcopterx.deploy.hosts.control_time SNAPSHOT VEHICLE` prints it in seconds, for `capacity`.
-"""
+"""Processor time [s] of an agent's control period; `python -m` prints it for `capacity`."""
 
 import statistics
 import sys
@@ -27,11 +24,7 @@ PLACE_M: Final = (0.0, 0.0, 1.0)
 def control_time_s(
     pilot: Pilot, period_s: float, wait: Callable[[float], None], processor_clock: Callable[[], float]
 ) -> float:
-    """Return the median processor time [s] of a control period of a vehicle that hovers at its set point.
-
-    `pilot`: a new one. `wait`: called with `period_s` before each period: in flight others use the processor
-    and its caches between. `processor_clock`: processor time [s].
-    """
+    """Return the median processor time [s] of a control period in hover; `wait` passes those between."""
     times_s = []
     for frame in range(PERIODS):
         wait(period_s)

@@ -47,11 +47,7 @@ class OnFloor(NamedTuple):
 
 
 class Runners:
-    """Which host was last to run which agent, by the statuses of launchers.
-
-    A silent launcher keeps its vehicles until another one runs their agents; from then on they are no longer
-    its own, even when the other one stops them.
-    """
+    """Which host was last to run which agent, by statuses of launchers; silent ones keep their vehicles."""
 
     def __init__(self) -> None:
         self._arrived_s: dict[str, float] = {}

@@ -54,12 +54,7 @@ SPARE_ROLES: Final = (AGENT, ROUTER, "tracker", "transmitters")
 
 
 def call_in_realtime(priority: int, function: Callable[[], T]) -> T:
-    """Call a function in a thread of the real-time class, if that is permitted.
-
-    Threads that the function starts inherit the class; the calling thread keeps its own.
-
-    `priority`: SCHED_FIFO priority; 0 for none.
-    """
+    """Call a function in a thread of the real-time class at a priority, 0 for none, if that is permitted."""
     with ThreadPoolExecutor(1, initializer=request_realtime, initargs=(priority,)) as pool:
         return pool.submit(function).result()
 

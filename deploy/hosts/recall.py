@@ -20,12 +20,7 @@ FIRST_ROUTER_S = 30.0  # for the first start of the router, while all processes 
 
 
 class RecallService:
-    """Answers `recall` for the vehicles of a host in a thread of its own.
-
-    `agents`: vehicles whose agents run on this host. `quick_deaths`: number of deaths of a vehicle's agent in
-    a row that came shortly after its start. `guarded`: vehicles whose agents this host may have to start. The
-    service subscribes to frames of these only: frames of a whole fleet cost a host more than an agent.
-    """
+    """Answers `recall` for the vehicles of a host in a thread of its own, by frames of the `guarded` ones."""
 
     def __init__(
         self,

@@ -28,9 +28,7 @@ def base_directory() -> Path:
 
 
 def run_directory(fleet_name: str, namespace: str | None) -> Path:
-    """Return the directory of a fleet in `base_directory`, created if missing.
-
-    Only its owner has access: any program that reaches the router's socket in it can steer.
+    """Return the directory of a fleet, created if missing, for its owner only: who reaches it can steer.
 
     Raises `OSError`: it cannot be created or belongs to another user; says how to choose another place.
     """

@@ -1,8 +1,4 @@
-"""Records of the fleets that are up on this computer: each router keeps one, locked while it runs.
-
-The lock ends with the process, so that records of fleets that are down are ignored. `rcopterx kill` reads
-records first: this module imports quickly.
-"""
+"""Records of the fleets that are up on this computer, which routers keep locked; read quickly by `kill`."""
 
 import fcntl
 import json

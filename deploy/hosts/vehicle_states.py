@@ -13,11 +13,9 @@ OWNER: Final = ".run"  # link from a directory of pages to its run directory; no
 
 
 def begin_states(vehicles: Iterable[str], directory: Path) -> None:
-    """Make the pages of vehicles valid before their gateways start; a valid page of an earlier flight stays.
+    """Make the pages of vehicles valid before their gateways start; remove those of fleets that are gone.
 
-    Pages of fleets whose run directory is gone are removed.
-
-    `directory`: run directory of the fleet. Raises `FleetError`: a page cannot be used; names it.
+    A valid page of an earlier flight stays. Raises `FleetError`: a page cannot be used; names it.
     """
     states = states_directory(directory)
     _remove_abandoned(states)

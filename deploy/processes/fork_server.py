@@ -140,11 +140,7 @@ def _fork_twice() -> int | None:
 
 
 def _fork_and_end(writing: int) -> None:
-    """Fork in the intermediate process, report the child's id, and end; return in the child only.
-
-    The intermediate process stays in the real-time class, because the server waits for it: on a busy computer
-    the answer would otherwise be late. Its child is an ordinary process.
-    """
+    """Fork in the intermediate process, report the child's id, and end; return in the child only."""
     try:
         child = os.fork()
     except OSError:

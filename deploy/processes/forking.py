@@ -40,11 +40,7 @@ def child_environment() -> dict[str, str]:
 
 
 class ForkedProcess:
-    """A child of this process that a fork server has started; used like `subprocess.Popen`, by any thread.
-
-    `page`: its heartbeat page. `stdin`: writing end of its standard input, if that is a pipe. Raises
-    `OSError`: no descriptor is left to watch it; it was killed.
-    """
+    """A child of this process that a fork server has started, used by any thread like `subprocess.Popen`."""
 
     def __init__(self, pid: int, page: HeartbeatPage, stdin: IO[bytes] | None = None) -> None:
         self.pid, self.page, self.stdin = pid, page, stdin
@@ -84,11 +80,7 @@ class ForkedProcess:
         self._signal(signal.SIGKILL)
 
     def leave_realtime(self) -> None:
-        """Move all of its threads into the normal class, for one that does not end.
-
-        Where real-time threads fill the processors, a killed one may wait for ever for the time that it needs
-        to end.
-        """
+        """Move all threads of one that does not end into the normal class, where it gets time to do so."""
         with suppress(OSError):
             leave_realtime(map(int, os.listdir(f"/proc/{self.pid}/task")))
 
@@ -110,10 +102,9 @@ class ForkedProcess:
 
 
 class ForkServer:
-    """Starts processes; itself a process, started when it is first needed and again when it has ended.
+    """Starts processes; itself a process, started when first needed and when it has ended.
 
-    `modules`: imported once, for all processes it forks. `priority`: SCHED_FIFO priority of the fork server
-    itself, 0 for none: vehicles may wait for a process. `clock`: monotonic clock [s].
+    It imports `modules` once. `priority` is its own, 0 for none: vehicles may wait for a process.
     """
 
     def __init__(
@@ -191,12 +182,7 @@ class ForkServer:
         return process
 
     def prepare_pilots(self, snapshot: Path, host: str, vehicles: Sequence[str]) -> None:
-        """Let it build pilots before it forks their agents, now and whenever it is started again.
-
-        This takes its time: call it before vehicles fly.
-
-        Raises `OSError`: it cannot build them; the agents will do so themselves.
-        """
+        """Let it build pilots, which takes time, before vehicles fly; may raise `OSError`."""
         self.ensure_running()
         self._wait_until_ready()
         pilots = (str(snapshot), host, *vehicles)
@@ -218,11 +204,7 @@ class ForkServer:
             raise OSError(errno.ECHILD, "the fork server has ended") from None
 
     def _answer(self, limit_s: float) -> Answer:
-        """Return the next answer.
-
-        Raises `OSError`: the answer is an error; it has ended or is not ready; it does not answer, and was
-        killed.
-        """
+        """Return the next answer; `OSError` if it is an error, or the server ended, is not ready or hangs."""
         if self._connection is None:
             raise OSError(errno.EAGAIN, "the fork server has ended, its successor is started soon")
         self._connection.settimeout(limit_s)

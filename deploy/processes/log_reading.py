@@ -14,11 +14,7 @@ _STAMP: Final = re.compile(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z ")
 
 
 class ProcessLogs:
-    """The logs in a directory.
-
-    `names`: processes or vehicles whose logs are read; none for all. `positions`: number of bytes of each
-    file that were read before.
-    """
+    """The logs in a directory, of `names` or all; `positions` are the bytes of each file read before."""
 
     def __init__(
         self, directory: Path, names: Iterable[str] = (), positions: Mapping[str, int] | None = None

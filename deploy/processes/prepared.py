@@ -1,9 +1,4 @@
-"""What the fork server imports and builds for the processes that it forks.
-
-Forked processes share the memory of the fork server until they change it. Processes that were not forked find
-nothing prepared and build for themselves. Controllers and estimators of other packages are imported and built
-in agents only.
-"""
+"""What the fork server imports and builds for the processes that it forks, from packages built in."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path

@@ -1,7 +1,4 @@
-"""Logging of the processes of a fleet: a line per event to standard error, which is a file.
-
-Supervised processes write the time before each line; processes that are run by hand do not.
-"""
+"""Logging of the processes of a fleet to standard error, a file; supervised ones write the time, too."""
 
 import logging
 import os

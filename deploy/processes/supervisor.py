@@ -122,11 +122,7 @@ class Supervisor:
         return self.liveness is None or self.liveness.watchdog.silent_s(process) <= SPARE_SILENCE_S
 
     def watch(self, timeout_s: float) -> list[str]:
-        """Start and stop what shall be started and stopped, kill what hangs, and restart what dies.
-
-        `timeout_s`: how long to wait at most; a death ends the wait at once. Returns a line per event, for
-        the user.
-        """
+        """Start and stop what shall be, kill what hangs, restart what dies; return lines for the user."""
         now, attempt = self._clock(), self._attempt
         self.turns += 1
         lines = attempt("preparing spares", partial(self._prepare, now))

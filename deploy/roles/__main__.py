@@ -1,7 +1,4 @@
-"""Runs one process of a fleet in the foreground, as its supervisor runs it.
-
-`python -m rcopterx.deploy.roles ROLE UNIT FLEET_FILE [HOST] [--take-over]`; by default the host of the file.
-"""
+"""Runs one process: `python -m rcopterx.deploy.roles ROLE UNIT FLEET_FILE [HOST] [--take-over]`."""
 
 import sys
 from pathlib import Path

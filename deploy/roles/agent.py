@@ -39,11 +39,7 @@ def ready_pilot(fleet: FleetFile, name: str, host: str | None = None) -> tuple[A
 
 
 def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:
-    """Build settings and pilot of a vehicle's agent on a host, by default that of the fleet file.
-
-    Raises `FleetError`: a field of the vehicle is wrong: controllers and estimators check their settings when
-    they are built.
-    """
+    """Build settings and pilot of a vehicle's agent on a host, by default the file's; `FleetError`."""
     settings = agent_settings(fleet, name, host)
     try:
         return settings, build_pilot(settings)

@@ -1,7 +1,4 @@
-"""Runs one role of a fleet in this process.
-
-This module imports quickly, because an agent that crashes in flight has to be back soon.
-"""
+"""Runs one role of a fleet in this process; imports quickly, as an agent that crashes must be back soon."""
 
 import ctypes
 import importlib

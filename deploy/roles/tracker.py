@@ -22,11 +22,7 @@ VICON_ADDRESS: Final = "127.0.0.1:801"
 
 
 def run(fleet: FleetFile, _host: str, record_raw: Path | None = None) -> None:
-    """Publish the poses of the motion capture.
-
-    `record_raw`: file for the raw stream, instead of that of the fleet file. Raises `FleetError`: the
-    recording cannot be created, or the library of the brand is missing.
-    """
+    """Publish the poses of the motion capture; `record_raw` is a file for the stream. Raises `FleetError`."""
     settings = tracker_settings(fleet)
     if record_raw is not None and settings.brand is not None:
         raise FleetError("--record-raw: only the stream of brand 'vicon' can be recorded")

@@ -1,8 +1,4 @@
-"""A spare: a process with all imports and pilots, waiting to replace one that dies in flight.
-
-Starting an interpreter and importing numerical libraries takes longer than the inputs of a vehicle's last
-plan bridge; a warm process takes over in time.
-"""
+"""A spare: a process with all imports and pilots, warm to replace one that dies in flight in time."""
 
 import json
 import os

@@ -1,8 +1,4 @@
-"""What the kernel knows of a process that makes no progress: stopped, traced, or waiting.
-
-For each thread, `/proc/PID/task/TID/stat` has the state, and `schedstat` the times for which it has run and
-has waited for a processor.
-"""
+"""What the kernel (`/proc/PID/task/TID/stat`, `schedstat`) shows of a process that makes no progress."""
 
 import os
 from collections.abc import Mapping

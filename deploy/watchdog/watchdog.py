@@ -109,11 +109,7 @@ class _Watch:
 
 
 class Watchdog:
-    """Checks all processes of a host again and again.
-
-    `limits`: for how long processes may be silent. `blind`: no process of this host knows whether vehicles
-    fly, so that they always may.
-    """
+    """Checks the processes of a host; on a `blind` one vehicles may always fly."""
 
     def __init__(self, limits: WatchdogConfig, blind: bool = False) -> None:
         self._limits = limits
@@ -124,11 +120,7 @@ class Watchdog:
         self.forgiven: Counter[str] = Counter()  # how often a silence beyond the limit was no hang, by reason
 
     def check(self, now_s: float, observations: Mapping[int, Observation]) -> list[Hung]:
-        """Return the processes that are to be killed now; each is returned once.
-
-        `now_s`: monotonic time of the supervisor. `observations`: by process id. A process that is missing
-        has ended.
-        """
+        """Return the processes to be killed now, each once; those missing in `observations` have ended."""
         elapsed_s = 0.0 if self._checked_s is None else now_s - self._checked_s
         self._checked_s = now_s
         if elapsed_s > LATE_S:

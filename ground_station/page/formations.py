@@ -40,11 +40,7 @@ SHAPES: Final[Mapping[str, Callable[[int, float], list[Place]]]] = {
 def formation_links(
     shape: str, leader: str, followers: Sequence[str], spacing_m: float
 ) -> dict[str, LeaderLink]:
-    """Link of every follower in a formation of `SHAPES` with `spacing_m` between neighbours.
-
-    Followers get their places in the given order. Offsets turn with the leader's heading: x to its front, y
-    to its left.
-    """
+    """Links of a formation of `SHAPES`, `spacing_m` apart, in order; offsets turn with the leader."""
     places = SHAPES[shape](len(followers), spacing_m)
     return {
         name: LeaderLink(leader=leader, offset_m=place, frame="heading")

@@ -1,8 +1,4 @@
-"""The web server of the page, for browsers that know its secret address and for pages of its own only.
-
-viser itself accepts every connection, from any user of the computer and from every web page that is open in a
-browser.
-"""
+"""The web server of the page, which, unlike viser's, accepts only browsers that have its secret address."""
 
 import hmac
 import io

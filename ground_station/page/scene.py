@@ -86,11 +86,7 @@ class FleetScene:
 
 
 class VehicleShape:
-    """One vehicle: body, rotor disc, name, trail, plan with its end, reference, and its handle.
-
-    The handle of a vehicle that leads is its set point; that of a follower is its place beside its only
-    leader.
-    """
+    """One vehicle: body, rotor disc, name, trail, plan, reference; a handle of its set point or place."""
 
     def __init__(
         self, server: viser.ViserServer, name: str, colour: tuple[int, int, int], steering: Steering | None

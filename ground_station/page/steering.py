@@ -26,12 +26,7 @@ class Steering:
         self._lock = threading.Lock()
 
     def run(self, what: str, request: Callable[[], object], done: str | None = None) -> bool:
-        """Run a request and show its outcome; return whether it succeeded.
-
-        Nothing happens while a request with the same name `what` is running. The text that is shown is
-        `done`, by default the answer of the request or `what`; errors of a request in flight are shown, not
-        raised.
-        """
+        """Run a request and show its outcome; return its success. Requests of one name `what` exclude."""
         with self._lock:
             if what in self._busy:
                 return False

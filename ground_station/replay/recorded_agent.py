@@ -133,10 +133,9 @@ def _payloads(parts: Iterable[Path], own: _OwnMessages) -> dict[tuple[str, int],
 
 
 def _possible_leases(own: _OwnMessages) -> Iterator[bytes]:
-    """Every reply that may have granted a life of the agent a lease under which it commanded.
+    """Every reply that may have granted this life of the agent a lease under which it commanded.
 
-    A fleet starts all processes at once, so leases may be granted before the recorder listens, and an agent
-    does not command without one. The checksum of the agent's input identifies the right reply.
+    Leases may be granted before the recorder listens; the checksum of the input identifies the right reply.
     """
     numbers = {number for number, _ in own.commands}
     for life in {steps.life for steps in own.steps}:

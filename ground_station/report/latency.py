@@ -45,11 +45,7 @@ def clock_offset(statuses: Mapping[str, RouterStatus], first: str, second: str) 
 
 
 def stage_times_ms(applied: Applied, offset: ClockOffset) -> dict[str, float]:
-    """Time that a command spent in each stage [ms], and their `total` where all are known.
-
-    Stages between hosts whose clocks have not been compared are left out; keep-alives and predicted frames
-    have no stages.
-    """
+    """Time that a command spent in each stage [ms] whose clocks were compared, and their `total` if known."""
     timing, arrived_s, host = applied.timing, applied.command_arrived_s, applied.host
     if timing is None or arrived_s is None or host is None:
         return {}

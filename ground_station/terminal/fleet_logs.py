@@ -24,11 +24,7 @@ def hosts_here(file: FleetFile) -> set[str]:
 
 
 class FleetLogs:
-    """New lines of all hosts of a fleet.
-
-    `names` are processes or vehicles, none for all. `joined` is the fleet if it is up; without it only the
-    logs of this computer are read.
-    """
+    """New lines of all hosts of a fleet, of `names` or all; without `joined` logs of this computer only."""
 
     def __init__(self, file: FleetFile, names: Sequence[str], joined: Fleet | None) -> None:
         self.directory = run_directory(file.name, file.bus.namespace) / "log"  # logs of this computer

@@ -1,8 +1,4 @@
-"""Stability margins of the vehicles of a fleet: as its file configures them, or as they fly.
-
-As a program it reads the snapshot of a fleet from standard input and prints `configured_warnings`; see
-`margin_warnings`.
-"""
+"""Stability margins of the vehicles of a fleet; as a program, `configured_warnings` of a snapshot."""
 
 import math
 import sys

@@ -11,11 +11,7 @@ from rcopterx.ground_station.scripting.state import VehicleState
 
 
 def fleet_status(fleet: Fleet) -> dict[str, Any]:
-    """Present state of a running fleet, best after `Fleet.wait_for_status`.
-
-    Keys are `fleet`, `speed`, `ready`, `problems`, `notes`, `tracker`, `hosts` and `vehicles` by name;
-    unknown values are null.
-    """
+    """Present state of a running fleet, best after `Fleet.wait_for_status`; unknown values are null."""
     problems = fleet.problems()
     return {
         "fleet": fleet.file.name,

@@ -1,8 +1,4 @@
-"""Options for fleets, finding the fleet of a command, and errors as messages and exit codes.
-
-Every command imports this, also for `--help` and completion, so numerical libraries and the bus are imported
-only when a fleet is needed.
-"""
+"""Options, the fleet of a command, and errors as messages; imports libraries only when they are needed."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager

@@ -1,7 +1,4 @@
-"""The problem of axes whose sticks act through lags (docs/formulas.md): heading, and height.
-
-States are position, velocity and actuator of every axis; rows are position, velocity and stick.
-"""
+"""The problem of axes behind lags, heading and height (docs/formulas.md)."""
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -15,10 +12,9 @@ from rcopterx.vehicles.state import YAW, Array
 
 
 class AxisProblem:
-    """Formulation for some of the axes x, y, z, yaw with N = `stages` planned inputs.
+    """Formulation for some axes with N = `stages`; the arrays of a problem are used again for the next.
 
-    With `feed_forward` sticks are referred to those that fly the reference, without to those that keep its
-    velocity. The arrays of a problem are used again for the next one.
+    With `feed_forward` sticks are referred to those that fly the reference, else its velocity.
     """
 
     def __init__(

@@ -89,11 +89,7 @@ class ClearRows(NamedTuple):
 
 
 def clearances(previous_m: Array, wanted_m: Array, obstacles: Sequence[Obstacle]) -> Clearances:
-    """Linearise the nearest `SLOTS` ellipsoids around a plan.
-
-    `previous_m` and `wanted_m`: positions of the previous plan at the present stages, and of the reference,
-    shape (N, 3). `obstacles`: at least one.
-    """
+    """Linearise the nearest `SLOTS` ellipsoids around a plan, `previous_m`, to fly to `wanted_m`."""
     axes = np.array([(other.horizontal_m, other.horizontal_m, other.vertical_m) for other in obstacles])
     centres = np.stack([other.positions_m for other in obstacles], axis=1)
     gap = (previous_m[:, None, :] - centres) / axes
