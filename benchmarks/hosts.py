@@ -66,7 +66,6 @@ def _times_s(applied: Applied) -> tuple[float, ...] | None:
 
 
 def _figures(vehicles: Sequence[Commands]) -> dict[str, Any]:
-    """Figures of all vehicles that were flown."""
     times_ms = 1e3 * np.array([times_s for commands in vehicles for _, times_s in commands])
     stages_ms = np.diff(times_ms, axis=1)
     frames = [{frame for frame, _ in commands} for commands in vehicles]

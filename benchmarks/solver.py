@@ -231,7 +231,6 @@ def _judged(contestant: Contestant, horizon: int, flight: Sequence[Moment]) -> d
 
 @contextmanager
 def _pinned() -> Iterator[None]:
-    """Stay on one processor."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return

@@ -49,7 +49,6 @@ def decode(payload: bytes, message_type: type[M]) -> M:
 
 
 def _decoder(message_type: type[M]) -> msgspec.msgpack.Decoder[M]:
-    """Return the decoder of a message type."""
     if message_type not in _DECODERS:
         # While msgspec describes a type, a second thread that decodes it reads a null pointer and crashes.
         with _preparing:

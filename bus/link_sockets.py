@@ -77,7 +77,6 @@ class Dials:
 
 
 def _sockets() -> Iterator[socket.socket]:
-    """TCP sockets of this process, as duplicates of their descriptors."""
     for name in os.listdir("/proc/self/fd"):
         try:
             descriptor = os.dup(int(name))

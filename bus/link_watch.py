@@ -80,8 +80,6 @@ class RecentMinimum:
 
 @dataclass
 class _Neighbour:
-    """Knowledge of the router of another host."""
-
     beat: Beat
     arrived_s: float
     answered_s: float  # arrival of its newest beat that contains a fresh echo of this router

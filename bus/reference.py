@@ -259,7 +259,6 @@ def _link(kind: type) -> str:
 
 
 def _type(kind: Any, structure: Callable[[Any], str]) -> str:
-    """A field's type as text."""
 
     def text(inner: Any) -> str:
         return _type(inner, structure)

@@ -25,29 +25,18 @@ REFUSALS: Final = "off,zenoh_link_tls=warn,zenoh::net::routing::interceptor::acc
 
 
 def run_router(
+    # see `rcopterx.bus.endpoints.router_config`; with protection Zenoh logs refusals on standard output
     listen: list[str],
     connect: list[str],
     namespace: str | None,
-    realtime_priority: int,
+    realtime_priority: int,  # SCHED_FIFO priority, 0 for none
+    # answer to the request `identify`; None for a router without identity and heartbeat
     identity: IdentifyReply | None = None,
-    others: Sequence[str] = (),
+    others: Sequence[str] = (),  # other hosts of the fleet, whose routers are linked to this one
     protection: Protection | None = None,
-    clock: Clock = REAL_TIME,
+    clock: Clock = REAL_TIME,  # clock of the fleet; links between hosts are judged in real time
 ) -> None:
     """Route until SIGTERM or SIGINT; the heartbeat continues as long as messages pass through the router.
-
-    Parameters
-    ----------
-    listen, connect, namespace, protection
-        See `rcopterx.bus.endpoints.router_config`; with protection Zenoh logs refusals on standard output.
-    realtime_priority
-        SCHED_FIFO priority, 0 for none.
-    identity
-        Answer to the request `identify`; None for a router without identity and heartbeat.
-    others
-        Other hosts of the fleet, whose routers are linked to this one.
-    clock
-        Clock of the fleet; links between hosts are judged in real time.
 
     Raises
     ------

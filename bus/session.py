@@ -199,28 +199,15 @@ class Session:
         self,
         channel: Channel[M],
         unit: str,
-        depth: int = 1,
+        depth: int = 1,  # messages kept until they are read
         *,
+        # whether messages wake the loop; a function decides for each message, on the receive thread
         waking: Waking = True,
-        fleet: str | None = None,
-        own: bool = True,
-        deliver: Deliver = Inbox.store,
+        fleet: str | None = None,  # another fleet than the own one
+        own: bool = True,  # whether messages of this session are received, too
+        deliver: Deliver = Inbox.store,  # called on the receive thread to put a payload into the inbox
     ) -> Subscription[M]:
-        """Receive a channel of one unit.
-
-        Parameters
-        ----------
-        depth
-            Messages kept until they are read.
-        waking
-            Whether messages wake the loop; a function decides for each message, on the receive thread.
-        fleet
-            Another fleet than the own one.
-        own
-            Whether messages of this session are received, too.
-        deliver
-            Called on the receive thread to put a payload into the inbox.
-        """
+        """Receive a channel of one unit."""
         full_key = channels.key(fleet or self.address.fleet, unit, channel.topic)
         origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
         on_arrival = self._on_arrival(waking, deliver)

@@ -87,7 +87,6 @@ def read_tracker(path: Path) -> Tracker:
 
 
 def _vehicle_name(robot: str) -> str:
-    """Name that a fleet file accepts."""
     name = name_of(robot)
     return name if name[:1].isalpha() else f"cf{name}"
 

@@ -91,7 +91,6 @@ def crazyflie_of(name: str, conditions: Conditions, seed: int) -> IdentifiedCraz
 
 
 def _library() -> Any:
-    """Module `drone_models.core`."""
     # The package refuses to be imported after scipy without this; it matters for other arrays than numpy's.
     os.environ.setdefault("SCIPY_ARRAY_API", "1")
     try:
@@ -131,7 +130,6 @@ class _Step:
 
 @lru_cache(maxsize=64)
 def _function(vehicle: IdentifiedCrazyflie) -> casadi.Function:
-    """Function of a step."""
     core = _library()
     import casadi
     from drone_models.so_rpy_rotor_drag import model
@@ -214,7 +212,6 @@ class CrazyfliePlant(SteppedPlant):
         return min(max(self._target[2], 0.0), 1.0) * self._full_thrust_n * self._thrust_factor
 
     def _advanced(self, step_s: float, air: Four) -> list[float]:
-        """State one step later."""
         pitch, roll, _, _ = self._target
         command = roll, pitch, self._heading_rad, self._commanded_n()
         return self._step(self._state, command, air, (step_s,))

@@ -191,7 +191,6 @@ class TrackerFaults:
 
 
 def _subjects_of(fault: TrackerFault) -> tuple[str, ...]:
-    """Return the subjects that a fault needs."""
     if isinstance(fault, faults.SwapSubjects):
         return fault.subject, fault.other
     subject = getattr(fault, "subject", None)

@@ -93,7 +93,6 @@ class Gateway:
         ]
 
     def _report(self) -> None:
-        """Publish statuses when they are due."""
         now_s = self._clock()
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + STATUS_PERIOD_S

@@ -58,7 +58,6 @@ class UdpPort(Port):
         return False
 
     def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
-        """Send the datagrams of a frame."""
         if self._socket is None or not self.is_open:
             return WriteOutcome.CLOSED
         try:

@@ -112,7 +112,6 @@ class FrameClient(ABC):
         return None
 
     def _wait_s(self, give_up_s: float, now_s: float) -> float:
-        """Return how long to wait at most, in real time."""
         return max(0.0, min(give_up_s, self._deadline_s) - now_s) / self._speed
 
     @abstractmethod
@@ -136,7 +135,6 @@ class FrameClient(ABC):
         self._deadline_s = now_s + self._silence_limit_s(period_s)
 
     def _pause(self) -> None:
-        """Wait before the next try, longer each time."""
         self._name = "waiting"
         self._deadline_s = self._clock() + self._pause_s
         self._pause_s = min(2.0 * self._pause_s, self._limits.retry_max_s)

@@ -152,11 +152,7 @@ class TrackerGateway:
                 publish(channels.POSE, vehicle, pose_message(frame, stamp, subject, latency_s, self._host))
 
     def _notice_earlier_gateway(self, now_s: float) -> None:
-        """Begin a newer epoch than the one in which vehicles fly, though the wall clock was set back.
-
-        Transmitters publish it as long as they obey commands; agents publish theirs also when vehicles are
-        held because poses were missing for too long.
-        """
+        """Begin a newer epoch than transmitters or agents report, though the clock was set back."""
         for subscriptions in self._flown:
             for inbox in list(subscriptions.inboxes.values()):
                 received = inbox.latest()

@@ -148,7 +148,6 @@ class VehicleWatch:
         return kept
 
     def _judge(self, command: Array, motion: Array) -> VehicleFault | None:
-        """Return the fault that the present windows show."""
         self._sticks_under_way.append(command)
         moment = self._advance(self._sticks_under_way[0].tolist(), motion.tolist())
         moments = self._moments

@@ -80,11 +80,7 @@ class GuardedCall:
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Return whether an exception comes from `OutOfTimeError`.
-
-    A compiled call that is interrupted while it reads its arguments returns as if nothing had happened. The
-    interpreter then raises `SystemError` because of the interrupting exception, once for each such call.
-    """
+    """Return whether an exception comes from `OutOfTimeError`, or a `SystemError` that it caused."""
     while isinstance(error, SystemError):
         error = error.__cause__
     return isinstance(error, OutOfTimeError)

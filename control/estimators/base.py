@@ -263,7 +263,6 @@ def _pose_of(measurement: Measurement, yaw_rad: float) -> Array:
 
 
 def _within(differences: Array, limits: Array) -> bool:
-    """Whether no difference is larger than its limit."""
     return all(map(operator.le, np.abs(differences).tolist(), limits.tolist()))
 
 

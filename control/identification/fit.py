@@ -183,8 +183,6 @@ def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
 
 @dataclass(frozen=True)
 class _Found:
-    """Outcome of one fit."""
-
     candidate: Candidate
     parameters: tuple[Parameter, ...]
     position: Array

@@ -63,7 +63,6 @@ def make_certificates(
 
 
 def _addresses(fleet: FleetFile, name: str) -> list[str]:
-    """Return the addresses of the owner of a certificate."""
     for host, table in fleet.hosts.items():
         if name == host_name(host):
             return [*dict.fromkeys((table.address, *LOCAL_NAMES))]

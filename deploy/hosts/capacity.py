@@ -52,30 +52,17 @@ def may_be_crowded(agents: int) -> bool:
 
 
 class CapacityMeasurement:
-    """Measures once, in steps that take no longer than starting a process.
-
-    Parameters
-    ----------
-    snapshot
-        Snapshot of the fleet file.
-    vehicle, period_s
-        Vehicle whose control periods are timed, and its control period in real time.
-    forks
-        Starts the process that times them.
-    roles
-        Returns the processes of the fleet that run here now.
-    clock
-        Monotonic clock [s].
-    """
+    """Measures once, in steps that take no longer than starting a process."""
 
     def __init__(
         self,
-        snapshot: Path,
+        snapshot: Path,  # snapshot of the fleet file
+        # vehicle whose control periods are timed, and its control period in real time
         vehicle: str,
         period_s: float,
-        forks: ForkServer,
-        roles: Callable[[], Roles],
-        clock: Callable[[], float] = time.monotonic,
+        forks: ForkServer,  # starts the process that times them
+        roles: Callable[[], Roles],  # returns the processes of the fleet that run here now
+        clock: Callable[[], float] = time.monotonic,  # monotonic clock [s]
     ) -> None:
         self._snapshot, self._vehicle, self._period_s = snapshot, vehicle, period_s
         self._forks, self._roles, self._clock = forks, roles, clock

@@ -68,34 +68,19 @@ def stretched(limits: WatchdogConfig, clock: Clock) -> WatchdogConfig:
 class Launcher(AbstractContextManager["Launcher"]):
     """A host's processes under supervision, in a thread of their own.
 
-    Parameters
-    ----------
-    fleet
-        The fleet file, loaded: later changes of the file have no effect.
-    host
-        Which host this is.
-    without
-        Vehicles that do not take part at first; they can join later.
-    watchdog
-        False never kills processes that make no progress: for debugging.
-    record
-        Whether this host, if it is the one that records, writes a flight log.
-    idle
-        Whether only the router runs until the rest is requested: the daemon of a host.
-
     Raises `FleetError`: something in the file is wrong, an address is in use, no vehicle that takes part has
     its device; no process of the fleet was started.
     """
 
     def __init__(
         self,
-        fleet: FleetFile,
-        host: str,
-        without: Collection[str] = (),
+        fleet: FleetFile,  # the fleet file, loaded: later changes of the file have no effect
+        host: str,  # which host this is
+        without: Collection[str] = (),  # vehicles that do not take part at first; they can join later
         *,
-        watchdog: bool = True,
-        record: bool = False,
-        idle: bool = False,
+        watchdog: bool = True,  # False never kills processes that make no progress: for debugging
+        record: bool = False,  # whether this host, if it is the one that records, writes a flight log
+        idle: bool = False,  # whether only the router runs until the rest is requested: the daemon of a host
     ) -> None:
         self._fleet, self._host, self._idle = fleet, host, idle
         self._now = fleet.clock.now
@@ -180,7 +165,6 @@ class Launcher(AbstractContextManager["Launcher"]):
         self.stop()
 
     def _serve(self) -> None:
-        """Begin to answer requests on the bus."""
         fleet, host, supervisor = self._fleet, self._host, self.supervisor
         address = bus_address(fleet, host)
         # An agent that restarts in flight waits for its answer.
@@ -246,7 +230,6 @@ class Launcher(AbstractContextManager["Launcher"]):
         return lines
 
     def _roles(self) -> dict[int, str]:
-        """Roles of the processes that run now, by their ids."""
         children = self.supervisor.children.values()
         return {child.process.pid: child.spec.role for child in children if child.process is not None}
 

@@ -38,29 +38,18 @@ LAND_AFTER_S: Final = 10.0
 
 
 class MembershipService:
-    """Answers the requests to a launcher, except `recall`, in a thread of its own.
-
-    Parameters
-    ----------
-    events
-        Events to publish; they are removed.
-    home
-        Vehicles whose agents run on this host from the start.
-    logs
-        Directory of the logs of the processes.
-    begin
-        Called before the processes of a host with a daemon are started. None for a host without a daemon,
-        which does not serve `start_host` and `stop_host`.
-    """
+    """Answers the requests to a launcher, except `recall`, in a thread of its own."""
 
     def __init__(
         self,
         address: BusAddress,
         host: str,
         supervisor: Supervisor,
-        events: deque[str],
-        home: Collection[str],
-        logs: Path,
+        events: deque[str],  # events to publish; they are removed
+        home: Collection[str],  # vehicles whose agents run on this host from the start
+        logs: Path,  # directory of the logs of the processes
+        # Called before the processes of a host with a daemon are started. None for a host without a daemon,
+        # which does not serve `start_host` and `stop_host`.
         begin: Callable[[], None] | None = None,
     ) -> None:
         self._events = events
@@ -106,7 +95,6 @@ class MembershipService:
                 report_at_s, reported_s = now_s + REPORT_PERIOD_S, now_s
 
     def _report(self, elapsed_s: float) -> list[str]:
-        """Check the supervisor, publish events and the status, and keep logs small."""
         self._check_supervisor(elapsed_s)
         self._publish_events()
         self._session.publish(channels.LAUNCHER, self._host, self._status())

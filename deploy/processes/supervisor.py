@@ -33,39 +33,20 @@ STOP_LIMIT_S = 12.0  # without the time in which transmitter gateways land their
 
 
 class Supervisor:
-    """Runs the processes of one host.
-
-    Parameters
-    ----------
-    specs
-        Processes in starting order.
-    snapshot
-        Snapshot of the fleet file that each process reads.
-    log_directory
-        Directory of their log files.
-    forks
-        Starts them; closed with them.
-    spares
-        Replace them; by default there are none.
-    watchdog
-        For how long processes may make no progress; by default without limit.
-    without
-        Names of processes that are not wanted at first.
-    clock
-        Monotonic clock [s].
-    """
+    """Runs the processes of one host."""
 
     def __init__(
         self,
-        specs: list[ProcessSpec],
-        snapshot: Path,
-        log_directory: Path,
-        forks: ForkServer,
+        specs: list[ProcessSpec],  # processes in starting order
+        snapshot: Path,  # snapshot of the fleet file that each process reads
+        log_directory: Path,  # directory of their log files
+        forks: ForkServer,  # starts them; closed with them
         *,
-        spares: Spares | None = None,
+        spares: Spares | None = None,  # replace them; by default there are none
+        # for how long processes may make no progress; by default without limit
         watchdog: WatchdogConfig | None = None,
-        without: Collection[str] = (),
-        clock: Callable[[], float] = time.monotonic,
+        without: Collection[str] = (),  # names of processes that are not wanted at first
+        clock: Callable[[], float] = time.monotonic,  # monotonic clock [s]
     ) -> None:
         self.children = {spec.name: Child(spec, wanted=spec.name not in without) for spec in specs}
         self._snapshot = snapshot.resolve()
@@ -142,7 +123,6 @@ class Supervisor:
         return []
 
     def _restart(self) -> list[str]:
-        """Start the processes whose restart is due."""
         lines = []
         for name, child in self.children.items():
             if child.restart_at_s > 0 and self._clock() >= child.restart_at_s:
@@ -153,7 +133,6 @@ class Supervisor:
         return lines
 
     def _processes(self) -> dict[str, ForkedProcess]:
-        """Processes that run now, by name."""
         children = self.children.items()
         return {name: process for name, child in children if (process := child.process) is not None}
 

@@ -64,7 +64,6 @@ def _wait_for_landing(pages: Sequence[int], fleet: FleetFile, host: str) -> None
 
 
 def _in_use(page: int) -> bool:
-    """Whether a gateway has this page."""
     try:
         fcntl.flock(page, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -90,7 +90,6 @@ def brand_of(fleet: FleetFile) -> BrandSettings | None:
 
 
 def _addressed(brand: str, host: str, port: int) -> dict[str, str]:
-    """Return the address as settings of the library."""
     match brand:
         case "vicon_sdk" | "vrpn":
             return {"hostname": f"{host}:{port}"}

@@ -46,33 +46,18 @@ def spare_command(snapshot: Path, host: str, jobs: Sequence[Job]) -> list[str]:
 
 
 class Spares:
-    """Spare processes that can each take over the same jobs, so that deaths in a row all find a successor.
-
-    Parameters
-    ----------
-    jobs
-        Processes that a spare can replace; without any there are no spares.
-    command
-        Command line of a spare.
-    log
-        Log file of spares until they take over.
-    count
-        Number of spares.
-    priority
-        SCHED_FIFO priority at which a spare takes over, until it sets its own; 0 for none.
-    clock
-        Monotonic clock [s].
-    """
+    """Spare processes that can each take over the same jobs, so that deaths in a row all find a successor."""
 
     def __init__(
         self,
         forks: ForkServer,
-        jobs: Sequence[Job],
-        command: Sequence[str],
-        log: Path,
-        count: int = SPARES,
+        jobs: Sequence[Job],  # processes that a spare can replace; without any there are no spares
+        command: Sequence[str],  # command line of a spare
+        log: Path,  # log file of spares until they take over
+        count: int = SPARES,  # number of spares
+        # SCHED_FIFO priority at which a spare takes over, until it sets its own; 0 for none
         priority: int = 0,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = time.monotonic,  # monotonic clock [s]
     ) -> None:
         self._forks = forks
         self._jobs, self._command, self._log = jobs, command, log

@@ -58,7 +58,6 @@ def _time_of(process: int, thread: int, proc: str) -> ThreadTime | None:
 
 
 def _read(path: str) -> bytes:
-    """Read a small file, several times faster than through file objects."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         return os.read(descriptor, SMALL_BYTES)

@@ -84,8 +84,6 @@ def recorded_agent(parts: Sequence[Path], vehicle: str) -> RecordedAgent:
 
 @dataclass
 class _OwnMessages:
-    """Messages of an agent, and requests to it."""
-
     lease_topic: str
     steps: list[AgentSteps] = field(default_factory=list)
     requests: dict[tuple[str, int], bytes] = field(default_factory=dict)
@@ -133,10 +131,7 @@ def _payloads(parts: Iterable[Path], own: _OwnMessages) -> dict[tuple[str, int],
 
 
 def _possible_leases(own: _OwnMessages) -> Iterator[bytes]:
-    """Every reply that may have granted this life of the agent a lease under which it commanded.
-
-    Leases may be granted before the recorder listens; the checksum of the input identifies the right reply.
-    """
+    """Every reply that may have granted this life of the agent the lease under which it commanded."""
     numbers = {number for number, _ in own.commands}
     for life in {steps.life for steps in own.steps}:
         for number in numbers:

@@ -181,7 +181,6 @@ class FlightFigures:
         return np.array(errors)
 
     def _reference_frame(self, plan: Plan) -> int:
-        """Frame of the reference and of the first stage of a plan."""
         return plan.frame + round(plan.start_s / self.frame_period_s())
 
     def _distance_from_reference_m(self, name: str, plan: Plan) -> float | None:

@@ -80,7 +80,6 @@ def _plot(
     colour: str,
     **style: Any,
 ) -> None:
-    """Draw values by frames over the time since the frame `start`."""
     frames, values = (part[:: max(1, len(part) // POINTS)] for part in series)
     axes.plot((frames - start) * figures.frame_period_s(), values, colour, **style)
 

@@ -382,7 +382,6 @@ def _newest(inbox: Inbox[M] | None, now_s: float) -> tuple[M | None, float | Non
 
 
 def _alive(inboxes: Mapping[str, Inbox[M]], now_s: float) -> dict[str, M]:
-    """Newest messages of the units that are not silent."""
     return {
         unit: received.message
         for unit, inbox in tuple(inboxes.items())

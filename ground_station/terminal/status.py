@@ -40,7 +40,6 @@ def fleet_check(fleet: Fleet, names: list[str] | None = None) -> dict[str, Any]:
 
 
 def _fields(message: Message) -> dict[str, Any]:
-    """All fields of a message as they are in a JSON document."""
     fields: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(message))
     return fields
 

@@ -66,7 +66,6 @@ def solver(
 
 
 def _solver_lines(document: dict[str, Any]) -> str:
-    """One line per horizon and solver."""
     lines = [f"{'N':>4}  {'solver':24}" + "".join(f"{column:>12}" for column in COLUMNS)]
     for horizon, solvers in document["horizons"].items():
         for name, row in solvers.items():

@@ -101,7 +101,6 @@ def experiment(
 
 
 def _judge(directory: Path, plot: Path | None, as_json: bool) -> None:
-    """Judge estimators and models by recorded flights."""
     from rcopterx.experiments.real_flights import judge, read_flights
 
     check_plot(plot)

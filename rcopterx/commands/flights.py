@@ -50,7 +50,6 @@ def flights(
 
 
 def _check(name: str, directory: Path) -> None:
-    """Print the promises that a flight breaks."""
     from rcopterx.flights.flights import NoFlightError, found_flight
     from rcopterx.flights.mcap_reading import FlightLogError
     from rcopterx.ground_station.report.logged_flight import records_of

@@ -118,7 +118,6 @@ def identify(
 
 
 def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
-    """Read the recording of a vehicle."""
     from rcopterx.control.identification.flight_csv import is_csv, read_flight
     from rcopterx.control.identification.recording import load_recording
     from rcopterx.fleet.radios import command_scale_of
@@ -186,7 +185,6 @@ def _use(name: str, model: "Model", path: Path | None, running: "Fleet | None", 
 
 
 def _print(fits: "dict[str, Fit]", failures: dict[str, str], together: bool, as_json: bool) -> None:
-    """Print models, several of them with the names of their vehicles."""
     documents = [document_of(name, found) for name, (_, _, found) in fits.items()]
     if not as_json:
         for name, (_, _, found) in fits.items():

@@ -57,7 +57,6 @@ class Interrupts:
 
 
 def _interrupts() -> Interrupts:
-    """Count signals that end this program, from now on."""
     interrupts = Interrupts()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, interrupts)

@@ -65,5 +65,4 @@ def margins(
 
 
 def _two_lines(headings: Sequence[str]) -> list[str]:
-    """Break headings, with which all columns fit into 80 characters."""
     return [heading.replace(" ", "\n", 1) for heading in headings]

@@ -98,7 +98,6 @@ def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: b
 
 
 def _rule(same: bool, changes: dict[str, Any]) -> str:
-    """Description of the comparison."""
     if changes:
         return "flown with " + ", ".join(f"{name}={value}" for name, value in changes.items())
     return "must be the same to the last bit" if same else "another computer: small differences are allowed"

@@ -94,7 +94,6 @@ def _waypoints(file: Path | None) -> list[list[float]]:
 
 
 def _draw(path: "FlightPath", figure: Any) -> None:
-    """Path from above, and its speed over time."""
     import numpy as np
 
     times = np.arange(0.0, path.duration_s, 0.02)

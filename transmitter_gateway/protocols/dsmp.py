@@ -113,7 +113,6 @@ class DsmpProtocol(OneWayRadio):
         self._forget()
 
     def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
-        """Build the next frame of the schedule."""
         if flags.bind and not self._bind_requested:
             self._binding = True
         self._bind_requested = flags.bind

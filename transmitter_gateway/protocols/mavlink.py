@@ -82,7 +82,6 @@ class MavlinkProtocol(SetPointRadio):
         return self._packed(mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, state, version))
 
     def _command(self, command: int, *parameters: float) -> bytes:
-        """Pack a command for the autopilot."""
         values = [*parameters, *([0.0] * (7 - len(parameters)))]
         return self._packed(mavlink.MAVLink_command_long_message(*self._target, command, 0, *values))
 

@@ -183,7 +183,6 @@ class CascadeController(MpcController):
         return Task(estimate, load, reference, self._plan_limits, self._recovery)
 
     def _clearances(self, task: Task) -> Clearances:
-        """Separation constraints around the previous plan."""
         own = self._last_plan
         if own is None:
             previous = np.tile(task.estimate.motion[:3], (self._horizon, 1))
