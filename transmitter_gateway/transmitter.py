@@ -71,7 +71,7 @@ class Transmitter:
         self._shown_until_s = self._unknown_until_s = -math.inf
         self._page: StatePage | None = None
         self._written_u = NEUTRAL
-        self._attempt_s = self._written_s = self._returned_s = -math.inf
+        self._attempt_s = self._written_s = self._returned_s = self._opened_s = -math.inf
         self._last: LastApplied | None = None
 
     # Inputs --------------------------------------------------------------------------------------------
@@ -240,8 +240,14 @@ class Transmitter:
         return Answer(True, "shown")
 
     def busy(self, now_s: float) -> bool:
-        """Whether binding, a range check or a calibration blocks arming."""
-        return self._binding.busy(now_s) or self._range_check or now_s < self._shown_until_s
+        """Whether binding, a range check, a calibration or the search of the receiver blocks arming."""
+        shown = self._range_check or now_s < self._shown_until_s
+        return shown or self._binding.busy(now_s) or self._searched(now_s)
+
+    def _searched(self, now_s: float) -> bool:
+        """Whether a receiver still searches: its board has to see the arming channel off."""
+        until_s = self._opened_s + self.protocol.receiver_search_s
+        return self._calibration.arming is not None and now_s < until_s
 
     # Time ---------------------------------------------------------------------------------------------
 
@@ -334,8 +340,11 @@ class Transmitter:
 
     def _open_link(self, now_s: float) -> None:
         """Go on with a module that was ready in flight, else begin anew."""
-        open_link = self.protocol.link_resumed if self._ready else self.protocol.link_opened
-        open_link(now_s)
+        if self._ready:
+            self.protocol.link_resumed(now_s)
+        else:
+            self._opened_s = now_s
+            self.protocol.link_opened(now_s)
 
     def _judge_flight(self, now_s: float) -> None:
         """End a flight whose port has returned as that of an earlier process is refused, or go on."""
@@ -365,6 +374,12 @@ class Transmitter:
         link = LinkState.READY if self._ready else LinkState.UP
         self.arbiter.link(link if problem is None else LinkState.LOST, problem)
 
+    def _module_text(self, reported: str, now_s: float) -> str:
+        if self.undecided:
+            return "waiting for the own pose"
+        searched = self.port.problem is None and self._searched(now_s)
+        return "waiting until the receiver has found the radio" if searched else self.port.problem or reported
+
     def snapshot(self, now_s: float) -> TransmitterSnapshot:
         """Everything a status message needs, at `now_s`."""
         module = self.protocol.status(now_s)
@@ -373,7 +388,7 @@ class Transmitter:
             state=self.arbiter.state,
             reason=self.arbiter.reason,
             link=link if self.port.is_open else LinkState.LOST,
-            module="waiting for the own pose" if self.undecided else self.port.problem or module.text,
+            module=self._module_text(module.text, now_s),
             lease=self.arbiter.leases.commanding,
             binding=self._binding.active,
             bridging_step=self._output.bridging_step,

@@ -132,8 +132,8 @@ class Bench:
         self.exchange()
         return answer
 
-    def fly(self) -> "Bench":
-        self.run(1.2, IDLE)
+    def fly(self, after_s: float = 1.2) -> "Bench":
+        self.run(after_s, IDLE)
         assert self.request(Action.ARM).accepted
         self.run(0.5)
         assert self.state is State.ARMED
@@ -271,7 +271,7 @@ def test_a_flight_controller_is_armed_for_the_flight_only_and_released_with_the_
     try:
         bench.settle()
         assert not any(arming.is_on(frame.pulses_us) for frame in bench.frames)
-        bench.fly()
+        bench.fly(after_s=6.5)
         bench.run(0.5)
         flown = bench.frames[-1].pulses_us
         assert arming.is_on(flown)
@@ -281,6 +281,20 @@ def test_a_flight_controller_is_armed_for_the_flight_only_and_released_with_the_
         killed = next(frame.pulses_us for frame in bench.frames if frame.kill)
         assert (arming.is_on(killed), emergency.is_on(killed)) == (False, True)
         assert killed[0] == pytest.approx(1100.0, abs=1.0)
+    finally:
+        bench.close()
+
+
+def test_a_flight_controller_sees_its_arming_channel_off_before_it_can_be_armed(tmp_path: Path) -> None:
+    bench = Bench(tmp_path / "radio", Calibration(arming=ArmingChannel(4)))
+    try:
+        bench.run(5.5, IDLE)
+        assert not bench.request(Action.ARM).accepted
+        searching = bench.transmitter.snapshot(bench.now_s)
+        assert searching.module == "waiting until the receiver has found the radio"
+        assert searching.link is LinkState.UP
+        bench.run(1.0, IDLE)
+        assert bench.request(Action.ARM).accepted
     finally:
         bench.close()
 

@@ -93,6 +93,8 @@ class RadioProtocol(ABC):
         Flags the radio understands.
     binds_at_power_up
         The radio reads the bind flag only in its first frames after it was switched on.
+    receiver_search_s
+        Longest time in which a receiver finds the radio.
     minimum_interval_s, keepalive_s
         Shortest possible and longest wanted time between the starts of two frames.
     rest_us
@@ -104,6 +106,7 @@ class RadioProtocol(ABC):
     name: ClassVar[str]
     offers: ClassVar[frozenset[str]]
     binds_at_power_up: ClassVar[bool] = False
+    receiver_search_s: ClassVar[float] = 6.0
     line: SerialLine
     channel_count: int
     pulse_range_us: tuple[float, float]

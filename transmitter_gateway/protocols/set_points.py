@@ -98,6 +98,7 @@ class SetPointRadio(RadioProtocol):
     """
 
     offers: ClassVar[frozenset[str]] = frozenset({"kill"})
+    receiver_search_s: ClassVar[float] = 0.0
     settings: FullStick
     local_port: int = 0
 
