@@ -36,11 +36,9 @@ from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 BRIDGED_S: Final = 0.18  # duration of the planned inputs that go with a command
 BLIND_LIMIT_S = 0.3
 OCCLUDED: Final = "occluded"  # counted when the motion capture misses the vehicle in a frame
-CONTROLLER_REPLACED: Final = "controller_replaced"
-"""Counted when the default controller takes the place of one that fails."""
+CONTROLLER_REPLACED: Final = "controller_replaced"  # counted when the default one takes its place
 
-_INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)
-"""Phases in which a vehicle shows whether it follows its sticks."""
+_INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)  # phases that show whether it follows its sticks
 _NO_NEIGHBOURS: Mapping[str, Neighbour] = MappingProxyType({})
 
 
@@ -57,13 +55,11 @@ class ControlOutput(Struct, frozen=True):
     """Result of one control period."""
 
     input: Array  # command, shape (4,)
-    next_inputs: Array
-    """The planned inputs after it, shape (k, 4), for the gateway to play if the next command is late."""
+    next_inputs: Array  # planned inputs after it, shape (k, 4), for the gateway to play if a command is late
     plan: Trajectory  # N stages, the first one `start_s` after the frame
     start_s: float
     reference: Array | None  # first stage of the reference: x, y, z [m], yaw [rad]; None on the floor
-    nominal: Trajectory | None = None
-    """Stages of the undisturbed reference, at the times of the plan; None on the floor."""
+    nominal: Trajectory | None = None  # stages of the undisturbed reference; None on the floor
 
 
 class Pilot:
@@ -82,23 +78,20 @@ class Pilot:
     ) -> None:
         self.model = model
         self.controller = controller
-        self.controller_replaced = False
-        """Whether the default controller flies in the place of the chosen one, which failed."""
+        self.controller_replaced = False  # whether the default one flies because the other failed
         self.step_guard = StepGuard(model, default_controller)
         self.estimator = EstimatorGuard(estimator, default_estimator)
         self.guidance = guidance
         self.avoidance = PlanAvoidance(separation, self.step_guard)
         self.plan: Trajectory | None = None  # newest plan of the controller; None on the floor
-        self.reference: Array | None = None
-        """Position and yaw at which the plan should begin; None on the floor."""
+        self.reference: Array | None = None  # place and yaw where the plan should begin, if in flight
         self.vehicle_watch = VehicleWatch(model, hover_thrust_limits, controller.period_s)
         self.exciter = Exciter()
         self.clock = FleetClock()
         self.input_history = InputHistory(np.zeros(INPUT_SIZE))
         self.fallbacks: Counter[str] = Counter()
         self.sequence = 0
-        self.informed = False
-        """Whether the state of the transmitter is known; before that nothing may be commanded."""
+        self.informed = False  # whether the transmitter's state is known, before which nothing is commanded
         self._seen = False
         self._watched = False  # whether another agent flies the vehicle in the air, and this one watches
         self._expected_yaw_rad = 0.0

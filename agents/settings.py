@@ -28,11 +28,9 @@ class AgentSettings:
     following: tuple[LeaderLink, ...] = ()
     models: Mapping[str, Model] = field(default_factory=dict)  # models of all vehicles of the fleet
     realtime_priority: int = 0
-    leader_wait_s: float = 0.003
-    """Time for which a follower waits for the leader's plan of the same frame, per leader above it."""
+    leader_wait_s: float = 0.003  # wait for the leaders' plans of the same frame, per level above
     deviation_share: float = 0.25  # share of a leader's deviation from its nominal trajectory that it copies
-    minimum_distance_m: float | None = 0.3
-    """Offsets that bring vehicles closer together are refused; None for no limit."""
+    minimum_distance_m: float | None = 0.3  # offsets that bring vehicles closer are refused
     succession: Succession = field(default_factory=Succession)
     separation: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
     """Ellipsoid around a vehicle that others do not enter; None for no avoidance."""

@@ -44,16 +44,7 @@ class Moment:
 def record_flight(model: Model, period_s: float, steps: int, seed: int) -> list[Moment]:
     """Fly the set points in turbulence with the default controller and return its input in every step.
 
-    Parameters
-    ----------
-    model
-        The vehicle; it flies as its model predicts.
-    period_s
-        Control period.
-    steps
-        Control steps.
-    seed
-        Of turbulence and noise.
+    The vehicle flies as its model predicts; `seed` is of turbulence and noise.
     """
     rng = np.random.default_rng(seed)
     controller = CONTROLLERS.build("cascade", model, period_s, {})

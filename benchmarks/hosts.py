@@ -35,8 +35,7 @@ SETTLE_S: Final = 5.0
 STAGES: Final = ("pose to agent", "until the controller begins", "control", "command to transmitters")
 """Stages from pose to command; the second one is estimation and the wait for the leader's plan."""
 
-Commands = list[tuple[int, tuple[float, ...]]]
-"""Frames of the applied commands of a vehicle, with beginnings and ends of their `STAGES`."""
+Commands = list[tuple[int, tuple[float, ...]]]  # of the applied commands, with ends of their `STAGES`
 
 
 def run(rounds: int, seconds: float, show: Show) -> dict[str, Any]:

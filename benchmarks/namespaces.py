@@ -25,8 +25,7 @@ class Network:
 
     def __init__(self, hosts: Sequence[str]) -> None:
         self._prefix = f"rx{os.getpid()}"
-        self.switch = f"{self._prefix}-switch"
-        """Namespace of the bridges; `far0` is the device in it that leads to the first host."""
+        self.switch = f"{self._prefix}-switch"  # namespace of the bridges; its `far0` leads to host one
         self.addresses = {host: f"{NETWORK}.{number}" for number, host in enumerate(hosts, 1)}
 
     def build(self) -> None:

@@ -13,8 +13,7 @@ from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Traject
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.vehicles.state import Array
 
-TOLERANCE: Final = 1e-6
-"""Looser ones leave inputs a hundredth of their range from the solution at set-point steps."""
+TOLERANCE: Final = 1e-6  # looser ones leave inputs a hundredth of their range from the solution
 EXACT: Final = 1e-9
 
 

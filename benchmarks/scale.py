@@ -33,8 +33,7 @@ LEGS_M: Final = ((0.2, 0.0, 1.0), (0.2, 0.2, 1.2), (0.0, 0.2, 1.0), (0.0, 0.0, 1
 RING_M: Final = 0.75  # radius of the first ring, and distance from ring to ring
 FIRST_RING: Final = 9  # vehicles on the first ring; twice as many on the second, and so on
 MARGIN_M: Final = 0.45
-COUNTED_S: Final = 2.0
-"""Time for which messages are counted, after the flight: counting them takes processor time itself."""
+COUNTED_S: Final = 2.0  # for which messages are counted, after the flight: that takes time itself
 LEFT_OUT: Final = "control_left_out"  # fallback of agents that control at half rate
 ROLES: Final = ("router", "simulator", "tracker", "transmitters", "agent")
 WAKE_UPS: Final = "wake_ups"

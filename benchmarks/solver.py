@@ -40,8 +40,7 @@ WARM_UP_STEPS: Final = 20
 EVERY: Final = 10  # one problem in so many is judged
 ON_LIMIT: Final = 1e-6  # an input this close to a limit is on it
 SAMPLING_MS: Final = 20.0
-OURS: Final = {"cascade": "-", "cascade_lags": "--"}
-"""Lines of our own, thick and black; the others take what comes."""
+OURS: Final = {"cascade": "-", "cascade_lags": "--"}  # lines of our own, thick and black
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,23 +116,12 @@ class JudgedSolver:
 def run(horizons: Sequence[int], steps: int, seed: int, show: Show) -> dict[str, Any]:
     """Measure all contestants.
 
-    Parameters
-    ----------
-    horizons
-        Horizons N.
-    steps
-        Control steps of the recorded flight.
-    seed
-        Of the flight.
-
-    Returns
-    -------
-    dict
-        `horizons`: per horizon and solver `mean_ms`, `p99_ms`, `p999_ms`, `max_ms` of the whole step, and
-        `error`, the largest distance of a stick of the plan to the exact solution
-        (`error_median` its median over the steps; null without PIQP, which judges at 1e-9). `hard_steps`:
-        steps whose plan has inputs on their limits, and `hard_mean_ms`, `hard_max_ms` of these alone.
-        `early_stops`: steps on which a solver gave up. `missing`: contestants whose package is not installed.
+    `steps` and `seed` are of the recorded flight. Returns `horizons`: per horizon and solver `mean_ms`,
+    `p99_ms`, `p999_ms`, `max_ms` of the whole step, and `error`, the largest distance of a stick of the plan
+    to the exact solution (`error_median` its median over the steps; null without PIQP, which judges at 1e-9).
+    `hard_steps`: steps whose plan has inputs on their limits, and `hard_mean_ms`, `hard_max_ms` of these
+    alone. `early_stops`: steps on which a solver gave up. `missing`: contestants whose package is not
+    installed.
     """
     present = {name: contestant for name, contestant in CONTESTANTS.items() if contestant.installed}
     flights = {model.kind: record_flight(model, PERIOD_S, steps, seed) for model in (COAXIAL, COAXIAL_LAG)}

@@ -3,8 +3,7 @@
 from typing import Final
 
 ROOT: Final = "rcopterx"
-EVERY_FLEET: Final = "all"
-"""In place of a fleet's name: a key that the transmitter gateways of every fleet obey."""
+EVERY_FLEET: Final = "all"  # in place of a fleet's name, in a key that every gateway obeys
 FLEET_UNIT: Final = "fleet"
 TRACKER_UNIT: Final = "tracker"
 SIMULATOR_UNIT: Final = "simulator"

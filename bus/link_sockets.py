@@ -9,8 +9,7 @@ from typing import Final
 
 from rcopterx.bus.link_watch import RouterLink
 
-DIAL_LIMIT_S: Final = 0.06
-"""In a laboratory connecting takes a millisecond; TCP repeats a lost request for a connection after 1 s."""
+DIAL_LIMIT_S: Final = 0.06  # connecting takes 1 ms in a laboratory; TCP repeats a lost request after 1 s
 RETRANSMIT_US: Final = 10_000
 TCP_THIN_LINEAR_TIMEOUTS: Final = 16
 TCP_RTO_MIN_US: Final = 45  # socket options of Linux, the second since 6.15; Python does not name them

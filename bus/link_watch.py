@@ -41,8 +41,7 @@ class ClockFilter:
         return min(self._samples, key=lambda sample: sample.round_trip_s, default=None)
 
 
-SILENCE_S: Final = 0.32
-"""A direction without a beat for so long is dead: four beats. A stall of 0.2 s must not close a link."""
+SILENCE_S: Final = 0.32  # without a beat a direction is dead: four beats, more than a stall of 0.2 s
 LONGEST_PATIENCE_S: Final = 2.0  # with a router whose beats never arrive: dialling does not help then
 MOST_DOUBLINGS: Final = 8  # doublings until the patience is the longest
 STALL_S: Final = 0.25  # a watch that was not called for so long cannot judge the silence of others
@@ -100,8 +99,7 @@ class LinkWatch:
         self._failures: dict[str, int] = {}
         self._redials: dict[str, int] = {}
         self._late: dict[str, int] = {}
-        self.due_s = math.inf
-        """When the next link that `broken` left open counts as silent, unless a beat arrives before."""
+        self.due_s = math.inf  # when the next link that `broken` left open counts as silent
 
     def add_beat(self, host: str, beat: Beat, arrived_s: float) -> None:
         """Add a beat of another host; arrivals from a host do not decrease."""

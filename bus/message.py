@@ -11,12 +11,9 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 2
 MAX_POSITION_M = 100.0
-MAX_MAGNITUDE = 1e6
-"""Limit of measured and computed quantities in SI units; more would overflow in a controller."""
-MAX_COUNT = 2**53
-"""Limit of counters: up to here a 64-bit float is exact, and so is a program in any language."""
-MAX_RESUMED_COUNT = MAX_COUNT // 2
-"""Up to here a process counts on from a counter of another one; half of the range remains for later ones."""
+MAX_MAGNITUDE = 1e6  # of quantities in SI units; more would overflow in a controller
+MAX_COUNT = 2**53  # up to here a 64-bit float is exact, and so is a program in any language
+MAX_RESUMED_COUNT = MAX_COUNT // 2  # up to here a process counts on from another one's counter
 MAX_DURATION_S = 1e9
 MAX_CLOCK_S = 1e10
 MAX_FLOAT = 1e300

@@ -38,10 +38,7 @@ def run_router(
 ) -> None:
     """Route until SIGTERM or SIGINT; the heartbeat continues as long as messages pass through the router.
 
-    Raises
-    ------
-    OSError
-        A listen endpoint cannot be opened.
+    Raises `OSError`: a listen endpoint cannot be opened.
     """
     # A byte in a pipe also ends a wait that begins a moment after the signal.
     ended, end = os.pipe()

@@ -122,12 +122,10 @@ class Inbox(Generic[M]):
         return age_s is not None and age_s <= self.channel.stale_after_s
 
 
-Waking = bool | Callable[[], bool]
-"""Whether messages wake the loop; a function is called for each of them, on the receive thread."""
+Waking = bool | Callable[[], bool]  # whether messages wake the loop, or a function that decides it
 Deliver = Callable[[Inbox[Any], bytes, float], None]
 """Puts a payload and the time of its arrival [monotonic s] into an inbox, now or later."""
-OnArrival = Callable[[Inbox[Any], bytes], None]
-"""Called on the receive thread with each payload and the inbox that it is for."""
+OnArrival = Callable[[Inbox[Any], bytes], None]  # called on the receive thread with a payload and inbox
 
 
 class Subscription(Inbox[M]):

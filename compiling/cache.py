@@ -46,8 +46,7 @@ RECORDS: Final = (
     "control.controllers.cascade.limits",
 )
 """Further modules on which machine code depends: types of arguments, and constants."""
-VARIABLE: Final = "RCOPTERX_KERNELS"
-"""Environment variable with the directory of the cache, instead of the user's."""
+VARIABLE: Final = "RCOPTERX_KERNELS"  # environment variable with the cache's directory, if not the user's
 KEPT: Final = 10  # number of versions that stay in the cache, besides those of the last `KEPT_S`
 KEPT_S: Final = 24 * 3600.0
 _PREFIX: Final = "kernels-"

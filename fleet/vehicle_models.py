@@ -18,10 +18,8 @@ def model_of(fleet: FleetFile, name: str) -> Model:
     return model.within((low_x, low_y, min(low_z, 0.0)), high)
 
 
-SLOWER: Final = 2.0
-"""A landing from the ceiling of the volume may take so many times as long as at the speed of the descent."""
-SLOWEST_YAW_PER_S: Final = 1.0
-"""Yaw damping that is assumed for vehicles with less: they turn as far in a second."""
+SLOWER: Final = 2.0  # a landing from the volume's ceiling may take so many times the speed's time
+SLOWEST_YAW_PER_S: Final = 1.0  # yaw damping assumed for vehicles with less
 
 
 def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:

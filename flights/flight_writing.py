@@ -13,12 +13,10 @@ from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
 METADATA: Final = "flight"
 FLEET_ATTACHMENT: Final = "fleet.json"
 FREE_BYTES: Final = 64 * 1024 * 1024  # left free on the disk for logs, reports and the fleet file
-KEPT_FLIGHTS: Final = 5
-"""Newest earlier flights of a fleet that are never removed for a disk that is almost full."""
+KEPT_FLIGHTS: Final = 5  # newest earlier flights of a fleet that are kept on an almost full disk
 CHECK_FREE_WRITES: Final = 10
 RETRY_WRITES: Final = 50  # after a failure, every so many writes, about 5 s, the disk is tried again
-PART_CHUNKS: Final = 20_000
-"""A part ends after half an hour at the latest: the index of its chunks is kept in memory."""
+PART_CHUNKS: Final = 20_000  # half an hour: the index of a part's chunks is kept in memory
 
 
 @dataclass(frozen=True)

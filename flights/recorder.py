@@ -23,8 +23,7 @@ FLUSH_S: Final = 0.1  # time between two chunks; a recorder that is killed loses
 REPORT_S: Final = 1.0
 MAX_WAITING_BYTES: Final = 64 * 1024 * 1024
 """About a minute of three vehicles; further messages are dropped and counted while the disk is slower."""
-TIME_MASK_NS: Final = 1023
-"""Bits of times that are cleared: zeros compress, and a microsecond is below their accuracy."""
+TIME_MASK_NS: Final = 1023  # cleared bits of times, which compress as zeros, below their accuracy
 
 
 def schemas() -> dict[str, tuple[str, bytes]]:

@@ -25,8 +25,7 @@ REPEAT_S = 0.05  # between two copies of a kill; a lost copy costs a vehicle thi
 CONFIRM_S = 2.0  # longest wait for confirmations, and for statuses from unknown fleets
 FIRST_RECORD_S = 0.3  # a router that was just replaced has no record for a moment
 ATTEMPT_S = 0.2  # to connect to one endpoint; repeated until the end
-USUAL_ROUTER = "tcp/127.0.0.1:7447"
-"""Tried as well, for fleets with another run directory, unless `RCOPTERX_RUN` restricts the search."""
+USUAL_ROUTER = "tcp/127.0.0.1:7447"  # tried as well, for other run directories than `RCOPTERX_RUN`
 LISTEN_S = 0.5  # for statuses from a router without a record; they come five times a second
 EXIT_FAILED = 1
 EXIT_USAGE = 2

@@ -45,8 +45,7 @@ class Surroundings(NamedTuple):
     load: float  # consumption from the battery as a fraction of that of hovering
     thrust_factor: float  # thrust that faults leave, as a fraction
     downwash_m_s2: float
-    tilting_rad_s2: tuple[float, float]
-    """Acceleration of the tilt towards inertial x and y by the slopes of the downwash."""
+    tilting_rad_s2: tuple[float, float]  # of the tilt towards inertial x and y, by slopes of downwash
     volume_min_m: Three
     volume_max_m: Three
 

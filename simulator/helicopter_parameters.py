@@ -17,10 +17,8 @@ import numpy as np
 from rcopterx.vehicles.state import GRAVITY_M_S2
 
 NOMINAL_SIZE: Final = 0.75  # time scale of the mCX2 against the CoaX
-NOMINAL_PLATEAU_M_S2: Final = (2.0, 2.1)
-"""Acceleration per unit of pitch and roll stick before the bar creeps."""
-NOMINAL_FLAPPING_RAD_S_M: Final = 5.0
-"""Angular acceleration against the airspeed of the mCX2's size, as if 0.29 /s were added to its drag."""
+NOMINAL_PLATEAU_M_S2: Final = (2.0, 2.1)  # per unit of pitch and roll stick, before the bar creeps
+NOMINAL_FLAPPING_RAD_S_M: Final = 5.0  # tilting by airspeed at the mCX2's size, like 0.29 /s more drag
 ROTOR_RADIUS_M: Final = 0.17  # of the CoaX
 DEGREE: Final = math.pi / 180
 
@@ -48,18 +46,15 @@ class HelicopterParameters:
     torque_lower: float
     rotor_lag_upper_s: float
     rotor_lag_lower_s: float
-    phase_upper: tuple[float, float]
-    """Phase lag of the upper rotor: slope over rotor speed [s], constant [rad]."""
+    phase_upper: tuple[float, float]  # of the upper rotor: slope over speed [s], constant [rad]
     phase_lower: tuple[float, float]
     swash_limit_rad: float
     swash_gain_rad: tuple[float, float]  # swash plate tilt per unit of pitch and roll stick
-    thrust_gain_m_s2: float
-    """Thrust over mass per unit of thrust stick with a full battery, away from the floor."""
+    thrust_gain_m_s2: float  # thrust over mass per stick with a full battery, away from the floor
     yaw_rate_gain_rad_s: float  # yaw rate that the gyro holds per unit of yaw stick
     yaw_gyro_gain_per_s: float  # yaw acceleration that the gyro asks for per error of the yaw rate
     drag_per_s: tuple[float, float]  # translational drag over mass along body x and y, positive
-    flapping_rad_s_m: float
-    """Angular acceleration by which airspeed tilts the vehicle back [rad/s^2 per m/s]: the rotors flap."""
+    flapping_rad_s_m: float  # tilting back by airspeed [rad/s^2 per m/s]: the rotors flap
     added_damping: float  # aerodynamic damping of pitch and roll as a damping ratio of the fast mode
     servo_lag_s: tuple[float, float]  # first-order lags of the pitch and roll servos
     servo_step: float  # resolution of the servos and half-width of their dead band

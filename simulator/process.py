@@ -19,10 +19,8 @@ from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.vehicle_faults import VehicleFaults
 from rcopterx.vehicles.state import XD_BODY, YAW, ZD_BODY, turned_about_z
 
-TRUTH_BITS = 17
-"""True motion is published to 2^-17 m, rad and m/s: further bits would only enlarge flight logs."""
-LONGEST_STEP_S = 0.02
-"""Requests, timed faults and answers of radio modules wait no longer where frames are rarer."""
+TRUTH_BITS = 17  # true motion is published to 2^-17 m, rad and m/s, for small flight logs
+LONGEST_STEP_S = 0.02  # after which requests, timed faults and modules' answers are served at least
 
 
 class Simulator:

@@ -39,8 +39,7 @@ DSMX = (2, 3)
 VERSION = bytes((1, 3, 4, 72))
 ORDER_AETR = 0xE4
 OTHER_PERIOD_S = 0.01
-AUTOBIND_S = 2.0
-"""Of protocols other than DSM: time between packets, and for how long some of them bind first."""
+AUTOBIND_S = 2.0  # other protocols than DSM: packet interval, and how long some bind first
 
 
 def air_value(count: int) -> int:

@@ -25,8 +25,7 @@ class Room:
         self.radios = {
             vehicle.name: radio_end_of(vehicle.port, vehicle.radio, start_s) for vehicle in vehicles
         }
-        self._armed: set[str] = set()
-        """Vehicles whose flight controllers are armed: only with low throttle, until the channel is off."""
+        self._armed: set[str] = set()  # whose flight controllers are armed, from throttle low to off
         self._now_s = start_s
 
     def advance(self, now_s: float) -> None:

@@ -33,8 +33,7 @@ _NO_TIMECODE = struct.pack("<4B2H2IB", 0, 0, 0, 0, 0, 0, 0xFFFFFFFF, 0, 0)
 _NO_MARKERS = bytes(4)
 _SCALE = struct.Struct("<II")  # subject, number of its segments with a scale
 _HEALTH = struct.Struct("<Idd")  # subject, marker error [mm], health from 0 to 1
-_LIGHT = struct.Struct("<3I6f")
-"""Subject, number of segments, segment, translation [mm], rotation vector [rad]."""
+_LIGHT = struct.Struct("<3I6f")  # subject, segments, segment, translation [mm], rotation vector [rad]
 _Encoded = tuple[Sequence[int] | None, list[bytes]]
 """Objects of a type, and their subject ids where they belong to subjects."""
 

@@ -15,11 +15,9 @@ import math
 from rcopterx.transmitter_gateway.landing import RESPONSE_S
 
 FILTER_S = 1.0
-PRIOR_S = 0.2
-"""Flight of this time counts as much as the first value; there may be no more before it is needed."""
+PRIOR_S = 0.2  # flight time that counts as much as the first value
 PRIOR_DOUBT = 0.15  # error of the first value, as a share of it, that a descent without poses allows for
-LEAST = 0.3
-"""Smallest load as a share of the weight, and smallest hover thrust as a share of the calibrated one."""
+LEAST = 0.3  # smallest load over weight, and hover thrust over the calibrated one
 SETTLING_S = 0.15  # until the low-pass of the climb rate has forgotten the time when the vehicle was not seen
 LONGEST_STEP_S = 0.1  # the climb rate after a longer pause says nothing about the thrust
 

@@ -34,14 +34,12 @@ FASTER_M_S = 0.2  # a vehicle that has gained so much speed since it was slowest
 FASTER_S = 0.1  # ...if it lasts so long; a pose that jumps is no speed
 ASTRAY_M_S = 0.4  # a vehicle that has gained so much speed does not obey its sticks
 ASTRAY_S = 0.2  # ...if it lasts so long
-RESPONSE_S = 0.15
-"""From a stick to the velocity that is measured: pose to air, tilt of the rotor, filter of the velocity."""
+RESPONSE_S = 0.15  # from a stick to the measured velocity: pose to air, tilt, filter
 REMEMBERED_S = 1.0
 REVERSED = -0.3  # a stick whose effect is less than this share of the nominal one acts the wrong way round
 USELESS = 0.2  # ...and one whose effect is less than this does not act at all,
 ENOUGH_EFFORT = 1.4  # once it has asked for so much: the integral of its acceleration squared [m^2/s^3]
-HURRY = 2.0
-"""A vehicle that is not braked descends so many times as fast, to so many times the height of the flare..."""
+HURRY = 2.0  # factor of descents that are not braked, up to this factor of the flare's height...
 HURRIED_CHANGE_M_S2 = 1.5  # ...and its climb rate changes so fast
 YAW_GAIN_PER_S = 1.0
 LONGEST_STEP_S = 0.05

@@ -8,10 +8,8 @@ rejected from then on, however long they were delayed.
 import math
 from typing import Final
 
-RESERVED_S: Final = 0.1
-"""How long an agent that was given a lease has time to command before another one is given the next."""
-MOST_AGENTS: Final = 16
-"""Agents whose leases are remembered."""
+RESERVED_S: Final = 0.1  # for an agent that was given a lease to command before the next one gets one
+MOST_AGENTS: Final = 16  # agents whose leases are remembered
 
 
 class Leases:

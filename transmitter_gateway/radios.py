@@ -64,8 +64,7 @@ _LOG = logging.getLogger(__name__)
 TURN_S = 0.005
 """Longest time between two turns of the loop. Poses do not wake it: agents need the processor when a frame
 has arrived, and the limits of surveillance are tenths of a second."""
-COMMANDED_TURN_S = 0.02
-"""The same while commands fly all vehicles: each command is judged with the poses that are there."""
+COMMANDED_TURN_S = 0.02  # the same while commands fly all vehicles: each is judged with poses there
 
 
 class Radios:

@@ -11,8 +11,7 @@ from rcopterx.transmitter_gateway.landing import LandingLaw, Motion, climb_rate_
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 LONGEST_SLEW_STEP_S = 0.04
-FADE_PER_S = 0.05
-"""How slowly the thrust falls while a vehicle is still seen in the air after its descent: it sinks gently."""
+FADE_PER_S = 0.05  # fall of the thrust after a descent, while a vehicle is seen in the air: gently
 LEAST_SHARE = 0.3  # share of the hover thrust below which no rotor of a vehicle in the air is slowed
 BRAKING = 0.2  # thrust per climb rate [s/m] by which a vehicle that is not seen is braked
 

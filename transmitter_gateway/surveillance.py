@@ -13,11 +13,9 @@ from rcopterx.transmitter_gateway.landing import Motion
 from rcopterx.transmitter_gateway.limits import Fence, SurveillanceLimits
 
 LONGEST_EXTRAPOLATION_S = 0.1
-DRIFT_M_S = 0.2
-"""How fast a vehicle that is not seen, and is left level meanwhile, drifts from where it would be..."""
+DRIFT_M_S = 0.2  # drift of an unseen vehicle, left level, from where it would be...
 LONGEST_DRIFT_S = 2.0
-SINK_M_S2 = 2.5
-"""...and how fast it sinks at most in an open-loop descent: with the largest error of its hover thrust."""
+SINK_M_S2 = 2.5  # ...and largest sink in an open-loop descent, with an error of its hover thrust
 SHORTEST_STEP_S = 1e-3
 FORGET_AFTER_S = 1.0
 MOST_OTHERS = 63

@@ -36,10 +36,8 @@ from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_c
 from rcopterx.transmitter_gateway.take_over import seen_on_floor, take_over_problem
 
 THROTTLE_LOW_FRAMES = 30  # at least 25 are to arrive
-REPOWERED_S = 7.0
-"""A receiver finds a module that lost its power after 2 to 6 s; its vehicle has fallen before."""
-LEASES_PER_S = 1000
-"""More than are issued in a second: a restarted gateway that does not know the leases continues from here."""
+REPOWERED_S = 7.0  # until a receiver finds a module that lost power (2 to 6 s); the vehicle has fallen
+LEASES_PER_S = 1000  # of a second at most: a restarted gateway that lost them continues from here
 
 
 class Transmitter:

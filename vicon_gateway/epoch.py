@@ -9,8 +9,7 @@ from typing import NamedTuple
 from rcopterx.bus.message import MAX_RESUMED_COUNT
 from rcopterx.vicon_gateway.frame import CapturedFrame
 
-GAP_TOLERANCE_S = 0.25
-"""How far frame numbers and elapsed time may disagree: bursts, late delivery, reconnects."""
+GAP_TOLERANCE_S = 0.25  # between frame numbers and elapsed time: bursts, late delivery, reconnects
 RATE_TOLERANCE = 1e-3  # relative error of the nominal period against the local clock
 
 

@@ -85,9 +85,7 @@ _LOG = logging.getLogger(__name__)
 STATUS_PERIOD_S = 0.2
 POSES_KEPT = 8
 STANDBY_S = 1.0  # a gateway that stands by continues when the other one has been silent for this long
-FLOWN_LIMIT_S = 3.0
-"""How long a starting gateway waits for the epoch in which vehicles fly; agents publish it five times a
-second."""
+FLOWN_LIMIT_S = 3.0  # a starting gateway waits so long for the epoch in which vehicles fly
 
 
 class TrackerGateway:

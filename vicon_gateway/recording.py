@@ -122,8 +122,7 @@ def connections(records: Iterable[RawRecord]) -> list[RecordedConnection]:
     return found
 
 
-MAX_WAITING_BYTES = 32 * 1024 * 1024
-"""About 15 minutes of three subjects at 50 Hz; a disk that is further behind ends the recording."""
+MAX_WAITING_BYTES = 32 * 1024 * 1024  # about 15 minutes of three subjects; then the recording ends
 CLOSE_LIMIT_S = 2.0
 MOST_FILES = 1000
 

@@ -13,8 +13,7 @@ class References(NamedTuple):
     """References of one control period."""
 
     flown: Trajectory  # what the vehicle flies
-    nominal: Trajectory
-    """The same if no vehicle above this one were disturbed: the set points of the head with all offsets."""
+    nominal: Trajectory  # the same without disturbances above: set points of the head with all offsets
 
 
 def beside_leaders(

@@ -43,8 +43,7 @@ class Guidance:
     def __init__(self, links: Sequence[FollowedLeader] = (), deviation_share: float = 0.25) -> None:
         self.phase = Phase.GROUND
         self.followed = tuple(links)  # leaders followed now
-        self.assigned = self.followed
-        """Leaders by fleet file or request; others may replace them while they are lost."""
+        self.assigned = self.followed  # leaders by fleet file or request; replaced while they are lost
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
         self.events: Counter[str] = Counter()
         self.deviation_share = deviation_share
@@ -53,11 +52,9 @@ class Guidance:
         self._interrupted: Phase | None = None
         self._held_from: ReferenceSource | None = None
         """Reference when the transmitter gateway took over; evaluated when it returns the vehicle."""
-        self.remark = ""
-        """Task that was given up because the transmitter gateway took over; empty after the next request."""
+        self.remark = ""  # task given up because the transmitter gateway took over; until the next request
         self._climb_end_m: Array = np.zeros(3)
-        self._joined: frozenset[str] = frozenset()
-        """Leaders whose offsets have begun from the vehicle's own place."""
+        self._joined: frozenset[str] = frozenset()  # leaders whose offsets began at the vehicle's own place
 
     @property
     def rotor_on(self) -> bool:

@@ -9,8 +9,7 @@ import numpy as np
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
-FADING_TIME_S: Final = 0.09
-"""Time constant of the decay of the difference that another controller or estimator makes."""
+FADING_TIME_S: Final = 0.09  # time constant of the decay of differences by another controller or estimator
 END: Final = 1e-3  # difference that counts as none
 
 
@@ -43,8 +42,7 @@ class BumplessTransfer:
         return np.clip(inputs + fading, self._model.u_min, self._model.u_max)
 
 
-INPUT_UNIT: Final = 2.0**-12
-"""An eighth of the steps of the finest radio; a binary fraction, which flight logs hold in few bytes."""
+INPUT_UNIT: Final = 2.0**-12  # an eighth of the finest radio's steps, as a binary fraction for small logs
 
 
 def as_sent(inputs: Array, model: Model) -> Array:

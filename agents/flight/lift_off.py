@@ -76,8 +76,7 @@ class LiftOff:
 
 
 FLOOR_TOLERANCE_M: Final = 0.03
-BELOW_FLOOR_M: Final = 0.1
-"""A vehicle at the height of the floor whose reference is so far below it stands there."""
+BELOW_FLOOR_M: Final = 0.1  # at floor height, with its reference so far below it, a vehicle stands there
 STUCK_DEPTH_M: Final = 0.2  # a landing vehicle that stays so far above its reference stands on something
 FLOOR_SPEED_M_S: Final = 0.1
 FLOOR_TIME_S: Final = 0.2
@@ -87,8 +86,7 @@ class Touchdown:
     """Watches one vehicle."""
 
     def __init__(self) -> None:
-        self.floor_m = 0.0
-        """Height of the vehicle before its take-off; 0 for an agent that restarted in flight."""
+        self.floor_m = 0.0  # height of the vehicle before its take-off; 0 after a restart in flight
         self._since_s: float | None = None
 
     def begin(self) -> None:

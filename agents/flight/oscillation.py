@@ -19,16 +19,13 @@ import numpy as np
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array
 
-THRESHOLD: Final = 0.45
-"""Share of a stick's range to either side of rest, and of the largest tilt, that counts when smoothed."""
+THRESHOLD: Final = 0.45  # share of a stick's range beside rest, or of the largest tilt, that counts
 HALF_WAVES: Final = 6  # so many in a row are an oscillation of a vehicle that is near its reference
 HALF_WAVES_AWAY: Final = 16  # the same anywhere
-FAINT_THRESHOLD: Final = 0.2
-"""Threshold while the reference rests, where nothing but an oscillation goes to and fro for long."""
+FAINT_THRESHOLD: Final = 0.2  # the same while the reference rests, where only an oscillation goes to and fro
 FAINT_HALF_WAVES: Final = 14  # so many in a row past it are one
 HALF_WAVES_AGAIN: Final = 2
-FAINT_HALF_WAVES_AGAIN: Final = 6
-"""So many more are needed after a change of the loop, while the oscillation fades."""
+FAINT_HALF_WAVES_AGAIN: Final = 6  # so many more after a change of the loop, as the oscillation fades
 
 SHORTEST_HALF_WAVE_S: Final = 0.1
 LONGEST_HALF_WAVE_S: Final = 0.8
@@ -174,17 +171,9 @@ class OscillationDetector:
     ) -> frozenset[Loop]:
         """Process one control period; return the loops whose oscillation begins another half-wave.
 
-        Parameters
-        ----------
-        stick
-            Command, shape (4,).
-        tilt
-            Estimated horizontal components of the body's upward axis, the first two entries; None where not
-            known.
-        motion
-            Estimated motion state, shape (8,).
-        reference
-            Set point x, y, z [m], yaw [rad], shape (4,). While it rests, smaller oscillations count.
+        `stick`: command, shape (4,). `tilt`: estimated horizontal components of the body's upward axis, the
+        first two entries; None where not known. `motion`: estimated motion state, shape (8,). `reference`:
+        set point x, y, z [m], yaw [rad], shape (4,). While it rests, smaller oscillations count.
         """
         place_m = reference[:3].tolist()
         resting = self._rests(place_m, period_s)

@@ -22,8 +22,7 @@ class LeaderPlan(Struct, frozen=True):
     """Fleet time from the first stage of the plan to the present of this vehicle; the plan's own delay
     compensation makes it negative for a plan of the same frame."""
     followable: bool = True  # whether the leader is in free flight
-    nominal: Trajectory | None = None
-    """The plan's stages if neither the leader nor a vehicle above it were disturbed; None where unknown."""
+    nominal: Trajectory | None = None  # its stages if nothing above were disturbed; None where unknown
 
     def undisturbed(self) -> Trajectory:
         """Return the nominal trajectory, or the plan where that is unknown."""
@@ -80,11 +79,9 @@ class Task:
     """What a vehicle has to do, and how far it is."""
 
     phase: Phase
-    source: ReferenceSource
-    """Own reference: a set point, a move or a path, with the fleet time at which it began."""
+    source: ReferenceSource  # own reference: a set point, a move or a path, and when it began
     followed: tuple[FollowedLeader, ...]  # leaders followed now, with transitions of their offsets
     assigned: tuple[FollowedLeader, ...]  # leaders by fleet file or request
     joined: frozenset[str]  # leaders whose offsets have begun to move from the vehicle's own place
     floor_m: float  # height of the floor below the vehicle when it took off
-    interrupted: Phase | None = None
-    """Phase that the transmitter gateway has interrupted and that resumes afterwards; None for none."""
+    interrupted: Phase | None = None  # phase that the gateway has interrupted, which resumes afterwards

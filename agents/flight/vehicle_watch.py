@@ -25,8 +25,7 @@ DEAD_EFFECT: Final = 0.15
 REVERSED_EFFECT: Final = -0.3
 AXIS_PATIENCE_S: Final = 0.3  # how long the effect of an axis has to stay below `DEAD_EFFECT`
 SWING_S: Final = 2.5  # a stick that was as far on the other side within this time swings
-MOST_TURNED_RAD: Final = 0.5
-"""The tilt of a rotor stays behind the heading: windows with a larger turn do not judge pitch and roll."""
+MOST_TURNED_RAD: Final = 0.5  # a larger turn in a window: the tilt stays behind the heading
 AS_MODELLED: Final = 1.0
 
 THRUST_WINDOW_S: Final = 1.0
@@ -34,8 +33,7 @@ FULL_THRUST_SHARE: Final = 0.98  # share of the largest thrust that counts as it
 LEAST_CLIMB_M: Final = 0.1  # height that full thrust gains within its window at least
 LEARNING_S: Final = 3.0  # first seconds of a flight, in which the gain of the thrust is learnt
 LEAST_GAIN: Final = 0.7  # share of the learnt gain below which the rotor counts as weak
-SUDDEN: Final = 0.9
-"""...if it is also below this share of the gain of the last seconds: a battery discharges slowly."""
+SUDDEN: Final = 0.9  # ...if also below this share of the last seconds' gain: batteries discharge slowly
 BATTERY_TIME_S: Final = 5.0  # time constant of the filter of the hover thrust
 
 AXES: Final = ((U_PITCH, "pitch"), (U_ROLL, "roll"), (U_YAW, "yaw"))
@@ -78,8 +76,7 @@ class VehicleWatch:
     """Watches one vehicle from take-off to landing."""
 
     def __init__(self, model: Model, limits: HoverThrustLimits, period_s: float) -> None:
-        self.fault: VehicleFault | None = None
-        """Why the vehicle lands, or has landed, by itself; None for no reason."""
+        self.fault: VehicleFault | None = None  # why the vehicle lands, or has landed, by itself
         self.active = True  # whether the vehicle lands by itself
         self._limits, self._period_s, self._rest = limits, period_s, model.hover_input
         self._watched_at_s = 0.0
@@ -192,8 +189,7 @@ class _StickEffect:
         self._stick: float | None = None
         self._asked = 0.0  # change of the velocity that the stick asked for so far
         self._passive = 0.0  # change of the velocity by damping, turning of the frame and gravity so far
-        self._near_for_s = (math.inf, math.inf)
-        """For how long the stick has not been far to its lower and to its upper side."""
+        self._near_for_s = (math.inf, math.inf)  # time since the stick was far to its lower and upper side
         self._dead_for_s = 0.0
 
     def advance(self, stick: float, velocity: float, other: float) -> tuple[float, float]:

@@ -54,8 +54,7 @@ class LeaderChanges:
         self._regrouping = Regrouping(clock)
         self._events: Counter[str] = Counter()
         self._waiting: list[_Waiting] = []
-        self.cycles_from = (0, 0)
-        """Epoch and frame from which on a plan that names this vehicle as an ancestor means a cycle."""
+        self.cycles_from = (0, 0)  # epoch and frame from which on an ancestor of this name means a cycle
 
     @property
     def events(self) -> Mapping[str, int]:

@@ -44,8 +44,7 @@ AHEAD_S: Final = 1.2  # length of the ways that are compared: a horizon, and the
 SPEED_M_S: Final = 1.3
 SAMPLES: Final = 5
 MEET: Final = 1.8  # ways that come no closer than this, in ellipsoids, do not meet
-IN_PLACE_M: Final = 0.25
-"""A vehicle of the same formation no farther than this from its place beside the own one is in place."""
+IN_PLACE_M: Final = 0.25  # distance from its place in formation below which a vehicle is in it
 MOST: Final = 8  # number of plans received at the same time, those of the nearest vehicles
 PATIENCE: Final = 5  # number of updates for which a subscription continues after it was needed last
 OLDEST_S: Final = 0.5  # largest age of a plan that is used

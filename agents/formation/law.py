@@ -40,8 +40,7 @@ class OffsetTransition(Struct, frozen=True):
 
     start: FormationOffset
     target: FormationOffset  # offsets before and after; only the target's frame counts
-    elapsed_s: float
-    """Time since the beginning of the transition at the first stage of the reference; may be negative."""
+    elapsed_s: float  # since the transition's beginning at the reference's first stage; may be negative
     duration_s: float  # positive
 
     def sampled(self, period_s: float, stages: int) -> tuple[Array, Array, Array]:

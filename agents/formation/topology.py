@@ -162,8 +162,7 @@ def exchanged(
     return {name: changed[name] for name in sorted(changed, key=lambda name: len(ancestors(after, name)))}
 
 
-AT_WORK = (Phase.TAKEOFF, Phase.FLYING)
-"""Phases in which a vehicle is at its place in the formation, or on the way to it."""
+AT_WORK = (Phase.TAKEOFF, Phase.FLYING)  # phases at the place in the formation, or on the way to it
 
 
 def formation_of(

@@ -13,8 +13,7 @@ from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
 
 STEP_LIMIT_S: Final = 0.006  # longest duration of one call
 FIRST_CALLS: Final = 10
-FIRST_CALLS_FACTOR: Final = 8.0
-"""The first calls load code and fill caches; they may take so many times as long."""
+FIRST_CALLS_FACTOR: Final = 8.0  # for first calls, which load code and fill caches
 
 T = TypeVar("T")
 

@@ -25,16 +25,13 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, XD_BODY, YAW, Array, turned_about_z
 
 SHIFTED_PLAN: Final = "shifted_plan"  # counted for every step that the previous plan flew
-SHIFTED_PLAN_LIMIT_S: Final = 0.3
-"""Age from which a plan says nothing about a vehicle that has not been steered since."""
-DEFAULT_CONTROLLER: Final = "default_controller"
-"""Counted for every step that the default controller flew for one that failed."""
+SHIFTED_PLAN_LIMIT_S: Final = 0.3  # age from which a plan shows nothing about an unsteered vehicle
+DEFAULT_CONTROLLER: Final = "default_controller"  # counted for its steps in the place of one that failed
 HOVER: Final = "hover"  # counted for every step that the feedback law flew, or that had no reference to fly
 
 PATIENCE_S: Final = 0.1  # failures in a row for so long mean that the controller is given up
 FIRST_STEPS: Final = 5
-FIRST_STEPS_FACTOR: Final = 4.0
-"""The first steps load code and fill caches; they may take so many times as long."""
+FIRST_STEPS_FACTOR: Final = 4.0  # for first steps, which load code and fill caches
 
 _STIFFNESS: Final = np.array([2.0, 2.0, 4.0, 9.0])
 _DAMPING: Final = np.array([2.5, 2.5, 4.0, 6.0])
@@ -67,8 +64,7 @@ class StepGuard:
     """Steps controllers, and replaces steps that fail."""
 
     def __init__(self, model: Model, default: Controller | None = None) -> None:
-        self.default = default
-        """Flies in the place of a controller that fails; None for the feedback law alone."""
+        self.default = default  # flies for a controller that fails; None for the feedback law alone
         self.calls = GuardedCall("controller", FIRST_STEPS, FIRST_STEPS_FACTOR)
         """Counts failures; a result is unusable if it has a wrong shape, is not finite or beyond limits."""
         self.model = model

@@ -7,10 +7,8 @@ from collections.abc import Iterable
 from typing import Final
 
 SOLVER_SHARE: Final = 0.4  # share of the control period after which a solver that can stop early does so
-STEP_SHARE: Final = 0.6
-"""Share of the control period after which a step of any controller is given up; 12 ms of 20 ms."""
-LONGEST_WAIT_S: Final = 0.1
-"""Longest duration of a call; shorter than what a watchdog takes for a hung process."""
+STEP_SHARE: Final = 0.6  # of the control period, after which a controller's step is given up (12 of 20 ms)
+LONGEST_WAIT_S: Final = 0.1  # longest duration of a call, shorter than the watchdog's limit
 SHORTEST_ALARM_S: Final = 0.001
 
 

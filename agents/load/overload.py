@@ -8,8 +8,7 @@ LATE_PERIODS: Final = 0.9  # a command that leaves so many control periods after
 WINDOW_S: Final = 1.0
 LATE_SHARE: Final = 0.3  # share of late and missed control periods in a window above which work is left out
 EASE_AFTER_S: Final = 10.0  # time without overload after which the last work that was left out is done again
-LONGEST_EASE_AFTER_S: Final = 160.0
-"""The time doubles up to this each time when work that was done again had to be left out at once."""
+LONGEST_EASE_AFTER_S: Final = 160.0  # the time doubles up to this after each relapse
 
 
 class Relief(IntEnum):

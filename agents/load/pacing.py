@@ -10,13 +10,10 @@ from rcopterx.vehicles.state import Array
 COAST_AFTER_PERIODS = 1.5
 WINDOW = 500
 NEVER: Final = (-1, -1)  # earlier than epoch and frame of every period
-STRETCH: Final = 1.01
-"""Factor of the periods of poses when they are expected: lasting delays and inexact rates are no lateness."""
-LONGEST_DELAY_S: Final = 0.3
-"""A pose that is later begins the expectation anew: its Tracker, the bus or the agent has paused."""
+STRETCH: Final = 1.01  # of expected pose periods: lasting delays, inexact rates are no lateness
+LONGEST_DELAY_S: Final = 0.3  # a later pose begins the expectation anew: something has paused
 BURST_SHARE: Final = 0.5  # poses that arrive within this share of their periods have waited somewhere
-REST_SPARE = 0.5
-"""Time before the next control period at which an agent that rests reads messages again, in frames."""
+REST_SPARE = 0.5  # frames before the next control period at which a resting agent reads messages again
 
 
 class Pacing:
@@ -34,14 +31,11 @@ class Pacing:
         self._begun = self._commanded = NEVER
         self._last_arrival_s = self._due_s = math.inf
         self._last_frame = 0
-        self.pose_delay_s = 0.0
-        """How much later than due the newest pose arrived, by the frame numbers of those before."""
-        self.behind = False
-        """Whether poses that have waited during a pause still arrive: the newest one is of the past."""
+        self.pose_delay_s = 0.0  # how much later than due the newest pose arrived, by frame numbers
+        self.behind = False  # whether poses that waited during a pause still arrive
         self._frame_period_s = period_s
         self._coasts = 0
-        self.every = 1
-        """One of so many control periods is computed; the others fly the input planned for them."""
+        self.every = 1  # one of so many control periods is computed; the others fly planned inputs
 
     @property
     def overdue_at_s(self) -> float:

@@ -42,8 +42,7 @@ from rcopterx.control.interfaces import AvoidsObstacles
 from rcopterx.control.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
 from rcopterx.vehicles.state import Array
 
-CHECKED_EVERY_S: Final = 0.1
-"""Time between the moments of a trajectory at which the places of followers are checked."""
+CHECKED_EVERY_S: Final = 0.1  # between moments of a trajectory at which places of followers are checked
 
 FormationCheck = Callable[[Array], str | None]
 """Returns why followers cannot come along on a way, shape (k, 4 or more); None if they can."""

@@ -87,8 +87,7 @@ class PlanAvoidance:
         self._step_guard = step_guard
         self._unconstrained: Controller | None = None  # controller that is known to have no obstacles
         self.ticks = 0  # control periods in which separation constraints held the plan off another one
-        self.closest_m: float | None = None
-        """Smallest distance to another plan in any of them; None before the first."""
+        self.closest_m: float | None = None  # smallest distance to another plan so far, if any
 
     def update(
         self,

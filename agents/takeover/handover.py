@@ -136,12 +136,9 @@ def _moving(link: FollowedLeader, move: OffsetMove | None, published_s: float) -
 LATE_INTENT_S: Final = 0.5  # time after a handover in which intents of the predecessor still count
 LONG_PERIOD_S: Final = 1.0  # publication period of an unchanged intent with a path, which is long
 RECALL_TIMEOUT_S: Final = 0.2
-RECENT_TAKE_OFF_S: Final = 1.5
-"""Largest age of the intent of a predecessor whose take-off from the floor begins again."""
-PREVIOUS_AFTER: Final = 1
-"""Number of quick deaths after which the last change of the configuration is withdrawn."""
-DEFAULTS_AFTER: Final = 2
-"""Number of quick deaths after which the default controller and the default estimator fly."""
+RECENT_TAKE_OFF_S: Final = 1.5  # largest age of an intent whose take-off from the floor begins again
+PREVIOUS_AFTER: Final = 1  # quick deaths after which the last change of configuration is withdrawn
+DEFAULTS_AFTER: Final = 2  # quick deaths after which the default controller and estimator fly
 
 
 class Handover:
@@ -159,8 +156,7 @@ class Handover:
         self._tuning = tuning
         self._published: Intent | None = None
         self._published_s = 0.0
-        self.predecessor: Intent | None = None
-        """Last intent of the previous agent of the vehicle; None if there is none."""
+        self.predecessor: Intent | None = None  # last intent of the vehicle's previous agent, if any
         self._predecessor_s = 0.0
         self._quick_deaths = 0
         self._recall()

@@ -6,11 +6,9 @@ from typing import Final
 BID_PERIOD_S: Final = 0.01  # time between two bids; a lost one must not cost a control period
 EAGER_S: Final = 1.0
 LATER_BID_PERIOD_S: Final = 0.1  # time between two bids of an agent that has bid for longer than `EAGER_S`
-WARM_S: Final = 2.0
-"""Time for which an agent watches the vehicle before it takes over from the one that flies it."""
+WARM_S: Final = 2.0  # for which an agent watches the vehicle before it takes it over
 REFUSED_S: Final = 0.5  # an agent that is refused for so long ends: another one flies its vehicle
-IGNORED_S: Final = 0.3
-"""Commands that have no effect for so long belong to a lease that the gateway has forgotten."""
+IGNORED_S: Final = 0.3  # commands without effect for so long are of a lease that the gateway forgot
 
 
 class ControlLease:

@@ -13,8 +13,7 @@ from rcopterx.control.interfaces import Controller, Estimate, Estimator, NoSolut
 from rcopterx.control.references.trajectory import hold
 from rcopterx.vehicles.state import YAW
 
-WARM_UP_STEPS = 3
-"""Steps of a new controller or estimator; one step tries out new settings of the present one."""
+WARM_UP_STEPS = 3  # steps of a new controller or estimator; one for new settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +37,7 @@ class Tuning:
         wake: Callable[[], None] = lambda: None,
     ) -> None:
         self.configuration = configuration
-        self.previous: Configuration | None = None
-        """Configuration before the last change; None before the first one."""
+        self.previous: Configuration | None = None  # configuration before the last change, if any
         self.remark = ""  # why another configuration flies than the chosen one, after deaths of the process
         self._restored: Configuration | None = None
         self._pilot = pilot

@@ -13,8 +13,7 @@ from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.vehicles.model import Model, with_parameters
 
 DEFAULT_CONTROLLER: Final = "cascade"
-DEFAULT_ESTIMATOR: Final = "extended_kalman"
-"""Defaults of a fleet file; they fly with their default settings where others fail."""
+DEFAULT_ESTIMATOR: Final = "extended_kalman"  # the defaults of a fleet file, which fly where others fail
 
 
 class FlownParts(NamedTuple):

@@ -17,8 +17,7 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.plugins import CONTROLLERS
 
-EFFORT_FACTORS: Final = "effort_factors"
-"""Setting of a controller that lowers its bandwidth: one number for each `Loop`."""
+EFFORT_FACTORS: Final = "effort_factors"  # controller's setting that lowers bandwidth, one for each `Loop`
 STEP: Final = 3.0
 LARGEST: Final = STEP**4
 SHORTEST_STEP_S: Final = 0.25  # time between two steps

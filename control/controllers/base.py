@@ -18,8 +18,7 @@ from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
-EARLY_STOP: Final = "early_stop"
-"""Counted for every step that is the best iterate of a solver that stopped before its tolerances were met."""
+EARLY_STOP: Final = "early_stop"  # counted for steps whose solver stopped before its tolerances were met
 
 REFERENCE_YAW_CAP_RAD: Final = 60.0  # largest turn of a reference from the present heading
 

@@ -29,8 +29,7 @@ from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import MOTION_SIZE, XD_BODY, YAW, YAW_RATE, Array, heading_matrix, turned_about_z
 
-TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])
-"""An input further than this from hovering is a manoeuvre and not a trim."""
+TRIM_CAP: Final = np.array([0.2, 0.2, 0.15])  # further from hovering an input is a manoeuvre and no trim
 
 
 class FeedbackController(BaseController):

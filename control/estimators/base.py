@@ -18,8 +18,7 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, Array, turned_about_z
 
 _DEVIATIONS: Final = 5.0  # departures from the prediction by so many standard deviations are noise
-_SUDDEN_M: Final = 0.02
-"""A pose further than this from the predicted one, besides noise, waits for another one to agree."""
+_SUDDEN_M: Final = 0.02  # a pose further from the predicted one, noise apart, waits until another one agrees
 _MOST_SUDDEN: Final = 4  # so many sudden poses in a row that do not agree are rejected
 _SPEED_FACTOR: Final = 2.0
 _FEWEST_POSES: Final = 3
@@ -32,14 +31,12 @@ class Verdict:
 
     accepted: bool
     restart: bool = False  # the estimator has to restart at the pose
-    rates: Array | None = None
-    """Inertial velocity and yaw rate to restart with, shape (4,); None for the estimated ones."""
+    rates: Array | None = None  # inertial velocity and yaw rate to restart with, (4,), if not the estimate's
 
 
 ACCEPT: Final = Verdict(accepted=True)
 REJECT: Final = Verdict(accepted=False)
-SHIFT: Final = Verdict(accepted=True, restart=True)
-"""The pose is as far off as the last sudden one: the vehicle is measured elsewhere from now on."""
+SHIFT: Final = Verdict(accepted=True, restart=True)  # as far off as the last sudden pose: measured there now
 
 
 @dataclass(slots=True)

@@ -42,8 +42,7 @@ class ExtendedKalmanEstimator(PoseEstimator):
         self._lag_filter = LagFilter(model, settings)
         self._horizontal = HorizontalMotion(model, settings)
         self._uses_tilt = settings.measured_tilt and model.tilt is not None
-        self._tilt: Array | None = None
-        """Tilt of the pose that is being processed; None if it is not measured."""
+        self._tilt: Array | None = None  # tilt of the pose that is being processed, if it is measured
         self._settings = settings
         self._noise_meter = NoiseMeter(INPUT_SIZE)
         self._expect_noise(0.0, 0.0)

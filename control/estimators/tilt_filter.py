@@ -30,10 +30,8 @@ from rcopterx.vehicles.state import Array, heading_matrix, turned_about_z
 TRIM_LIMIT: Final = 0.3
 OFFSET_LIMIT_RAD: Final = 0.2
 WIND_LIMIT_M_S2: Final = 1.5
-TILT_GATE: Final = 0.3
-"""A measured tilt further than this from the predicted one is rejected, as of markers mixed up."""
-LEVEL_FLOOR_RAD: Final = 0.02
-"""Deviation of floor and landing gear from level: a standing vehicle shows the offset of its body frame."""
+TILT_GATE: Final = 0.3  # a measured tilt further from the predicted one is rejected, as of mixed-up markers
+LEVEL_FLOOR_RAD: Final = 0.02  # of floor and gear from level: standing shows the offset of the body frame
 
 _ANY_PERIOD_S: Final = 0.02  # the layout of the states does not depend on the period
 _START_POSITION_M: Final = 0.001

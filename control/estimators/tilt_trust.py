@@ -23,15 +23,13 @@ class TiltTrust:
 
     def __init__(self) -> None:
         self.trusted = True
-        self.noise_deviation = 0.0
-        """Standard deviation of the noise of the measured tilt's worse component; 0 while it is unknown."""
+        self.noise_deviation = 0.0  # of the measured tilt's worse component; 0 while unknown
         self._meter = NoiseMeter(2)
         self.restart()
 
     def restart(self) -> None:
         """Forget all means, as the vehicle has jumped; `trusted` stays."""
-        self.concordance: float | None = None
-        """1 for two tilts that are the same, 0 for unrelated ones; None while it is unknown."""
+        self.concordance: float | None = None  # 1 for equal tilts, 0 for unrelated ones; None if unknown
         self._observed_s = 0.0
         self._beyond_s = 0.0
         self._mean_measured = self._mean_expected = 0j  # tilts in the body frame as complex numbers

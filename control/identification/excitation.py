@@ -22,8 +22,7 @@ _LATERAL_BAND_HZ: Final = (0.4, 4.5)
 _THRUST_BAND_HZ: Final = (0.3, 3.0)
 _YAW_BAND_HZ: Final = (0.4, 2.5)
 _TONES: Final = (10, 10, 6, 6)
-HORIZONTAL_M_S2: Final = 0.3
-"""Root mean square acceleration that pitch and roll sticks demand at full amplitude."""
+HORIZONTAL_M_S2: Final = 0.3  # root mean square acceleration by pitch and roll sticks at full amplitude
 VERTICAL_M_S2: Final = 0.35
 YAW_RATE_RAD_S: Final = 0.4
 

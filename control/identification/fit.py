@@ -51,12 +51,9 @@ _FARTHEST: Final = 4.0  # parameters stay within so many spreads of their prior 
 _AT_BOUND: Final = 0.98 * _FARTHEST
 _VANISHED: Final = 0.1  # lags below this share of a control period do not matter
 _EVALUATIONS: Final = 25
-_START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)
-"""Start values of the tilt frequency, in spreads from the known one."""
-LEAST_CERTAIN: Final = 0.15
-"""Largest relative deviation of gains and frequency; beyond, the excitation was too weak."""
-_WORSE: Final = 1.25
-"""Largest accepted ratio of errors; by chance, because a flight has few gusts, they differ by less."""
+_START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)  # tilt frequencies, in spreads from the known one
+LEAST_CERTAIN: Final = 0.15  # largest relative deviation of gains and frequency of a usable excitation
+_WORSE: Final = 1.25  # largest accepted ratio of errors, which by chance differ by less
 _THREE_DEVIATIONS: Final = 3.0
 
 _ESSENTIAL: Final = frozenset(parameter.name for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY))

@@ -23,8 +23,7 @@ POSE: Final = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 COMMANDS: Final = tuple(f"pid_controller_{name}" for name in ("pitch", "roll", "cmd_thrust", "yaw"))
 BATTERY: Final = "pwr_pm_vbat"
 COLUMNS: Final = (TIME, *POSE, *COMMANDS, BATTERY)
-PERIOD_S: Final = 0.02
-"""Flights are read at this period, of a usual control loop, or at their own if that is longer."""
+PERIOD_S: Final = 0.02  # at which flights are read, or at their own period if that is longer
 AIRBORNE_M: Final = 0.3  # a vehicle flies from when it first is so far above its lowest pose until it last is
 _UNIT: Final = 0.01  # largest departure of a quaternion's length from one
 

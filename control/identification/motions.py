@@ -102,8 +102,7 @@ _VELOCITY_DENSITY: Final = 0.01
 _RATE_DENSITY: Final = 0.1
 """Errors of the tilt model as a random walk of the tilt rate. A larger value biases frequency and servo lag
 upwards, because the fit then trusts single noisy tilts."""
-_FLAPPING_RATE_DENSITY: Final = 0.35
-"""The same where rotors flap: with less, the fit explains the wait for radio frames by flapping."""
+_FLAPPING_RATE_DENSITY: Final = 0.35  # the same with flapping, which else explains waits for radio frames
 _SERVO_DENSITY: Final = 0.01
 _ACTUATOR_DENSITY: Final = 0.001
 WIND_M_S2: Final = 0.15

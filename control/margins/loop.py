@@ -33,10 +33,8 @@ class Perturbation:
 
     gain: complex = 1.0  # factor of the input's gain; a complex one shifts the phase
     delay_s: float = 0.0  # added to the transport delay
-    frequency: float = 1.0
-    """Factor of the frequency of the tilt, or of the corner frequency of a first-order lag."""
-    damping: float | None = None
-    """Damping ratio of the tilt; None for the one nearest to the model's that such a vehicle may have."""
+    frequency: float = 1.0  # factor of the frequency of the tilt, or of a lag's corner frequency
+    damping: float | None = None  # damping ratio of the tilt; None for the nearest possible to the model's
 
 
 NONE: Final = Perturbation()
@@ -50,16 +48,13 @@ class FeedbackLoop:
     """Transition of the vehicle, with n states, given the factor of its frequency, its damping ratio
     (`Perturbation`) and a time."""
     measured: Array  # measured outputs of the vehicle's states, shape (p, n)
-    filter_step: Callable[[float], Dynamics]
-    """Transition that the filter assumes, with m states, given a time."""
+    filter_step: Callable[[float], Dynamics]  # transition that the filter assumes, with m states, in a time
     filter_measured: Array  # measured outputs of the filter's states, shape (p, m)
     filter_gain: Array  # steady gain of the filter, shape (m, p)
-    feedback: Array
-    """The input is minus these times the estimate, predicted to when the input begins to act; shape (m,)."""
+    feedback: Array  # of the estimate, predicted to when the input acts, on minus the input; shape (m,)
     period_s: float  # control period
     delay_s: float  # transport delay of the model
-    dampings: Sequence[float | None] = (None,)
-    """Damping ratios of the tilt at the ends of what such a vehicle may have."""
+    dampings: Sequence[float | None] = (None,)  # damping ratios at the ends of what is possible
 
     def stable(self, perturbation: Perturbation = NONE) -> bool:
         """Return whether the loop around a perturbed vehicle is stable."""
@@ -163,8 +158,7 @@ class Margins:
     frequency_down: float  # factors of the frequency (`Perturbation`)
 
 
-SENSITIVITY_LIMIT: Final = 2.0
-"""Largest allowed M_s; it keeps a gain margin of 2 and a phase margin of 29 degrees."""
+SENSITIVITY_LIMIT: Final = 2.0  # largest allowed M_s, for margins of 2 in gain and 29 degrees in phase
 SENSITIVITY: Final = "sensitivity"
 CORNERS: Final = "corners"
 

@@ -32,8 +32,7 @@ _LEAST_DRAG_PER_S: Final = 0.2
 class LateralStep(NamedTuple):
     """Parameters of one period for kernels."""
 
-    transition: Array
-    """State and demand after a period during which the demand is constant, shape (n + 2, n + 2)."""
+    transition: Array  # state and demand after a period of constant demand, shape (n + 2, n + 2)
     servo: int  # place of the servo
     pitch_gain: float  # demand per stick [m/s^2]
     roll_gain: float

@@ -21,8 +21,7 @@ from rcopterx.vehicles.state import (
     turned_about_z,
 )
 
-LONGEST_STEP_S: Final = 0.0201
-"""Longer periods than one of 50 Hz are split, which keeps positions exact to micrometres."""
+LONGEST_STEP_S: Final = 0.0201  # longer periods are split, which keeps positions exact to micrometres
 
 
 class MotionModel(NamedTuple):

@@ -9,8 +9,7 @@ from rcopterx.control.solver.problem import PROBLEM, TRAJECTORIES, OptimalContro
 from rcopterx.control.solver.sweep import FACTOR, Factor, factorize, solve
 from rcopterx.vehicles.state import Array
 
-TOLERANCE: Final = 1e-12
-"""A row changes between active and inactive by more than this; times `HARD` it is a derivative of 1e-4."""
+TOLERANCE: Final = 1e-12  # of a change between active and inactive; times `HARD` a derivative of 1e-4
 MOST_SWEEPS: Final = 8  # sweeps after which an iteration that has not converged is given up
 
 

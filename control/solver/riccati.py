@@ -18,8 +18,7 @@ from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Traject
 from rcopterx.control.solver.sweep import Factor
 from rcopterx.vehicles.state import Array
 
-READABLE: Final = (1e-3, 1e-5, 1e-7)
-"""Mean complementarities at which the active set is read from the interior point; the last one is optimal."""
+READABLE: Final = (1e-3, 1e-5, 1e-7)  # mean complementarities to read the active set at; optimal at last
 
 
 class RiccatiSolver:

@@ -70,8 +70,7 @@ def host_seats(fleet: FleetFile, host: str) -> tuple[Seat, ...]:
 
 
 AUTHORITY: Final = "authority"
-CHOICE: Final = "RCOPTERX_CERTIFICATE"
-"""Environment variable with the name of the certificate to show, where there are several."""
+CHOICE: Final = "RCOPTERX_CERTIFICATE"  # environment variable with the name of the certificate to show
 
 
 def directory_of(fleet: FleetFile) -> Path | None:

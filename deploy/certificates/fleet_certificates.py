@@ -15,23 +15,10 @@ def make_certificates(
 ) -> list[str]:
     """Make the certificates that are missing, expire soon, or are for another address; report each.
 
-    Parameters
-    ----------
-    now
-        Present time, with its zone.
-    days
-        Validity of new certificates.
-    renew
-        Issue every certificate again.
-    new_authority
-        Replace the authority, so that all earlier certificates become invalid.
-
-    Raises
-    ------
-    FleetError
-        The fleet file names no directory, or files in it are damaged.
-    OSError
-        Files cannot be read or written.
+    `now`: present time, with its zone. `days`: validity of new certificates. `renew`: issue every certificate
+    again. `new_authority`: replace the authority, so that all earlier certificates become invalid. Raises
+    `FleetError`: the fleet file names no directory, or files in it are damaged. Raises `OSError`: files
+    cannot be read or written.
     """
     directory = directory_of(fleet)
     if directory is None:

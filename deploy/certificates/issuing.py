@@ -68,8 +68,7 @@ def _exposed(path: Path) -> str | None:
 
 
 AUTHORITY_DAYS: Final = 3650
-BACKDATED: Final = timedelta(hours=1)
-"""Certificates are valid from a little before they are made, because clocks of hosts differ."""
+BACKDATED: Final = timedelta(hours=1)  # validity before the issue, because clocks of hosts differ
 RENEW_DAYS: Final = 30  # certificates that expire earlier are issued again
 
 
@@ -109,16 +108,7 @@ def issue(
 ) -> None:
     """Issue a certificate with a new key, and write both into a directory; only their owner can read the key.
 
-    Parameters
-    ----------
-    name
-        Common name.
-    addresses
-        Addresses and names of its owner; none for owners that only connect to others.
-    now
-        Present time, with its zone.
-    days
-        Validity; a negative one has expired already, for tests.
+    `addresses` are empty for owners that only connect to others; `now` has a zone; tests use negative `days`.
     """
     key = ec.generate_private_key(ec.SECP256R1())
     names = [_address(address) for address in addresses]

@@ -21,8 +21,7 @@ from rcopterx.deploy.watchdog.processor_time import Threads, threads_of
 MODULE: Final = "rcopterx.deploy.hosts.control_time"
 AGENT: Final = "agent"
 USABLE: Final = 0.65  # share of the processors beyond which control periods are missed
-USABLE_AT_MOST: Final = 0.75
-"""Share beyond which serial lines starve and vehicles come down, at the lowest control rate."""
+USABLE_AT_MOST: Final = 0.75  # beyond, at the lowest control rate, serial lines starve
 SURE: Final = 1.5  # vehicles for each processor that any computer can fly
 STANDING_S: Final = 3.0  # how long the processor time of the standing fleet is measured
 LIMIT_S: Final = 120.0
@@ -77,19 +76,11 @@ class CapacityMeasurement:
     def step(self, ready: bool, late: bool = False) -> tuple[int, ...] | str | None:
         """Start the measurement when the computer is ready for it, and later collect the result.
 
-        Parameters
-        ----------
-        ready
-            Whether all processes have started and no vehicle flies. If that changes during a measurement, it
-            is abandoned and begun again later: it would disturb, and be wrong.
-        late
-            Whether commands of an agent are late. Processes that wait for processors use less of them than
-            they need; so the result assumes that those which run need all, and is measured again.
-
-        Returns
-        -------
-        tuple[int, ...], str or None
-            The numbers of `vehicles_flown`, or the reason why they are not known; None before and after.
+        `ready`: whether all processes have started and no vehicle flies. If that changes during a
+        measurement, it is abandoned and begun again later: it would disturb, and be wrong. `late`: whether
+        commands of an agent are late. Processes that wait for processors use less of them than they need; so
+        the result assumes that those which run need all, and is measured again. Returns the numbers of
+        `vehicles_flown`, or the reason why they are not known; None before and after.
         """
         if self.done:
             return None

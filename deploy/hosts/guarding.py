@@ -16,10 +16,8 @@ agent's host takes to replace one that hangs."""
 TURN_S: Final = 0.15  # how much later each further host in line does
 FRESH_S: Final = 0.1  # frames that are older say nothing about the present
 AGAIN_S: Final = 5.0  # until an agent is started again for a vehicle that flies without its commands
-FLOOR_SILENT_S: Final = 2.0
-"""On the floor: time without a command, and without a status of the launcher that was to run the agent."""
-FLOOR_TURN_S: Final = 1.5
-"""How much later each further host in line starts it: late enough to know whether the one before did."""
+FLOOR_SILENT_S: Final = 2.0  # on the floor: without a command, and a status of the agent's launcher
+FLOOR_TURN_S: Final = 1.5  # how much later each further host in line starts it than the one before
 FLYING: Final = frozenset({"armed", "hold", "land", "descend"})
 
 
@@ -27,8 +25,7 @@ class LastFrame(NamedTuple):
     """Newest serial frame of a vehicle."""
 
     state: str  # state of the arbiter
-    command: tuple[int, int]
-    """Lease and sequence of the command behind it; the sequence is 0 if the arbiter flies by itself."""
+    command: tuple[int, int]  # lease and sequence of the command behind it; 0 for the arbiter's own
     arrived_s: float  # monotonic time of arrival [s]
 
 

@@ -33,8 +33,7 @@ from rcopterx.deploy.processes.table import ROUTER
 
 REPORT_PERIOD_S = 0.5
 MAX_TEXT = 400
-LAND_AFTER_S: Final = 10.0
-"""The vehicles land when the launcher has not checked its processes for so long: none is replaced then."""
+LAND_AFTER_S: Final = 10.0  # vehicles land if the launcher is so late: no process is replaced then
 
 
 class MembershipService:
@@ -56,8 +55,7 @@ class MembershipService:
         self._logs = logs
         self._home = frozenset(home)
         self.started = begin is None  # whether the processes of the host run, and not only its daemon
-        self.flies: tuple[int, ...] = ()
-        """How many vehicles the host can fly at every control rate (`vehicles_flown`), if that is known."""
+        self.flies: tuple[int, ...] = ()  # vehicles that the host can fly at every control rate, if known
         agents = [child for child in supervisor.children.values() if child.spec.role == AGENT]
         self.measuring = may_be_crowded(sum(child.wanted for child in agents))
         """Whether `flies` is being measured and may be less than what runs here; published from the first

@@ -26,8 +26,7 @@ class RunningFleet(NamedTuple):
     others: list[str]  # endpoints of the routers of the other hosts
     vehicles: list[str]
     snapshot: str  # path of the snapshot of the fleet file
-    credentials: list[str] | None = None
-    """Fields of `rcopterx.bus.endpoints.Credentials`, for routers that require a certificate."""
+    credentials: list[str] | None = None  # `Credentials`, for routers that require a certificate
     speed: float = 1.0  # how fast the time of the fleet passes
 
 

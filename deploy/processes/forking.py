@@ -26,8 +26,7 @@ from rcopterx.deploy.processes.fork_server import LARGEST_BYTES, PERMISSION, Ans
 SERVER: Final = "rcopterx.deploy.processes.fork_server"
 PR_SET_CHILD_SUBREAPER: Final = 36
 START_LIMIT_S: Final = 60.0  # for the imports of a fork server, on a busy computer
-ANSWER_LIMIT_S: Final = 0.5
-"""A fork server that takes longer to answer is replaced; nothing else is supervised meanwhile."""
+ANSWER_LIMIT_S: Final = 0.5  # then the fork server is replaced; nothing else is supervised meanwhile
 URGENT_NICE: Final = -10
 """Nice value of a process that starts: a large share of a busy processor, but, unlike a real-time priority,
 not all of what the launcher's threads need."""

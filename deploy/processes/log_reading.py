@@ -8,8 +8,7 @@ from typing import Final
 from rcopterx.bus.requests import MAX_LINE, MAX_LINES, LoggedLine, ReadLogs, ReadLogsReply
 from rcopterx.deploy.processes.process_log import OLDER, SUFFIX
 
-PAGE_BYTES: Final = 16_000
-"""Size of all logs in one answer; undecodable bytes take three times their size on the bus."""
+PAGE_BYTES: Final = 16_000  # all logs in one answer; undecodable bytes take three times their size
 _STAMP: Final = re.compile(r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z ")
 
 

@@ -8,8 +8,7 @@ from typing import Final
 from rcopterx.fleet.schema import FleetFile, check_known
 
 ROUTER: Final = "router"  # name and role of the router
-EXIT_ELSEWHERE: Final = 4
-"""Exit code of an agent whose vehicle another agent flies; the supervisor does not restart it."""
+EXIT_ELSEWHERE: Final = 4  # of an agent whose vehicle another one flies, and which is not restarted
 TAKE_OVER: Final = "--take-over"  # option of an agent that takes over from another one
 TRANSMITTERS: Final = "transmitters"  # role of transmitter gateways
 RECORDER: Final = "recorder"  # name and role of the recorder of the flight log

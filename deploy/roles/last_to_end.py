@@ -16,8 +16,7 @@ from rcopterx.fleet.schema import FleetFile
 
 PR_SET_PDEATHSIG: Final = 1
 CHECK_S: Final = 0.05
-ENDED_S: Final = 1.0
-"""Gateways have ended when none has run for this long: one that died may just have been replaced."""
+ENDED_S: Final = 1.0  # gateways have ended when none has run for this long, as one may be replaced
 
 
 def outlive_launcher(fleet: FleetFile, host: str) -> None:

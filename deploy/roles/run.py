@@ -39,23 +39,11 @@ def run_role(
 ) -> None:
     """Run one role until it receives SIGTERM.
 
-    Parameters
-    ----------
-    unit
-        Host of a router, recorder, simulator or tracker; gateway name of transmitters; vehicle of an agent.
-    host
-        Host of an agent; by default that of the fleet file.
-    take_over
-        Whether an agent shall take over from one that flies its vehicle.
-
-    Raises
-    ------
-    FleetError
-        The unit is unknown, or a field of the file is wrong for this role.
-    BusUnreachableError
-        No router answers.
-    OSError
-        An address or a device cannot be used.
+    `unit`: host of a router, recorder, simulator or tracker; gateway name of transmitters; vehicle of an
+    agent. `host`: host of an agent; by default that of the fleet file. `take_over`: whether an agent shall
+    take over from one that flies its vehicle. Raises `FleetError`: the unit is unknown, or a field of the
+    file is wrong for this role. Raises `BusUnreachableError`: no router answers. Raises `OSError`: an address
+    or a device cannot be used.
     """
     check_unit(fleet, role, unit)
     name_process(role, unit)

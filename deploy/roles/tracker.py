@@ -14,8 +14,7 @@ from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
 OWN_CLIENT: Final = "vicon"
 BRAND_NAMES: Final = ("vicon", "vicon_sdk", "optitrack", "qualisys", "vrpn", "mock")
 SIMULATED: Final = ("vicon", "vicon_sdk")  # brands whose protocol the simulator speaks
-LIBRARY_NAMES: Final = {"vicon_sdk": "vicon"}
-"""Names of brands in the library `motioncapture` that differ from ours."""
+LIBRARY_NAMES: Final = {"vicon_sdk": "vicon"}  # names in the library `motioncapture` unlike ours
 USUAL_PORTS: Final = {"optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
 """For error messages: the fleet file has to name the port."""
 VICON_ADDRESS: Final = "127.0.0.1:801"

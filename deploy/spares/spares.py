@@ -12,13 +12,11 @@ from rcopterx.bus.realtime import request_realtime
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 
 Job = tuple[str, str]  # role and unit of a process
-SPARES: Final = 3
-"""Deaths in a row after which a warm successor is ready, at least for the roles in `NEEDED_BY_ALL`."""
+SPARES: Final = 3  # deaths in a row after which a warm successor is ready (`NEEDED_BY_ALL`: always)
 NEEDED_BY_ALL: Final = ("router", "tracker", "transmitters")
 """Roles that the last spare is kept for: without them the whole fleet loses poses or commands, while a
 vehicle without its agent is held and landed in a closed loop."""
-WARMING_LIMIT_S: Final = 5.0
-"""A spare that takes longer to get ready does not delay the next one: it may have been stopped."""
+WARMING_LIMIT_S: Final = 5.0  # one that takes longer, perhaps stopped, does not delay the next one
 
 
 class _Spare(NamedTuple):

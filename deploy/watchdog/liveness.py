@@ -11,8 +11,7 @@ from rcopterx.deploy.watchdog.watchdog import Duty, Hung, Observation, Watchdog
 class Watched(NamedTuple):
     """A process that is checked."""
 
-    name: str
-    """Also that of its successors."""
+    name: str  # also that of its successors
     page: HeartbeatPage
     duty: Duty
 

@@ -9,8 +9,7 @@ from rcopterx.deploy.watchdog.watchdog import Excuse
 STOPPED: Final = "T"
 TRACED: Final = "t"
 RUNNABLE: Final = "R"
-IN_KERNEL: Final = "D"
-"""Waits for a disk, for memory that was swapped out or for a device, and cannot be killed meanwhile."""
+IN_KERNEL: Final = "D"  # waits for a disk, swapped memory or a device, and cannot be killed meanwhile
 SMALL_BYTES: Final = 4096
 NS_PER_S: Final = 1e9
 US_PER_S: Final = 1e6
@@ -24,8 +23,7 @@ class ThreadTime(NamedTuple):
     waited_s: float
 
 
-Threads = Mapping[int, ThreadTime]
-"""Threads of a process by thread id; that of the main thread is the process id."""
+Threads = Mapping[int, ThreadTime]  # threads of a process by thread id; the main one has the process id
 
 
 def threads_of(process: int, proc: str = "/proc") -> Threads:

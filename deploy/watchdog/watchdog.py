@@ -15,13 +15,11 @@ from typing import Final, NamedTuple
 from rcopterx.bus.heartbeat import Phase
 from rcopterx.fleet.schema import WatchdogConfig
 
-TIMELY_S: Final = 0.03
-"""Longest time between two checks in time; what is beyond that is the supervisor's delay."""
+TIMELY_S: Final = 0.03  # longest time between checks in time; beyond, the supervisor is late
 LATE_S: Final = 0.1  # a check that comes later than this after the last one is counted as late
 SUSPECT: Final = 0.2  # share of the limit from which on the processor time of a silent process is read
 LATE: Final = 0.4  # share of the limit from which on a silent process is late
-PRESSED_SHARE: Final = 0.5
-"""Share of the time in which processes wait for processors that does not count for a transmitter gateway."""
+PRESSED_SHARE: Final = 0.5  # of time spent waiting for processors that excuses a transmitter gateway
 CROWD_LIMITS: Final = 4.0  # limits after which a process hangs although most others are silent as well
 APART_S: Final = 0.5  # time after any kill in which no transmitter gateway is killed
 AGAIN_S: Final = 5.0  # time after the kill of a transmitter gateway in which its successor is not killed
@@ -33,8 +31,7 @@ class Duty(Enum):
     RADIO = auto()  # vehicles in the air fall without it: a transmitter gateway
     FLIGHT = auto()  # vehicles in the air need it
     STANDBY = auto()  # a spare process
-    BACKGROUND = auto()
-    """Vehicles in the air do not need it (the recorder), or a new one does not help them (the simulator)."""
+    BACKGROUND = auto()  # vehicles in the air do not need it, or not a new one (recorder, simulator)
 
 
 class Excuse(NamedTuple):
@@ -53,8 +50,7 @@ class Observation(NamedTuple):
     beats: int
     phase: Phase
     excuse: Excuse = Excuse()
-    pressed_s: float = 0.0
-    """For how long any process of this computer has waited for a processor since the last check."""
+    pressed_s: float = 0.0  # how long processes have waited for a processor since the last check
 
 
 def blamed_s(elapsed_s: float, seen: Observation) -> float:

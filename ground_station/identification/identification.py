@@ -192,21 +192,10 @@ def spread(
 ) -> dict[str, Three]:
     """Enlarge a formation horizontally until all vehicles can move, and keep it in the flight volume.
 
-    Parameters
-    ----------
-    places_m
-        Places of the vehicles, inertial frame.
-    reach_m
-        How far each vehicle may move on every axis.
-    distance_m
-        Horizontal distance that is left between two of them then.
-    volume_m
-        Lowest and highest corner of the flight volume.
-
-    Raises
-    ------
-    IdentificationError
-        A vehicle is above another one, or the enlarged formation does not fit into the volume.
+    `places_m`: places of the vehicles, inertial frame. `reach_m`: how far each vehicle may move on every
+    axis. `distance_m`: horizontal distance that is left between two of them then. `volume_m`: lowest and
+    highest corner of the flight volume. Raises `IdentificationError`: a vehicle is above another one, or the
+    enlarged formation does not fit into the volume.
     """
     names, places = list(places_m), np.array(list(places_m.values()))
     factor = 1.0

@@ -21,8 +21,7 @@ from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep, 
 from rcopterx.ground_station.replay.replay_bus import ReplayBus
 from rcopterx.vehicles.state import MOTION_SIZE
 
-TOLERANCE: Final = 1e-6
-"""Largest allowed difference of inputs, positions [m] and speeds [m/s] on a different computer."""
+TOLERANCE: Final = 1e-6  # of inputs, positions [m] and speeds [m/s] on a different computer
 ESTIMATED: Final = (
     "x [m]", "y [m]", "z [m]", "yaw [rad]", "body x speed [m/s]", "body y speed [m/s]", "z speed [m/s]",
     "yaw rate [rad/s]", "pitch actuator", "roll actuator", "thrust actuator", "yaw actuator",

@@ -55,8 +55,7 @@ class AgentLife:
     plans: dict[Frame, list[bytes]] = field(default_factory=dict)
     """Encoded plans of all lives by their frame, in order."""
     lost_steps: int = 0  # number of missing messages about steps
-    granted: bytes | None = None
-    """The encoded reply that granted its lease, if that was before the first step of the flight log."""
+    granted: bytes | None = None  # the reply that granted its lease, if before the log's first step
 
 
 @dataclass(frozen=True)

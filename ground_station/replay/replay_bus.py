@@ -44,8 +44,7 @@ class ReplayBus:
         self.requests: list[Incoming] = []
         self.events: set[str] = set()
         self._step: AgentStep | None = None
-        self.estimate: Sequence[float] | None = None
-        """Estimate of the newest control period of the replayed agent."""
+        self.estimate: Sequence[float] | None = None  # of the replayed agent's newest control period
 
     def take(self, step: AgentStep) -> None:
         """Set the inputs of the next step."""

@@ -52,12 +52,10 @@ class FlightFigures:
         self._poses = by_vehicle(channels.POSE)
         self._transmitters = by_vehicle(channels.TRANSMITTER_STATUS)
         self.plans = by_vehicle(channels.PLAN)  # plans of each vehicle, in order
-        self.applied = by_vehicle(channels.APPLIED)
-        """Inputs written to the radio module of each vehicle, in order."""
+        self.applied = by_vehicle(channels.APPLIED)  # inputs written to each vehicle's module, in order
         self.statuses = by_vehicle(channels.AGENT_STATUS)  # statuses of the agent of each vehicle, in order
         self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
-        self.stages = self._stage_times(recording)
-        """Arrival in the recording [s] and `latency.stage_times_ms` of each command, by vehicle."""
+        self.stages = self._stage_times(recording)  # arrival [s] and `stage_times_ms` of each command
 
     def truth(self, name: str) -> list[LaboratoryVehicle]:
         """True states of one vehicle."""

@@ -25,8 +25,7 @@ WINDOW: Final = 500  # commands whose stages are kept for the live figures: ten 
 REFRESH_S: Final = 1.0
 WAITING: Final = 256  # undecoded messages that are kept between two refreshes
 
-ClockOffset = Callable[[str, str], float | None]
-"""Monotonic clock of the second host minus that of the first [s]; None where it was not measured."""
+ClockOffset = Callable[[str, str], float | None]  # the second host's clock minus the first's [s], if measured
 Percentiles = Mapping[str, float]  # p50, p99 and max [ms]
 
 

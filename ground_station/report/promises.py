@@ -14,8 +14,7 @@ from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 NEEDED: Final[tuple[Channel[Any], ...]] = (channels.APPLIED, channels.POSE, channels.TRANSMITTER_STATUS)
 IN_FLIGHT: Final = frozenset(NAMES[state] for state in FLYING)
-AIRBORNE_M: Final = 0.3
-"""Height above the place of take-off from which a vehicle certainly flies, and has not just landed."""
+AIRBORNE_M: Final = 0.3  # above the place of take-off, in which a vehicle has not just landed
 POSE_AGE_S: Final = 0.15
 STATUS_WITHIN_S: Final = 1.0
 EXCUSES: Final = ("serial link lost", "far outside the fence")

@@ -16,8 +16,7 @@ ROUTER_S: Final = 0.5  # for the router of one host to answer
 LINKED_S: Final = 3.0  # for the routers of all hosts to be linked
 RETRY_S: Final = 0.1
 STOP_S: Final = 5.0
-CLOCK_S: Final = 0.1
-"""Larger differences between the clocks of two hosts are reported: their logs are hard to compare."""
+CLOCK_S: Final = 0.1  # larger differences of hosts' clocks are reported: logs are hard to compare
 
 
 def joined_fleet(file: FleetFile) -> Fleet | None:

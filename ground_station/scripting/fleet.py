@@ -37,8 +37,7 @@ NOT_LIFTED = (
     "did not lift at 1.4 times the thrust at which its model hovers: charge the battery, see that motors "
     "run, then find the hover thrust by rcopterx calibrate --step throttle"
 )
-STAY_BEHIND_S = 5.0
-"""How long a take-off waits for all vehicles before those that are ready leave the others behind."""
+STAY_BEHIND_S = 5.0  # a take-off waits so long for all vehicles before it leaves others behind
 
 
 class Fleet(Observer, AbstractContextManager["Fleet"]):

@@ -28,8 +28,7 @@ from rcopterx.vehicles.state import Array
 
 LEAD_TIME_S = 0.4  # from the first commit to the frame of the change; for every vehicle a little longer
 LEAD_TIME_PER_VEHICLE_S = 0.03
-COMMIT_LIMIT_S = 0.15
-"""For an answer to a commit: short, so that there is time to withdraw the change before its frame."""
+COMMIT_LIMIT_S = 0.15  # for an answer to a commit, so that there is time to withdraw the change
 CHANGED_LIMIT_S = 2.0
 
 Change = Mapping[str, tuple[LeaderLink, ...]]

@@ -34,8 +34,7 @@ class FlightOptions:
     report: Path | None  # directory of the reports
     as_json: bool
     vehicles: int | None = None  # only the first vehicles of a fleet that is started; None for all
-    speed: float | None = None
-    """How fast the time of a fleet that is started passes; None for that of its file."""
+    speed: float | None = None  # how fast the time of a started fleet passes, if not as in its file
 
 
 def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:

@@ -86,34 +86,21 @@ class RadioProtocol(ABC):
     """One radio: how pulse widths become bytes, when frames may be sent, what the module answers.
 
     A protocol object belongs to one serial port. It has no port and no clock; times are passed in.
-
-    Attributes
-    ----------
-    offers
-        Flags the radio understands.
-    binds_at_power_up
-        The radio reads the bind flag only in its first frames after it was switched on.
-    receiver_search_s
-        Longest time in which a receiver finds the radio.
-    minimum_interval_s, keepalive_s
-        Shortest possible and longest wanted time between the starts of two frames.
-    rest_us
-        Pulse width of the channels that `encode` gets none for.
-    counters
-        Answers that were rejected, by reason.
     """
 
     name: ClassVar[str]
-    offers: ClassVar[frozenset[str]]
+    offers: ClassVar[frozenset[str]]  # flags the radio understands
+    # the radio reads the bind flag only in its first frames after it was switched on
     binds_at_power_up: ClassVar[bool] = False
-    receiver_search_s: ClassVar[float] = 6.0
+    receiver_search_s: ClassVar[float] = 6.0  # longest time in which a receiver finds the radio
     line: SerialLine
     channel_count: int
     pulse_range_us: tuple[float, float]
+    # shortest possible and longest wanted time between the starts of two frames
     minimum_interval_s: float
     keepalive_s: float
-    rest_us: float = CENTER_US
-    counters: Mapping[str, int] = MappingProxyType({})
+    rest_us: float = CENTER_US  # pulse width of the channels that `encode` gets none for
+    counters: Mapping[str, int] = MappingProxyType({})  # answers that were rejected, by reason
 
     def encode(
         self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False

@@ -12,8 +12,7 @@ from msgspec import Struct
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError, ProtocolError
 from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
-NULL_PACKET = b"\xff"
-"""Carries nothing; a computer asks with it whether a vehicle is there, and a vehicle answers with it."""
+NULL_PACKET = b"\xff"  # carries nothing; asks whether a vehicle is there, and answers so
 LONGEST_DATA = 30
 RADIO = "radio://"  # beginning of addresses
 FULL_THRUST = 60_000  # the firmware needs the rest of its 65535 for the attitude

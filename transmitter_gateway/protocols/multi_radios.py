@@ -9,24 +9,12 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True)
 class MultiRadio:
-    """One of the module's protocols.
+    """One of the module's protocols."""
 
-    Attributes
-    ----------
-    number
-        Its number in a frame.
-    sub_protocols
-        Names of its sub-protocols, as the module reports them.
-    channels
-        Most channels on air.
-    autobind
-        Whether the module binds whenever it begins to transmit, not only on request.
-    """
-
-    number: int
-    sub_protocols: tuple[str, ...]
-    channels: int
-    autobind: bool = False
+    number: int  # its number in a frame
+    sub_protocols: tuple[str, ...]  # names of its sub-protocols, as the module reports them
+    channels: int  # most channels on air
+    autobind: bool = False  # whether the module binds whenever it begins to transmit, not only on request
 
     @property
     def taer(self) -> bool:

@@ -40,18 +40,10 @@ class SetPoint(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class FullStick:
-    """How channels become set points.
+    """How channels become set points."""
 
-    Parameters
-    ----------
-    full_tilt_deg
-        Roll and pitch angle at full stick.
-    full_yaw_rate_deg_s
-        Yaw rate at full stick.
-    """
-
-    full_tilt_deg: float = 30.0
-    full_yaw_rate_deg_s: float = 200.0
+    full_tilt_deg: float = 30.0  # roll and pitch angle at full stick
+    full_yaw_rate_deg_s: float = 200.0  # yaw rate at full stick
 
     def __post_init__(self) -> None:
         for field, highest in (("full_tilt_deg", 60.0), ("full_yaw_rate_deg_s", 720.0)):
@@ -83,24 +75,12 @@ class FullStick:
 
 
 class SetPointRadio(RadioProtocol):
-    """Driver of one vehicle that gets set points and reports its state; the arming channel arms it.
-
-    Attributes
-    ----------
-    settings
-        How channels become set points.
-    voltage_v
-        Newest voltage of the battery, None before the first one.
-    remark
-        Further words of the status while it is ready.
-    local_port
-        UDP port that its frames are sent from, 0 for any.
-    """
+    """Driver of one vehicle that gets set points and reports its state; the arming channel arms it."""
 
     offers: ClassVar[frozenset[str]] = frozenset({"kill"})
     receiver_search_s: ClassVar[float] = 0.0
-    settings: FullStick
-    local_port: int = 0
+    settings: FullStick  # how channels become set points
+    local_port: int = 0  # UDP port that its frames are sent from, 0 for any
 
     def __init__(self, settings: FullStick, line: SerialLine, remembered: int) -> None:
         self.settings = settings
@@ -111,8 +91,8 @@ class SetPointRadio(RadioProtocol):
         # A little above the command period.
         self.keepalive_s = 0.025
         self.counters: Counter[str] = Counter()
-        self.voltage_v: float | None = None
-        self.remark = ""
+        self.voltage_v: float | None = None  # newest voltage of the battery, None before the first one
+        self.remark = ""  # further words of the status while it is ready
         self._opened = False
         self._answers: deque[bool] = deque(maxlen=remembered)
 

@@ -62,8 +62,7 @@ class DisturbanceObserver:
 
 
 EffortFactor = Annotated[float, msgspec.Meta(ge=1.0, le=1e4)]
-SLOWING_S: Final = 0.1
-"""Time constant, per root of the effort factor, of the low-pass filter of estimated disturbances."""
+SLOWING_S: Final = 0.1  # per root of the effort factor, of the low-pass filter of disturbances
 
 
 class CascadeSettings(MpcSettings, frozen=True, kw_only=True):

@@ -20,17 +20,13 @@ from rcopterx.vehicles.tuples import Four
 
 _LAG_STATES: Final = (800.0, 800.0, 100.0, 10.0, 1.0, 1.0, 40.0, 1.0)
 _TILT_POSITIONS: Final = (100.0, 100.0, 100.0, 10.0)
-LAG_FLOORS: Final = (1.5, 1.5, 5.0, 5.0)
-"""Least weights of pitch, roll, thrust and yaw of a vehicle without a tilt model."""
+LAG_FLOORS: Final = (1.5, 1.5, 5.0, 5.0)  # least weights of pitch, roll, thrust, yaw without a tilt model
 
 
-Grades = tuple[float, float]
-"""Values of an identified and of an unidentified vehicle with a tilt model (`Uncertainty.graded`)."""
+Grades = tuple[float, float]  # values of an identified and an unidentified vehicle (`Uncertainty.graded`)
 
-DEMAND_FLOOR: Final[Grades] = (0.24, 0.8)
-"""Least weight of the acceleration [1 per (m/s^2)^2] that pitch and roll demand; 100 is the position's."""
-LOOP_DEMAND_FLOOR: Final[Grades] = (0.06, 1.5)
-"""The same of a vehicle without a stabilizer bar, whose tilt an attitude loop damps."""
+DEMAND_FLOOR: Final[Grades] = (0.24, 0.8)  # least weight of the demand [1 per (m/s^2)^2]; position: 100
+LOOP_DEMAND_FLOOR: Final[Grades] = (0.06, 1.5)  # the same without a stabilizer bar, with an attitude loop
 THRUST_FLOOR: Final[Grades] = (15.0, 40.0)
 YAW_FLOOR: Final[Grades] = (150.0, 60.0)
 SPEED: Final[Grades] = (1.0, 40.0)  # weight of the horizontal velocity

@@ -30,8 +30,7 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, XD_BODY, YAW, Array
 
 SOFT_WEIGHT: Final = 1e5  # weight of the squared excess over a state bound, SI units
-TRIM_CAP: Final = np.array([0.2, 0.2, 0.1])
-"""Pitch, roll or thrust further than this from hovering is a manoeuvre and not a trim."""
+TRIM_CAP: Final = np.array([0.2, 0.2, 0.1])  # further from hovering an input is a manoeuvre and no trim
 
 
 class PaperSettings(MpcSettings, frozen=True, kw_only=True):
