@@ -6,9 +6,9 @@ The whole show is shrunk into the flight volume: x and y by one factor, heights 
 import argparse
 
 import numpy as np
-from skybrush import ShowError, read_show
 
 from rcopterx import launched, through
+from rcopterx.deploy.skybrush import ShowError, read_show
 
 MARGIN_M = 0.3
 LOWEST_M = 0.6

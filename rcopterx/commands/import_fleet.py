@@ -8,7 +8,7 @@ import typer
 from rcopterx.commands.fleet_option import user_errors
 from rcopterx.commands.parsing import three
 
-app = typer.Typer(help="Write a fleet file from the configuration of other software.", no_args_is_help=True)
+app = typer.Typer(help="Write a fleet file from files of other software.", no_args_is_help=True)
 
 MOTION_CAPTURE = "motion_capture.yaml"
 SourceFile = Annotated[
@@ -16,10 +16,21 @@ SourceFile = Annotated[
 ]
 
 
+FleetFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")
+]
+LowerCorner = Annotated[
+    str, typer.Option("--volume-min", metavar="X,Y,Z", help="Lower corner of the flight volume in metres.")
+]
+UpperCorner = Annotated[
+    str, typer.Option("--volume-max", metavar="X,Y,Z", help="Upper corner of the flight volume in metres.")
+]
+
+
 @app.command()
 def crazyswarm2(
     source: SourceFile,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")],
+    file: FleetFile,
     motion_capture: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help=f"Default: {MOTION_CAPTURE} beside the other one."),
@@ -28,12 +39,8 @@ def crazyswarm2(
         float | None,
         typer.Option("--rate", metavar="HZ", help="Capture rate; only a Vicon Tracker reports its own."),
     ] = None,
-    volume_min: Annotated[
-        str, typer.Option(metavar="X,Y,Z", help="Lower corner of the flight volume in metres.")
-    ] = "-1.5,-1.5,0",
-    volume_max: Annotated[
-        str, typer.Option(metavar="X,Y,Z", help="Upper corner of the flight volume in metres.")
-    ] = "1.5,1.5,2",
+    volume_min: LowerCorner = "-1.5,-1.5,0",
+    volume_max: UpperCorner = "1.5,1.5,2",
 ) -> None:
     """Write the fleet file of the enabled Crazyflies of Crazyswarm2, with their motion capture."""
     from rcopterx.deploy.crazyswarm import read_tracker, read_vehicles
@@ -55,3 +62,38 @@ def crazyswarm2(
         )
         write_fleet_file(file, laboratory)
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
+
+
+@app.command()
+def skybrush(
+    show: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SHOW",
+            exists=True,
+            dir_okay=False,
+            help="File .skyc, or a zip of CSV files.",
+        ),
+    ],
+    file: FleetFile,
+    volume_min: LowerCorner = "-1.5,-1.5,0",
+    volume_max: UpperCorner = "1.5,1.5,2",
+) -> None:
+    """Write the fleet file of a simulated vehicle for each drone of a show of Skybrush."""
+    from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
+    from rcopterx.deploy.skybrush import read_show, vehicles_of
+
+    with user_errors():
+        vehicles = vehicles_of(read_show(show))
+        laboratory = NewLaboratory(
+            name=name_of(file.stem),
+            tracker="127.0.0.1:18801",
+            volume_min_m=three(volume_min),
+            volume_max_m=three(volume_max),
+            protocol=None,
+            type="coaxial",
+            vehicles=vehicles,
+            simulated=True,
+        )
+        write_fleet_file(file, laboratory)
+    typer.echo(f"{file}: {len(vehicles)} vehicles; fly the show: examples/light_show --fleet {file}")

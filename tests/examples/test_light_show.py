@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rcopterx.deploy import skybrush
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "light_show"
 sys.path.insert(0, str(EXAMPLE))
 import light_show  # noqa: E402
-import skybrush  # noqa: E402
 
 sys.path.remove(str(EXAMPLE))
 

@@ -54,7 +54,11 @@ NOT_TYPED = {
     ),
     BRIDGE_TO_ROS: (OTHERS, "tests/examples/test_ros2_bridge.py"),
     f"{BRIDGE_TO_ROS} --keys ros2dds": (OTHERS, "tests/examples/test_ros2_bridge.py"),
-    "python examples/light_show/light_show.py show.skyc --fleet quintet --slower 2": (
+    "rcopterx import skybrush show.skyc show.toml": (
+        "wants a show of Skybrush",
+        "tests/rcopterx/test_import_command.py",
+    ),
+    "python examples/light_show/light_show.py show.skyc --fleet show.toml --slower 2": (
         "wants a show of Skybrush",
         "tests/examples/test_flown_examples.py",
     ),

@@ -1,7 +1,10 @@
 """Promises of `rcopterx import`: what other software flew becomes a fleet file; none is overwritten."""
 
+import zipfile
+from itertools import combinations
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import Result
 from typer.testing import CliRunner
@@ -42,8 +45,8 @@ def source(tmp_path: Path) -> Path:
     return path
 
 
-def imported(*arguments: str | Path) -> Result:
-    words = ["import", "crazyswarm2", *map(str, arguments)]
+def imported(*arguments: str | Path, of: str = "crazyswarm2") -> Result:
+    words = ["import", of, *map(str, arguments)]
     result = CliRunner().invoke(app, words, env={"COLUMNS": "300", "TERM": "dumb"})
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
     return result
@@ -125,4 +128,36 @@ def test_what_cannot_be_used_is_named(source: Path, name: str, text: str | None,
     assert result.exit_code == 2
     assert words in result.stderr
     assert len(result.stderr.splitlines()) == 1
+    assert not path.exists()
+
+
+def show(path: Path, *names: str) -> Path:
+    """Drones that fly 2 m to the front beside each other."""
+    with zipfile.ZipFile(path, "w") as archive:
+        for number, name in enumerate(names):
+            archive.writestr(f"{name}.csv", f"t,x,y,z\n0,0,{number},1\n8000,2,{number},1\n")
+    return path
+
+
+def test_drones_of_a_show_become_simulated_vehicles_that_stand_apart(tmp_path: Path) -> None:
+    path = tmp_path / "show.toml"
+    result = imported(show(tmp_path / "show.zip", "Drone 1", "2", "third"), path, of="skybrush")
+    assert result.exit_code == 0, result.stderr
+    fleet = load_fleet(path)
+    assert [*fleet.vehicles] == ["drone_2_csv", "drone_1_csv", "third_csv"]
+    assert fleet.simulator is not None
+    places = [np.array(place[:2]) for place in fleet.simulator.start.values()]
+    assert min(np.linalg.norm(one - other) for one, other in combinations(places, 2)) > 0.5
+    assert "calibrate" not in path.read_text()
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [((), "neither show.json nor CSV"), (("a-b", "a_b"), "only in capital letters")],
+)
+def test_show_that_cannot_be_used_is_refused(tmp_path: Path, names: tuple[str, ...], words: str) -> None:
+    path = tmp_path / "show.toml"
+    result = imported(show(tmp_path / "show.zip", *names), path, of="skybrush")
+    assert result.exit_code == 2
+    assert words in result.stderr
     assert not path.exists()

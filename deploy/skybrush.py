@@ -1,4 +1,4 @@
-"""Reads drone shows: Skybrush's `.skyc`, or a zip of CSV files with one drone each. Colours are left out.
+"""Reads drone shows: Skybrush's `.skyc`, or a zip of CSV files with one drone each; lights are left out.
 
 A `.skyc` file is a zip archive. Its `show.json` lists the drones (`swarm.drones[].settings`), each with a
 trajectory of version 1, in place or by reference to another file of the archive. A trajectory is a list of
@@ -10,28 +10,34 @@ import csv
 import json
 import math
 import zipfile
-from typing import NamedTuple
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-STEP_S = 0.25
-MAX_MEMBER_BYTES = 20_000_000
-MAX_DURATION_S = 3600.0
+from rcopterx.deploy.new_laboratory import NewVehicle, name_of
+from rcopterx.fleet.schema import FleetError
+from rcopterx.vehicles.state import Array
+
+STEP_S: Final = 0.25
+MAX_MEMBER_BYTES: Final = 20_000_000
+MAX_DURATION_S: Final = 3600.0
 
 
-class ShowError(ValueError):
+class ShowError(FleetError):
     """The file is no valid show; the text names the wrong part."""
 
 
 class Drone(NamedTuple):
-    """One drone of a show: increasing times since its beginning, shape (n,), and positions, shape (n, 3)."""
+    """One drone of a show."""
 
     name: str
-    times_s: np.ndarray
-    positions_m: np.ndarray
+    times_s: Array  # since the beginning of the show, increasing, shape (n,)
+    positions_m: Array  # shape (n, 3)
 
 
-def read_show(path):
+def read_show(path: Path) -> list[Drone]:
     """All drones of a show file, in its order; raises ShowError."""
     try:
         with zipfile.ZipFile(path) as archive:
@@ -47,7 +53,24 @@ def read_show(path):
     return drones
 
 
-def _read(archive, name):
+def vehicles_of(drones: Sequence[Drone]) -> list[NewVehicle]:
+    """Return a simulated vehicle for each drone, with its distances to the first one at the beginning.
+
+    Raises `ShowError`: names differ only in capital letters or signs.
+    """
+    first = drones[0].positions_m[0]
+    vehicles = []
+    for drone in drones:
+        name = name_of(drone.name)
+        name = name if name[:1].isalpha() else f"drone_{name}"
+        ahead, left, up = (round(float(part), 3) for part in drone.positions_m[0] - first)
+        vehicles.append(NewVehicle(name, drone.name, f"radio-{name}", (ahead, left, up)))
+    if len({vehicle.name for vehicle in vehicles}) < len(vehicles):
+        raise ShowError("names of drones differ only in capital letters or signs")
+    return vehicles
+
+
+def _read(archive: zipfile.ZipFile, name: str) -> bytes:
     try:
         member = archive.getinfo(name)
     except KeyError:
@@ -57,7 +80,7 @@ def _read(archive, name):
     return archive.read(member)
 
 
-def _drones_of_skyc(archive):
+def _drones_of_skyc(archive: zipfile.ZipFile) -> list[Drone]:
     show = _json(archive, "show.json")
     try:
         settings = [drone["settings"] for drone in show["swarm"]["drones"]]
@@ -66,7 +89,7 @@ def _drones_of_skyc(archive):
         raise ShowError(f"show.json: {error!r} is missing or of another kind") from None
 
 
-def _json(archive, name):
+def _json(archive: zipfile.ZipFile, name: str) -> Any:
     try:
         return json.loads(_read(archive, name))
     except ValueError as error:
@@ -75,7 +98,7 @@ def _json(archive, name):
         raise ShowError(f"{name}: no JSON: {error}") from None
 
 
-def _drone_of_settings(archive, settings, number):
+def _drone_of_settings(archive: zipfile.ZipFile, settings: dict[str, Any], number: int) -> Drone:
     name = str(settings.get("name", f"drone {number}"))
     trajectory = settings["trajectory"]
     if "$ref" in trajectory:
@@ -92,7 +115,7 @@ def _drone_of_settings(archive, settings, number):
         raise ShowError(f"{name}: {error}") from None
 
 
-def _sampled(points):
+def _sampled(points: Any) -> tuple[Array, Array]:
     """Times and positions along the keyframes."""
     (time_s, start, _), *others = points
     times, positions = [float(time_s)], [start]
@@ -110,14 +133,15 @@ def _sampled(points):
     return np.array(times), np.array(positions, dtype=float)
 
 
-def _bezier(control, share):
+def _bezier(control: Array, share: float) -> Array:
     """De Casteljau's algorithm."""
     while len(control) > 1:
         control = (1 - share) * control[:-1] + share * control[1:]
-    return control[0]
+    point: Array = control[0]
+    return point
 
 
-def _drone_of_csv(archive, name):
+def _drone_of_csv(archive: zipfile.ZipFile, name: str) -> Drone:
     """Columns: time [ms], x, y, z [m]; further ones (red, green, blue) and the heading are left out."""
     rows = list(csv.reader(_read(archive, name).decode("utf-8-sig", "replace").splitlines()))[1:]
     try:
@@ -129,7 +153,7 @@ def _drone_of_csv(archive, name):
     return _checked(name, 1e-3 * table[:, 0], table[:, 1:])
 
 
-def _checked(name, times_s, positions_m):
+def _checked(name: str, times_s: Array, positions_m: Array) -> Drone:
     if len(times_s) < 2 or positions_m.shape != (len(times_s), 3):
         raise ShowError(f"{name}: at least two positions with x, y, z are needed")
     if not (np.isfinite(times_s).all() and np.isfinite(positions_m).all()):
