@@ -65,6 +65,10 @@ class Conditions:
     radio_period_s: float = 0.0
     """Inputs wait for the next radio frame, one every so many seconds; zero for none. A simulation that
     emulates the radio link needs 0."""
+    gyro_hold_per_s: float = 0.0
+    """Heading hold of the yaw gyros of helicopters: yaw rate that they ask for per turn that they missed."""
+    gyro_drift_rad_s: float = 0.0
+    """Drifting offset of these gyros, root mean square, with a correlation time of a minute."""
     dropout_fraction: float = 0.0
     """Fraction of the frames in which the Tracker misses a vehicle."""
     substep_s: float = 0.002
@@ -80,6 +84,8 @@ class Conditions:
         _require_between("battery_endurance_s", self.battery_endurance_s, 1.0, 1e6)
         _require_between("substep_s", self.substep_s, 1e-5, 0.004)
         _require_between("downwash_m_s2", self.downwash_m_s2, 0.0, 10.0)
+        _require_between("gyro_hold_per_s", self.gyro_hold_per_s, 0.0, 10.0)
+        _require_between("gyro_drift_rad_s", self.gyro_drift_rad_s, 0.0, 10.0)
         for name, plants in (("coaxial_plant", COAXIAL_PLANTS), ("attitude_plant", ATTITUDE_PLANTS)):
             if (plant := getattr(self, name)) not in plants:
                 raise ValueError(f"{name}: unknown plant {plant!r}; allowed: {', '.join(plants)}")

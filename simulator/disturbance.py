@@ -11,6 +11,7 @@ PARAMETERS: Final = 0
 TURBULENCE: Final = 1
 NOISE: Final = 2
 RADIO: Final = 3
+GYRO: Final = 4
 _BLOCK: Final = 256
 
 

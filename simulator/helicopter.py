@@ -1,13 +1,22 @@
 """The coaxial helicopter with stabilizer bar (docs/helicopter.md) as a plant: servos, markers, state."""
 
 import math
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from rcopterx.compiling.compiled import COUNT, NUMBER, compiled, record, together
 from rcopterx.simulator.conditions import Conditions
-from rcopterx.simulator.disturbance import HELD_NOISE, PARAMETERS, HeldNoise, random_stream, value_at
+from rcopterx.simulator.disturbance import (
+    GYRO,
+    HELD_NOISE,
+    PARAMETERS,
+    ColouredNoise,
+    HeldNoise,
+    random_stream,
+    value_at,
+)
 from rcopterx.simulator.helicopter_dynamics import (
     AIRFRAME,
     CONTROLS,
@@ -27,14 +36,18 @@ from rcopterx.simulator.plant import CALM, Plant, Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Four, Three
 
+DRIFT_S: Final = 60.0
+"""Correlation time of the drift of a gyro."""
 STILL_AIR: Final[HeldNoise] = np.zeros((1, 4)), 0, math.inf
 
 
 def helicopter_of(name: str, conditions: Conditions, seed: int) -> HelicopterParameters:
     """Parameters of a vehicle: the middle of the family, or a vehicle drawn by name and seed (conditions)."""
     if conditions.coaxial_plant == "drawn_helicopter":
-        return HelicopterParameters.drawn(random_stream(seed, name, PARAMETERS))
-    return HelicopterParameters.nominal()
+        vehicle = HelicopterParameters.drawn(random_stream(seed, name, PARAMETERS))
+    else:
+        vehicle = HelicopterParameters.nominal()
+    return replace(vehicle, yaw_hold_per_s=conditions.gyro_hold_per_s)
 
 
 class Surroundings(NamedTuple):
@@ -75,7 +88,7 @@ def stand(
     upper, lower = rotor_thrusts(airframe, after.speed_upper, after.speed_lower, 0.0)
     standing = State(
         state.x, state.y, state.z, 0.0, 0.0, 0.0, state.qw, state.qx, state.qy, state.qz, 0.0, 0.0, 0.0,
-        after.speed_upper, after.speed_lower, 0.0, 0.0, 1.0, after.swash_x, after.swash_y,
+        after.speed_upper, after.speed_lower, 0.0, 0.0, 1.0, after.swash_x, after.swash_y, 0.0,
     )  # fmt: skip
     return standing, upper + lower
 
@@ -152,7 +165,8 @@ class Helicopter(Plant):
         self._markers = Pose(
             (0.0, 0.0, 0.0), 0.0, parameters.marker_pitch_rad, parameters.marker_roll_rad
         ).quaternion_xyzw
-        self._command(None)
+        drift = conditions.gyro_drift_rad_s / parameters.yaw_rate_gain_rad_s
+        self._drift = ColouredNoise((drift,), DRIFT_S, 1.0, random_stream(seed, name, GYRO))
         super().__init__(name, model, conditions, seed, start)
 
     @property
@@ -211,7 +225,8 @@ class Helicopter(Plant):
         swash = swash_target(
             self.parameters, self._servos[0].move(pitch) + trim_pitch, self._servos[1].move(roll) + trim_roll
         )
-        self._controls = Controls(*swash, sticks is not None, thrust + trim_thrust, yaw + trim_yaw)
+        (drift,) = self._drift.at(self._time_s)
+        self._controls = Controls(*swash, sticks is not None, thrust + trim_thrust, yaw + trim_yaw + drift)
 
     def _stand(self, step_s: float) -> float:
         self.state, thrust_n = stand(self._airframe, self.state, self._controls, self._thrust_factor, step_s)

@@ -43,6 +43,7 @@ class State(NamedTuple):
     bar_z: float
     swash_x: float  # tilt of the swash plate towards body x and y
     swash_y: float
+    yaw_missed: float  # integral of the error of the yaw rate [rad]
 
 
 class Rotor(NamedTuple):
@@ -81,6 +82,7 @@ class Airframe(NamedTuple):
     yaw_gyro_gain: float
     ground_effect: float
     ground_effect_height: float
+    yaw_hold: float
 
 
 class Controls(NamedTuple):
@@ -94,8 +96,8 @@ class Controls(NamedTuple):
 
 
 _ROTOR: Final = record(Rotor, *8 * [NUMBER])
-AIRFRAME: Final = record(Airframe, _ROTOR, _ROTOR, *18 * [NUMBER])
-STATE: Final = record(State, *20 * [NUMBER])
+AIRFRAME: Final = record(Airframe, _ROTOR, _ROTOR, *19 * [NUMBER])
+STATE: Final = record(State, *21 * [NUMBER])
 CONTROLS: Final = record(Controls, NUMBER, NUMBER, FLAG, NUMBER, NUMBER)
 AIR: Final = together(*6 * [NUMBER])
 
@@ -115,7 +117,7 @@ def airframe_of(vehicle: HelicopterParameters) -> Airframe:
         vehicle.flapping_rad_s_m, 2.0 / max(sum(vehicle.drag_per_s), _LEAST_DRAG), *vehicle.damping_n_m_s,
         vehicle.bar_time_constant_s, *vehicle.servo_lag_s, vehicle.thrust_gain_m_s2,
         vehicle.yaw_rate_gain_rad_s, vehicle.yaw_gyro_gain_per_s,
-        vehicle.ground_effect, vehicle.ground_effect_height_m,
+        vehicle.ground_effect, vehicle.ground_effect_height_m, vehicle.yaw_hold_per_s,
     )  # fmt: skip
 
 
@@ -133,7 +135,7 @@ def level_state(position_m: Three, yaw_rad: float, speeds_rad_s: tuple[float, fl
     upper, lower = speeds_rad_s
     return State(
         x, y, z, 0.0, 0.0, 0.0, math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2), 0.0, 0.0, 0.0,
-        upper, lower, 0.0, 0.0, 1.0, 0.0, 0.0,
+        upper, lower, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
 
 
@@ -237,9 +239,11 @@ def derivative(airframe: Airframe, state: State, controls: Controls, thrust_fact
     tilt_y = air[5] - airframe.flapping * (vy - airframe.gust_speed * air[1])
     follow = stretch / airframe.bar_time_constant
     jx, jy, jz = airframe.inertia_x, airframe.inertia_y, airframe.inertia_z
-    command_u, command_l = 0.0, 0.0
+    command_u, command_l, missed = 0.0, 0.0, 0.0
     if controls.running:
-        command_u, command_l = commanded_speeds(airframe, controls.thrust, controls.yaw, r, thrust_factor)
+        held = r - airframe.yaw_hold * state.yaw_missed
+        command_u, command_l = commanded_speeds(airframe, controls.thrust, controls.yaw, held, thrust_factor)
+        missed = airframe.yaw_rate_gain * controls.yaw - r
     return State(
         x=vx,
         y=vy,
@@ -261,6 +265,7 @@ def derivative(airframe: Airframe, state: State, controls: Controls, thrust_fact
         bar_z=follow * (r22 - cosine * state.bar_z),
         swash_x=(controls.swash_x - state.swash_x) / airframe.servo_lag_x,
         swash_y=(controls.swash_y - state.swash_y) / airframe.servo_lag_y,
+        yaw_missed=missed,
     )
 
 
@@ -288,6 +293,7 @@ def moved(state: State, rate: State, time_s: float) -> State:
         bar_z=state.bar_z + time_s * rate.bar_z,
         swash_x=state.swash_x + time_s * rate.swash_x,
         swash_y=state.swash_y + time_s * rate.swash_y,
+        yaw_missed=state.yaw_missed + time_s * rate.yaw_missed,
     )
 
 
@@ -299,6 +305,7 @@ def normalised(s: State) -> State:
     return State(
         s.x, s.y, s.z, s.vx, s.vy, s.vz, n * s.qw, n * s.qx, n * s.qy, n * s.qz, s.p, s.q, s.r,
         s.speed_upper, s.speed_lower, b * s.bar_x, b * s.bar_y, b * s.bar_z, s.swash_x, s.swash_y,
+        s.yaw_missed,
     )  # fmt: skip
 
 

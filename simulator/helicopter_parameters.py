@@ -63,10 +63,13 @@ class HelicopterParameters:
     marker_pitch_rad: float
     ground_effect: float  # fraction by which the thrust is larger on the floor
     ground_effect_height_m: float  # height over which the ground effect decays by e
+    yaw_hold_per_s: float = 0.0  # yaw rate that the gyro asks for per turn that it missed: heading hold
 
     def __post_init__(self) -> None:
         offsets = ("trim", "phase_upper", "phase_lower", "marker_roll_rad", "marker_pitch_rad")
-        not_negative = ("servo_step", "ground_effect", "added_damping", "drag_per_s", "flapping_rad_s_m")
+        not_negative = (
+            "servo_step", "ground_effect", "added_damping", "drag_per_s", "flapping_rad_s_m", "yaw_hold_per_s"
+        )  # fmt: skip
         for field in fields(self):
             value = getattr(self, field.name)
             for number in value if isinstance(value, tuple) else (value,):

@@ -117,6 +117,21 @@ def test_yaw_is_unwrapped() -> None:
     assert plant.motion[YAW_RATE] == pytest.approx(0.4 * 22.2, rel=0.02)
 
 
+def test_a_drifting_gyro_turns_the_vehicle_at_the_rate_of_its_offset() -> None:
+    conditions, rates = replace(CALM, gyro_drift_rad_s=0.05), []
+    for drifting in (conditions, conditions, CALM):
+        plant = flying(conditions=drifting)
+        for _ in range(30):
+            plant.set_input(HOVER)
+            plant.advance(1.0)
+            rates.append(plant.motion[YAW_RATE])
+    once, again, still = np.reshape(rates, (3, 30))
+    assert once.tolist() == again.tolist()
+    assert 0.005 < np.abs(once).max() < 0.25
+    assert once.std() > 0.002
+    assert np.abs(still).max() < 1e-9
+
+
 def test_servo_moves_in_steps_and_not_for_less_than_one() -> None:
     servo = Servo(0.005)
     assert [servo.move(command) for command in (0.0049, 0.0051, 0.0, 0.0099, 0.0126, 0.0)] == pytest.approx(

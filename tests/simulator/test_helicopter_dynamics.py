@@ -170,6 +170,13 @@ def test_yaw_gyro_holds_the_rate_that_the_stick_asks_for() -> None:
     assert state.r == pytest.approx(0.1 * 111 / 5, rel=0.01)
 
 
+@pytest.mark.parametrize(("hold_per_s", "turned_rad"), [(0.0, 0.2), (2.0, 0.0)])
+def test_heading_hold_turns_the_vehicle_back_after_a_push(hold_per_s: float, turned_rad: float) -> None:
+    vehicle = replace(HelicopterParameters.nominal(), yaw_hold_per_s=hold_per_s)
+    state = flown(vehicle, hovering(vehicle)._replace(r=1.0), 5.0)
+    assert 2 * math.atan2(state.qz, state.qw) == pytest.approx(turned_rad, abs=0.01)
+
+
 def test_yaw_stick_acts_as_identified_where_the_rotors_are_fast() -> None:
     vehicle = replace(HelicopterParameters.nominal(), rotor_lag_upper_s=0.01, rotor_lag_lower_s=0.01)
     state = hovering(vehicle)
