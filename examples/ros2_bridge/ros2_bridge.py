@@ -3,8 +3,8 @@
     python ros2_bridge.py --fleet trio --ros tcp/192.168.1.20:7447
 
 needs rcopterx and pycdr2. Reads the fleet's bus and writes to the Zenoh router of ROS 2:
-that of `rmw_zenoh` (default), or `zenoh-bridge-ros2dds` with `--keys ros2dds`. Nothing goes from ROS 2 to the
-fleet.
+that of `rmw_zenoh` (default), or `zenoh-bridge-ros2dds` with `--keys ros2dds`. With `--commands`, ROS 2 also
+commands the fleet (`ros_commands.py`).
 """
 
 import argparse
@@ -13,13 +13,16 @@ import math
 import threading
 import time
 import uuid
+from contextlib import ExitStack, suppress
 
 import msgpack
 import numpy as np
 import zenoh
+from ros_commands import Commands
 from ros_messages import Header, Joy, Path, Point, Pose, PoseStamped, Quaternion, Time
 from zenoh.ext import z_serialize
 
+from rcopterx import Fleet
 from rcopterx.deploy.hosts.running import running_fleets
 
 FRAME_ID = "world"
@@ -74,6 +77,11 @@ def ros2dds_key(topic, _kind, _domain):
     return topic
 
 
+def command_key(topic, keys, domain):
+    """Key of a topic that ROS 2 publishes, with any type and hash."""
+    return topic if keys == "ros2dds" else f"{domain}/{topic}/*/*"
+
+
 def dds_name(kind):
     """`geometry_msgs::msg::dds_::PoseStamped_` of `geometry_msgs/msg/PoseStamped`."""
     package, folder, name = kind.ROS_NAME.split("/")
@@ -125,7 +133,7 @@ class Bridge:
 
     def __init__(self, fleet, rcopterx, ros, keys="rmw_zenoh", domain=0, namespace=None, ros_namespace=None):
         self._key = {"rmw_zenoh": rmw_zenoh_key, "ros2dds": ros2dds_key}[keys]
-        self._fleet, self._domain = fleet, domain
+        self._fleet, self._keys, self._domain = fleet, keys, domain
         self._topics = {}
         self._one_at_a_time = threading.Lock()  # pycdr2 writes every message of a type into the same buffer
         self._ros = session_to(ros, ros_namespace)
@@ -135,6 +143,10 @@ class Bridge:
         self._subscribers = [
             self._bus.declare_subscriber(f"rcopterx/{fleet}/*/{name}", self._on_sample) for name in TOPICS
         ]
+
+    def obey(self, fleet, report=print):
+        """Let ROS 2 command a fleet, which the caller has joined and closes."""
+        return Commands(self._ros, fleet, lambda topic: command_key(topic, self._keys, self._domain), report)
 
     def close(self):
         """Leave both sides."""
@@ -185,15 +197,18 @@ def main():
     options.add_argument("--ros", required=True, help="router of ROS 2")
     options.add_argument("--keys", choices=("rmw_zenoh", "ros2dds"), default="rmw_zenoh")
     options.add_argument("--domain", type=int, default=0, help="ROS_DOMAIN_ID")
+    options.add_argument("--commands", action="store_true", help="ROS 2 commands the fleet")
     chosen = options.parse_args()
     bridge = Bridge(
         chosen.fleet, chosen.rcopterx or router_of(chosen.fleet), chosen.ros, chosen.keys, chosen.domain
     )
-    try:
-        while True:
-            time.sleep(1.0)
-    except KeyboardInterrupt:
-        bridge.close()
+    with ExitStack() as stack:
+        stack.callback(bridge.close)
+        if chosen.commands:
+            bridge.obey(stack.enter_context(Fleet(chosen.fleet)))
+        with suppress(KeyboardInterrupt):
+            while True:
+                time.sleep(1.0)
 
 
 if __name__ == "__main__":
