@@ -3,7 +3,8 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass
-from typing import Any, Final, get_args
+from pathlib import Path
+from typing import Any, get_args
 
 import msgspec
 from msgspec import inspect as types
@@ -24,42 +25,6 @@ from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLim
 from rcopterx.transmitter_gateway.protocols.registry import settings_class
 from rcopterx.vehicles.model import Model, Uncertainty
 from rcopterx.vehicles.tilt import TiltModel
-
-HEAD: Final = """\
-# The fleet file
-
-Which keys does the file that describes a fleet have, and what may they contain? A fleet is one TOML file.
-Only `name` and one vehicle with `subject` and `transmitter.port` are needed; everything else has a default.
-A file with a wrong or unknown key is refused as a whole, with the path of the key and what is allowed, and
-nothing is started. A complete file:
-
-```toml
-{example}```
-
-- SI units; the end of a key is its unit. Angles in the file are radians, on the command line degrees.
-- A *name* is `[a-z][a-z0-9_]{0,30}`. Every number is finite.
-- A table `[defaults]` holds keys that all vehicles share; those of a vehicle win, key by key.
-- Positions are in the inertial frame of the motion capture, z up.
-
-Generated from the types that read the file by `python -m rcopterx.fleet.reference`.
-"""
-
-
-EXAMPLE: Final = """\
-name = "lab"
-
-[tracker]
-address = "192.168.0.5:801"
-
-[vehicles.h1]
-subject = "heli1"
-transmitter = { port = "/dev/ttyUSB0", model_match = 1 }
-
-[vehicles.h2]
-subject = "heli2"
-transmitter = { port = "/dev/ttyUSB1", model_match = 2 }
-follow = [{ leader = "h1", offset_m = [-0.4, 0.5, 0.0] }]
-"""
 
 
 @dataclass(frozen=True)
@@ -149,7 +114,7 @@ def sections() -> list[Section]:
 
 def reference() -> str:
     """Return the text of `docs/fleet_file.md`."""
-    lines = [HEAD.replace("{example}", EXAMPLE)]
+    lines = [Path(__file__).with_name("fleet_file.template").read_text(encoding="utf-8")]
     done: set[str] = set()
     for section in sections():
         lines += _section(section, first=section.path not in done)

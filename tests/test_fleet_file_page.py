@@ -8,7 +8,7 @@ import pytest
 from rcopterx import deploy
 from rcopterx.bus.reference import meanings_of
 from rcopterx.fleet.reading import parse_fleet
-from rcopterx.fleet.reference import EXAMPLE, reference, sections
+from rcopterx.fleet.reference import reference, sections
 
 PAGE = Path(deploy.__file__).resolve().parents[1] / "docs" / "fleet_file.md"
 ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]*) \| ([^|]+) \| ([^|]+) \|$")
@@ -55,4 +55,5 @@ def test_parameters_that_share_an_entry_of_a_docstring_share_its_meaning() -> No
 def test_every_link_leads_to_a_page_and_the_example_is_a_valid_file() -> None:
     for page in re.findall(r"\]\(([\w-]+\.md)", reference()):
         assert (PAGE.parent / page).exists(), page
-    assert list(parse_fleet(EXAMPLE).vehicles) == ["h1", "h2"]
+    _, _, example = reference().partition("```toml\n")
+    assert list(parse_fleet(example.partition("```")[0]).vehicles) == ["h1", "h2"]

@@ -42,8 +42,10 @@ class SetPoint(Struct, frozen=True):
 class FullStick:
     """How channels become set points."""
 
-    full_tilt_deg: float = 30.0  # roll and pitch angle at full stick
-    full_yaw_rate_deg_s: float = 200.0  # yaw rate at full stick
+    full_tilt_deg: float = 30.0
+    """Roll and pitch angle at full stick."""
+    full_yaw_rate_deg_s: float = 200.0
+    """Yaw rate at full stick."""
 
     def __post_init__(self) -> None:
         for field, highest in (("full_tilt_deg", 60.0), ("full_yaw_rate_deg_s", 720.0)):
