@@ -44,15 +44,9 @@ def _errors() -> Iterator[None]:
 @app.command()
 def solver(
     as_json: JsonOption = False,
-    horizons: Annotated[
-        str, typer.Option(metavar="N,N,...", help="Horizons, in stages.")
-    ] = "10,18,30,50,80,110",
-    steps: Annotated[
-        int, typer.Option(metavar="N", min=2, help="Control steps to measure per horizon.")
-    ] = 2000,
-    seed: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Seed of the flight the steps come from.")
-    ] = 0,
+    horizons: Annotated[str, typer.Option(metavar="N,N,...", help="Horizons N.")] = "10,18,30,50,80,110",
+    steps: Annotated[int, typer.Option(metavar="N", min=2, help="Control steps per horizon.")] = 2000,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the recorded flight.")] = 0,
     plot: PlotOption = None,
 ) -> None:
     """Time control steps of the cascade, the paper's scheme and other solvers on the same problems."""
@@ -92,7 +86,7 @@ def restart(
 def scale(
     as_json: JsonOption = False,
     vehicles: Annotated[
-        str, typer.Option(metavar="N,N,...", help="Numbers of vehicles to fly.")
+        str, typer.Option(metavar="N,N,...", help="Numbers of vehicles.")
     ] = "3,6,8,10,12,14,16",
     horizon: HorizonOption = 30,
     seconds: SecondsOption = 60.0,
@@ -124,11 +118,7 @@ def cost(
     against: Annotated[Path, typer.Option(metavar="DIRECTORY", help="Checkout to compare this one with.")],
     as_json: JsonOption = False,
     only: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME,NAME,...",
-            help="Trials to run: six vehicles, trio, radio, step, largest. Default: all but largest.",
-        ),
+        str, typer.Option(metavar="NAME,NAME,...", help="Trials: six vehicles, trio, radio, step, largest.")
     ] = "six,trio,radio,step",
     rounds: RoundsOption = 3,
 ) -> None:

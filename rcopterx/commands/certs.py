@@ -9,13 +9,11 @@ from rcopterx.commands.fleet_option import FleetArgument, fleet_file, user_error
 
 def certs(
     fleet: FleetArgument,
-    renew: Annotated[
-        bool, typer.Option("--renew", help="Issue all certificates again, with new keys.")
-    ] = False,
+    renew: Annotated[bool, typer.Option("--renew", help="Issue all again, with new keys.")] = False,
     new_authority: Annotated[
         bool,
         typer.Option(
-            "--new-authority", help="Replace the authority as well: all earlier certificates become invalid."
+            "--new-authority", help="Replace the authority, too: all earlier certificates become invalid."
         ),
     ] = False,
     days: Annotated[float, typer.Option(metavar="DAYS", min=1, help="Validity of the certificates.")] = 365,

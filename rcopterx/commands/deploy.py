@@ -18,12 +18,10 @@ def deploy(
         ),
     ],
     only: Annotated[
-        list[str] | None,
-        typer.Option("--host", metavar="HOST", help="Only this host of the fleet file. May be repeated."),
+        list[str] | None, typer.Option("--host", metavar="HOST", help="Only this host. May be repeated.")
     ] = None,
     user: Annotated[
-        str | None,
-        typer.Option(metavar="USER", help="User to log in as. Default: from the configuration of ssh."),
+        str | None, typer.Option(metavar="USER", help="User to log in as. Default: that of ssh.")
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show what would be done.")] = False,
 ) -> None:

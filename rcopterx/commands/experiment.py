@@ -30,9 +30,7 @@ def experiment(
         str | None, typer.Option(metavar="N,N,...", help="Seeds, one flight each. Default: consecutive ones.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Short flights, as a test.")] = False,
-    processes: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Processor cores to use; results do not depend on it.")
-    ] = 1,
+    processes: Annotated[int, typer.Option(metavar="N", min=1, help="Processor cores to use.")] = 1,
     conditions: Annotated[
         str | None,
         typer.Option(
@@ -49,10 +47,7 @@ def experiment(
     ] = None,
     resume: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Store finished flights in this file, and skip flights of the same code that it has.",
-        ),
+        typer.Option(metavar="FILE", help="Store finished flights in this file, and skip those that it has."),
     ] = None,
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments.")] = False,
 ) -> None:

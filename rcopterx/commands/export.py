@@ -13,7 +13,7 @@ def export(
     flight: FlightArgument = "latest",
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Directory to write. Default: the flight's name."),
+        typer.Option("--output", "-o", metavar="DIR", help="Directory. Default: the flight's name."),
     ] = None,
 ) -> None:
     """Export a flight log as CSV: a file for every unit and channel, with a row for every message."""

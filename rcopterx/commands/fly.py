@@ -38,20 +38,14 @@ def fly(
     ] = None,
     fleet: RunningFleetOption = None,
     start: Annotated[
-        bool,
-        typer.Option(
-            "--up", help="Start a fleet first, by default that of the manoeuvre; stop it at the end."
-        ),
+        bool, typer.Option("--up", help="Start a fleet first, by default that of the manoeuvre.")
     ] = False,
     every: Annotated[bool, typer.Option("--all", help="Fly every manoeuvre that the fleet can fly.")] = False,
     faults: Annotated[
-        bool,
-        typer.Option(
-            "--faults", help="Fly faults of the simulator instead: those named, or the whole table."
-        ),
+        bool, typer.Option("--faults", help="Fly faults instead: those named, or the whole table.")
     ] = False,
     report: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write report.json and index.html into this directory.")
+        Path | None, typer.Option(metavar="DIR", help="Write report.json and index.html here.")
     ] = None,
     as_json: JsonOption = False,
     show_list: Annotated[bool, typer.Option("--list", help="List the manoeuvres, or the faults.")] = False,
@@ -61,8 +55,7 @@ def fly(
         int, typer.Option(metavar="N", min=1, help="Flights of each fault; the worst one counts.")
     ] = 1,
     vehicles: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="With --up, faults and chaos fly the first N vehicles only."),
+        int | None, typer.Option(metavar="N", min=1, help="With --up, faults and chaos fly the first N only.")
     ] = None,
     busy: Annotated[
         int,

@@ -37,15 +37,10 @@ def ground(
     port: Annotated[
         int,
         typer.Option(
-            metavar="PORT",
-            min=1,
-            max=65535,
-            help="Port of the web page on this computer; the next free one if it is in use.",
+            metavar="PORT", min=1, max=65535, help="Port of the web page; the next free one if it is in use."
         ),
     ] = PORT,
-    watch_only: Annotated[
-        bool, typer.Option("--watch-only", help="Show a page without controls, for a second browser.")
-    ] = False,
+    watch_only: Annotated[bool, typer.Option("--watch-only", help="Show a page without controls.")] = False,
     open_browser: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:

@@ -38,7 +38,7 @@ AXES = ("x [m]", "y [m]", "z [m]", "yaw [rad]")
 def identify(
     vehicles: Annotated[list[str] | None, typer.Argument(metavar="[VEHICLE]...")] = None,
     together: Annotated[
-        bool, typer.Option("--all", help="All vehicles at the same time, from and back to their formation.")
+        bool, typer.Option("--all", help="All vehicles, from and back to their formation.")
     ] = False,
     seconds: Annotated[
         float, typer.Option(metavar="SECONDS", min=20, max=300, help="Duration of the excitation.")
@@ -58,18 +58,12 @@ def identify(
     from_files: Annotated[
         list[Path] | None,
         typer.Option(
-            "--from",
-            metavar="FILE",
-            help="Fit a recorded flight instead of flying: .npz, or .csv of a Crazyflie; repeat for several.",
+            "--from", metavar="FILE", help="Fit a recorded flight: .npz, or .csv of a Crazyflie; repeatable."
         ),
     ] = None,
-    save: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Save the recording in this file (.npz).")
-    ] = None,
+    save: Annotated[Path | None, typer.Option(metavar="FILE", help="File for the recording (.npz).")] = None,
     plot: PlotOption = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print the models; change neither flight nor fleet file.")
-    ] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Change neither flight nor fleet file.")] = False,
     as_json: JsonOption = False,
     fleet: RunningFleetOption = None,
 ) -> None:

@@ -32,8 +32,7 @@ def crazyswarm2(
     source: SourceFile,
     file: FleetFile,
     motion_capture: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help=f"Default: {MOTION_CAPTURE} beside the other one."),
+        Path | None, typer.Option(metavar="FILE", help=f"Default: {MOTION_CAPTURE} beside the other one.")
     ] = None,
     rate_hz: Annotated[
         float | None,

@@ -37,9 +37,7 @@ def replay_tracker(
     port: Annotated[
         int, typer.Option(metavar="PORT", min=0, max=65535, help="TCP port to listen on; 0 takes a free one.")
     ] = 18801,
-    speed: Annotated[
-        float, typer.Option(metavar="FACTOR", help="Speed: 1 is real time, 2 twice as fast.")
-    ] = 1.0,
+    speed: Annotated[float, typer.Option(metavar="FACTOR", help="2 is twice as fast as real time.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Repeat until Ctrl-C.")] = False,
 ) -> None:
     """Replay a recording of a Tracker to a Vicon gateway: the same bytes at the same times.

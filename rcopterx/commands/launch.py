@@ -181,8 +181,7 @@ def up(
     watchdog: Annotated[
         bool,
         typer.Option(
-            "--watchdog/--no-watchdog",
-            help="Replace processes that hang. Without it they can be stopped and debugged.",
+            "--watchdog/--no-watchdog", help="Replace processes that hang. Without it they can be debugged."
         ),
     ] = True,
     speed: SpeedOption = None,
@@ -276,8 +275,7 @@ def host(
 def demo(
     fleet: FleetOption = DEFAULT_FLEET,
     seconds: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", min=1, help="End after this flight time in seconds."),
+        float | None, typer.Option(metavar="SECONDS", min=1, help="End after this flight time.")
     ] = None,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Show the fleet in the browser.")

@@ -14,7 +14,7 @@ def margins(
     fleet: FleetArgument,
     vehicles: Vehicles = None,
     formation: Annotated[
-        bool, typer.Option("--formation", help="Show how errors grow along the formation instead.")
+        bool, typer.Option("--formation", help="Show how errors grow along it instead.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:

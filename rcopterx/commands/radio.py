@@ -43,8 +43,7 @@ def range_check(
     vehicle: Vehicle,
     fleet: FleetOption,
     seconds: Annotated[
-        float,
-        typer.Option(metavar="S", min=1, max=600, help="Duration; a line on stdin ends it earlier."),
+        float, typer.Option(metavar="S", min=1, max=600, help="Duration, or until a line on stdin.")
     ] = 60.0,
 ) -> None:
     """Send with reduced power and move the swash plate, which must still respond 30 paces away."""
@@ -71,9 +70,7 @@ def calibrate(
     step: Annotated[
         list[str] | None, typer.Option(metavar="signs|throttle|trim", help="Only this step. Repeatable.")
     ] = None,
-    seconds: Annotated[
-        float, typer.Option(metavar="S", min=1, max=60, help="Duration of the measured hover.")
-    ] = 10.0,
+    seconds: Annotated[float, typer.Option(metavar="S", min=1, max=60, help="Duration.")] = 10.0,
 ) -> None:
     """Calibrate a transmitter and write the result into the fleet file.
 

@@ -35,7 +35,7 @@ def replay(
         typer.Option(
             "--with",
             metavar="NAME=VALUE",
-            help="Change controller, estimator, horizon or a setting of the controller. Repeatable.",
+            help="Change controller, estimator, horizon or a setting. Repeatable.",
         ),
     ] = None,
     speed: Annotated[

@@ -18,8 +18,7 @@ def report(
         "report.html"
     ),
     compare: Annotated[
-        str | None,
-        typer.Option("--compare", metavar="FLIGHT", help="Show this flight beside the first one."),
+        str | None, typer.Option("--compare", metavar="FLIGHT", help="Show this flight beside the first one.")
     ] = None,
 ) -> None:
     """Write a self-contained page about a flight: playback, errors, latencies, events, provenance."""

@@ -46,8 +46,7 @@ def simulator(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
 def tracker(
     host: Host = "main",
     record_raw: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Record the Tracker's raw stream into a new file."),
+        Path | None, typer.Option(metavar="FILE", help="New file for the Tracker's raw stream.")
     ] = None,
     fleet: FleetOption = DEFAULT_FLEET,
 ) -> None:

@@ -89,7 +89,7 @@ def follow(
     offset: Annotated[str, typer.Option(metavar="X,Y,Z", help="Offset from the leader in metres.")] = "0,0,0",
     yaw: Annotated[float, typer.Option(metavar="DEG", help="Relative heading in degrees.")] = 0.0,
     frame: Annotated[
-        str, typer.Option(help="inertial: offset fixed in the room; heading: turns with the leader.")
+        str, typer.Option(help="inertial: fixed in the room; heading: turns with the leader.")
     ] = "inertial",
     fleet: RunningFleetOption = None,
 ) -> None:

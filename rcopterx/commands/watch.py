@@ -28,7 +28,7 @@ def status(as_json: JsonOption = False, fleet: RunningFleetOption = None) -> Non
 def check(
     vehicles: Vehicles = None,
     wait: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0, help="Longest wait until the fleet is ready.")
+        float, typer.Option(metavar="SECONDS", min=0, help="Longest wait until it is ready.")
     ] = 1.5,
     as_json: JsonOption = False,
     fleet: RunningFleetOption = None,
@@ -47,9 +47,7 @@ def check(
 
 
 def top(
-    wide: Annotated[
-        bool, typer.Option("--wide", help="Show all columns, however wide the terminal is.")
-    ] = False,
+    wide: Annotated[bool, typer.Option("--wide", help="Show all columns.")] = False,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Show the fleet until Ctrl-C, in the columns that fit; without a terminal, show it once."""
