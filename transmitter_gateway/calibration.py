@@ -6,14 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from rcopterx.transmitter_gateway.protocols.base import (
-    AILERON,
-    CENTER_US,
-    CHANNEL_NAMES,
-    ELEVATOR,
-    RUDDER,
-    THROTTLE,
-)
+from rcopterx.transmitter_gateway.protocols import base
 
 PULSE_LOW_US, PULSE_HIGH_US = 800.0, 2200.0
 LARGEST_INDEX = 15
@@ -60,7 +53,7 @@ class ChannelCalibration:
 
     index: int
     sign: int = 1
-    center_us: float = CENTER_US
+    center_us: float = base.CENTER_US
     trim_us: float = 0.0
     gain_us: float = 400.0
     lo_us: float = 1100.0
@@ -110,7 +103,7 @@ class ThrottleCalibration:
         As for the other channels.
     """
 
-    index: int = THROTTLE
+    index: int = base.THROTTLE
     us0: float = 1100.0
     us_hover: float = 1540.0
     us1: float = 1900.0
@@ -199,19 +192,19 @@ class Calibration:
     Raises `CalibrationError` for two inputs on one channel.
     """
 
-    pitch: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(ELEVATOR))
+    pitch: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(base.ELEVATOR))
     """Channel of u_x."""
-    roll: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(AILERON))
+    roll: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(base.AILERON))
     """Channel of u_y."""
     throttle: ThrottleCalibration = field(default_factory=ThrottleCalibration)
     """Channel of u_z."""
-    yaw: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(RUDDER, slew_per_s=8.0))
+    yaw: ChannelCalibration = field(default_factory=lambda: ChannelCalibration(base.RUDDER, slew_per_s=8.0))
     """Channel of u_psi."""
     arming: ArmingChannel | None = None
     """Channel that arms a flight controller; None where low throttle is all that stops the motors."""
     emergency: SwitchChannel | None = None
     """Channel that stops the motors at once; on after a kill."""
-    rest_us: float = CENTER_US
+    rest_us: float = base.CENTER_US
     """Pulse width of all other channels."""
 
     def __post_init__(self) -> None:
@@ -246,7 +239,7 @@ class Calibration:
             if channel is not None
         ]
         used = (pitch.index, roll.index, throttle.index, yaw.index, *(index for index, _ in switches))
-        pulses = [self.rest_us] * (max(*used, len(CHANNEL_NAMES) - 1) + 1)
+        pulses = [self.rest_us] * (max(*used, len(base.CHANNEL_NAMES) - 1) + 1)
         for index, pulse in switches:
             pulses[index] = pulse
         pulses[pitch.index] = pitch.pulse_us(u[0])

@@ -9,14 +9,7 @@ from viser import _messages
 
 from rcopterx.bus import channels
 from rcopterx.ground_station.events import Timeline
-from rcopterx.ground_station.page.controls import (
-    VehicleControls,
-    Waypoints,
-    add_formation_controls,
-    banner,
-    event_list,
-    suggestions,
-)
+from rcopterx.ground_station.page import controls
 from rcopterx.ground_station.page.guard import PageServer
 from rcopterx.ground_station.page.header import Header
 from rcopterx.ground_station.page.history import History
@@ -53,7 +46,9 @@ class PageFrame:
 
     def __init__(self, server: PageServer, name: str, steers: bool = True) -> None:
         self.server, self.steers = server, steers
-        self.header = Header(server, name, steers, banner(name, (), ["waiting for the fleet to come up"]))
+        self.header = Header(
+            server, name, steers, controls.banner(name, (), ["waiting for the fleet to come up"])
+        )
         if steers:
             run_once(server, "space.js")
         limit_drawing(server)
@@ -77,7 +72,7 @@ class FleetPage:
         self._next_text_s = self._next_plot_s = 0.0
         if self.steering is not None:
             frame.header.connect(self.steering)
-            server.gui.add_html(suggestions(fleet.file))
+            server.gui.add_html(controls.suggestions(fleet.file))
         # Browsers build what they receive first: the panel before the scene.
         self._add_tabs(server)
         self.scene = FleetScene(fleet, server, self.steering)
@@ -88,12 +83,12 @@ class FleetPage:
         self.vehicles = {}
         for name in names:
             with tabs.add_tab(name):
-                self.vehicles[name] = VehicleControls(server, self._fleet, name, self.steering)
+                self.vehicles[name] = controls.VehicleControls(server, self._fleet, name, self.steering)
         if self.steering is not None:
             with tabs.add_tab("Formation"):
-                add_formation_controls(server, self._fleet, self.steering)
+                controls.add_formation_controls(server, self._fleet, self.steering)
             with tabs.add_tab("Path"):
-                self.waypoints = Waypoints(server, self._fleet, self.steering)
+                self.waypoints = controls.Waypoints(server, self._fleet, self.steering)
         with tabs.add_tab("Plots"):
             self.plots = Plots(server, names)
         with tabs.add_tab("Events"):
@@ -127,11 +122,11 @@ class FleetPage:
     def _update_text(self, now_s: float, states: Mapping[str, VehicleState]) -> None:
         grounded = not any(state.airborne for state in states.values())
         problems = self._fleet.problems() if grounded else []
-        self._header.state = banner(self._fleet.file.title, states.values(), problems)
+        self._header.state = controls.banner(self._fleet.file.title, states.values(), problems)
         with self._server.atomic():
             for name, state in states.items():
                 self.vehicles[name].show(state)
-            self.events.content = event_list(self.timeline.events, now_s)
+            self.events.content = controls.event_list(self.timeline.events, now_s)
 
     def _sticks(self, name: str) -> tuple[float, ...] | None:
         inbox = self._applied.inboxes.get(name)

@@ -7,17 +7,8 @@ from typing import Any, Final
 import numpy as np
 import viser
 
+from rcopterx.ground_station import geometry
 from rcopterx.ground_station.colours import rgb_colour
-from rcopterx.ground_station.geometry import (
-    NOWHERE,
-    arrow,
-    box_edges,
-    heading_quaternion,
-    link_to,
-    place_beside,
-    plan_segments,
-    polyline,
-)
 from rcopterx.ground_station.page.history import History
 from rcopterx.ground_station.page.steering import Steering
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -58,11 +49,11 @@ class FleetScene:
         low, high = np.array(volume.min_m), np.array(volume.max_m)
         width, depth, _ = (float(value) for value in high - low)
         server.scene.add_grid("/floor", width=width, height=depth, cell_size=0.2, section_size=1.0)
-        server.scene.add_line_segments("/volume", box_edges(low, high), GREY, thickness=0.006)
+        server.scene.add_line_segments("/volume", geometry.box_edges(low, high), GREY, thickness=0.006)
         middle = (low + high) / 2
         server.initial_camera.look_at = tuple(middle)
         server.initial_camera.position = tuple(middle + width * np.array([-0.85, -0.6, 0.4]))
-        self.links = server.scene.add_line_segments("/links", NOWHERE, GREY, thickness=0.006)
+        self.links = server.scene.add_line_segments("/links", geometry.NOWHERE, GREY, thickness=0.006)
         self._vehicles = {
             vehicle.name: VehicleShape(server, vehicle.name, rgb_colour(index), steering)
             for index, vehicle in enumerate(fleet)
@@ -102,13 +93,13 @@ class VehicleShape:
         _add_helicopter(server, name, colour)
         self.label = server.scene.add_label(f"/{name}/name", name, position=(0.0, 0.0, 0.16))
         self.wind = server.scene.add_line_segments(
-            f"/wind_{name}", NOWHERE, DARK, thickness=0.01, visible=False
+            f"/wind_{name}", geometry.NOWHERE, DARK, thickness=0.01, visible=False
         )
         self.uncertainty = server.scene.add_icosphere(
             f"/uncertainty_{name}", 1.0, colour, opacity=0.25, visible=False
         )
-        self.trail = server.scene.add_line_segments(f"/trail_{name}", NOWHERE, GREY, thickness=0.005)
-        self.plan = server.scene.add_line_segments(f"/plan_{name}", NOWHERE, colour, thickness=0.014)
+        self.trail = server.scene.add_line_segments(f"/trail_{name}", geometry.NOWHERE, GREY, thickness=0.005)
+        self.plan = server.scene.add_line_segments(f"/plan_{name}", geometry.NOWHERE, colour, thickness=0.014)
         self.plan_end = server.scene.add_icosphere(f"/plan_end_{name}", 0.03, colour, visible=False)
         self.reference = server.scene.add_icosphere(
             f"/reference_{name}", 0.05, colour, wireframe=True, subdivisions=1, visible=False
@@ -137,9 +128,9 @@ class VehicleShape:
         """Show its trail, plan and reference."""
         if history.newest_s != self._trail_s:
             self._trail_s = history.newest_s
-            self.trail.points = polyline(history.trail_m(TRAIL_S)).astype(np.float32)
+            self.trail.points = geometry.polyline(history.trail_m(TRAIL_S)).astype(np.float32)
         plan = state.plan if state.airborne else None
-        segments = plan_segments(plan).astype(np.float32)
+        segments = geometry.plan_segments(plan).astype(np.float32)
         self.plan.points = segments
         self._set(self.plan_end, visible=plan is not None, position=tuple(segments[-1, 1].tolist()))
         self._set(self.reference, visible=plan is not None and plan.reference is not None)
@@ -159,7 +150,7 @@ class VehicleShape:
         place = state.position_m
         self._set(self.wind, visible=wanted and wind is not None and place is not None)
         if wanted and wind is not None and place is not None:
-            self.wind.points = arrow(place, [WIND_M * value for value in wind]).astype(np.float32)
+            self.wind.points = geometry.arrow(place, [WIND_M * value for value in wind]).astype(np.float32)
 
     def show_uncertainty(self, state: VehicleState, wanted: bool) -> None:
         """Show the uncertainty of the position, if that is wanted and known."""
@@ -178,7 +169,7 @@ class VehicleShape:
         if not state.assigned:
             return state.agent.set_point.position_m
         pose = None if self._leader is None else _pose(self._leader)
-        return None if pose is None else place_beside(state.assigned[0], *pose)
+        return None if pose is None else geometry.place_beside(state.assigned[0], *pose)
 
     def on_drag(self, event: Any) -> None:
         """Send the vehicle to the place where its handle was released."""
@@ -191,7 +182,7 @@ class VehicleShape:
         if not state.assigned:
             steering.go_to(self._name, (x, y, z), state.agent.set_point.yaw_rad)
         elif self._leader is not None and (pose := _pose(self._leader)) is not None:
-            steering.follow(self._name, (link_to(state.assigned[0], (x, y, z), *pose),))
+            steering.follow(self._name, (geometry.link_to(state.assigned[0], (x, y, z), *pose),))
 
 
 def _pose(leader: VehicleState) -> tuple[Point, float] | None:
@@ -206,7 +197,7 @@ def _attitude(state: VehicleState) -> tuple[float, float, float, float]:
     if state.quaternion_xyzw is not None:
         x, y, z, w = state.quaternion_xyzw
         return (w, x, y, z)
-    return heading_quaternion(0.0 if state.agent is None else state.agent.yaw_rad or 0.0)
+    return geometry.heading_quaternion(0.0 if state.agent is None else state.agent.yaw_rad or 0.0)
 
 
 def _links(states: Mapping[str, VehicleState]) -> Array:
@@ -220,7 +211,7 @@ def _links(states: Mapping[str, VehicleState]) -> Array:
         for leader in state.leaders
         if name in places and leader in places
     ]
-    return np.array(ends) if ends else NOWHERE
+    return np.array(ends) if ends else geometry.NOWHERE
 
 
 def _add_helicopter(server: viser.ViserServer, name: str, colour: tuple[int, int, int]) -> None:

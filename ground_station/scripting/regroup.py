@@ -10,15 +10,7 @@ import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
-from rcopterx.agents.formation.topology import (
-    TopologyError,
-    exchanged,
-    formation_of,
-    in_words,
-    line_between,
-    places,
-    roots,
-)
+from rcopterx.agents.formation import topology
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
@@ -36,13 +28,13 @@ Change = Mapping[str, tuple[LeaderLink, ...]]
 
 def swapped(statuses: Mapping[str, AgentStatus], first: str, second: str) -> tuple[Change, dict[str, Array]]:
     """New leaders when two vehicles exchange roles, and all places; RefusedError if one does not fly."""
-    links, heads = formation_of(statuses)
-    where = places(links, heads)
+    links, heads = topology.formation_of(statuses)
+    where = topology.places(links, heads)
     for name in (first, second):
         _expect_flying(statuses, name)
     try:
-        return exchanged(links, where, first, second), where
-    except TopologyError as error:
+        return topology.exchanged(links, where, first, second), where
+    except topology.TopologyError as error:
         raise RefusedError(str(error)) from None
 
 
@@ -61,12 +53,12 @@ def role(links: Sequence[LeaderLink]) -> str:
 def formation_leader(statuses: Mapping[str, AgentStatus], name: str) -> str:
     """The leader of a vehicle's formation; RefusedError if it does not fly, leads, or has several."""
     _expect_flying(statuses, name)
-    links, _ = formation_of(statuses)
-    heads = roots(links, name)
+    links, _ = topology.formation_of(statuses)
+    heads = topology.roots(links, name)
     if heads == (name,):
         raise RefusedError(f"{name} leads already")
     if len(heads) > 1:
-        lines = "; ".join(in_words(line_between(links, name, head)) for head in heads)
+        lines = "; ".join(topology.in_words(topology.line_between(links, name, head)) for head in heads)
         raise RefusedError(f"{name} has several leaders at the head: {lines}; name one of them to swap with")
     return heads[0]
 

@@ -2,26 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
+from rcopterx.bus import requests
 from rcopterx.bus.message import FloatArray, Parameters, Setting
 from rcopterx.bus.messages import LeaderLink, Plan, SetPoint
-from rcopterx.bus.requests import (
-    Arm,
-    Disarm,
-    Fly,
-    Follow,
-    GoTo,
-    KillVehicle,
-    Land,
-    Lead,
-    Reply,
-    Request,
-    ResetKill,
-    StartVehicle,
-    StopVehicle,
-    TakeOff,
-    TakeVehicle,
-    Tune,
-)
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.ground_station.scripting.observer import Observer
@@ -71,19 +54,19 @@ class Vehicle:
 
     def arm(self) -> None:
         """Let the vehicle's agent command its transmitter."""
-        self._request(Arm())
+        self._request(requests.Arm())
 
     def disarm(self) -> None:
         """Keep the throttle low; refused while the vehicle may be in the air."""
-        self._request(Disarm())
+        self._request(requests.Disarm())
 
     def take_off(self, height_m: float = 1.0) -> None:
         """Climb to a height above the floor where the vehicle stands."""
-        self._request(TakeOff(height_m=height_m))
+        self._request(requests.TakeOff(height_m=height_m))
 
     def land(self) -> None:
         """Descend and switch the rotor off."""
-        self._request(Land())
+        self._request(requests.Land())
 
     def go_to(self, position_m: Sequence[float], yaw_rad: float = 0.0) -> None:
         """Fly to a set point in the inertial frame.
@@ -93,7 +76,7 @@ class Vehicle:
         """
         x, y, z = position_m
         set_point = SetPoint(position_m=(float(x), float(y), float(z)), yaw_rad=float(yaw_rad))
-        self._request(GoTo(set_point=set_point))
+        self._request(requests.GoTo(set_point=set_point))
 
     def fly(self, path: FlightPath, wait: bool = False) -> str:
         """Fly a trajectory from `circle`, `figure_eight`, `spiral` or `through`; returns how long it takes.
@@ -106,7 +89,7 @@ class Vehicle:
         RefusedError
             It leaves the flight volume or exceeds the limits of the vehicle; the text says where.
         """
-        answer = self._request(Fly(knots=FloatArray.of(path.knots)))
+        answer = self._request(requests.Fly(knots=FloatArray.of(path.knots)))
         if wait:
             limit_s = path.duration_s + RUN_IN_LIMIT_S
             self._fleet.wait_until(lambda: self._path_left_s() > 0.0, 2.0, "it does not begin", [self.name])
@@ -143,11 +126,11 @@ class Vehicle:
             )
         else:
             following = tuple(leader)
-        return self._request(Follow(following=following, transition_s=transition_s))
+        return self._request(requests.Follow(following=following, transition_s=transition_s))
 
     def lead(self) -> None:
         """Stop following and hold the present position."""
-        self._request(Lead())
+        self._request(requests.Lead())
 
     def tune(
         self,
@@ -168,7 +151,7 @@ class Vehicle:
         RefusedError
             A name or a value is not allowed; the text says which, and what is allowed.
         """
-        request = Tune(
+        request = requests.Tune(
             controller=controller,
             controller_settings=controller_settings,
             estimator=estimator,
@@ -186,7 +169,7 @@ class Vehicle:
         RefusedError
             A parameter is unknown, or no vehicle can have it.
         """
-        return self._request(Tune(model=parameters), TUNING_LIMIT_S)
+        return self._request(requests.Tune(model=parameters), TUNING_LIMIT_S)
 
     def wait_for_phase(self, phase: str, timeout_s: float = 15.0) -> None:
         """Wait for a flight phase; see `Fleet.wait_for_phase`."""
@@ -202,21 +185,23 @@ class Vehicle:
 
     def kill(self, reason: str = "operator") -> None:
         """Cut the motors now; they stay off until `reset`."""
-        self._request(KillVehicle(cause=reason))
+        self._request(requests.KillVehicle(cause=reason))
 
     def reset(self) -> None:
         """Leave KILLED."""
-        self._request(ResetKill())
+        self._request(requests.ResetKill())
 
     def start(self) -> str:
         """Start its agent and keep it running: the vehicle takes part, and stays on the floor."""
-        return self._request_host(self._fleet.file.vehicles[self.name].host, StartVehicle(vehicle=self.name))
+        return self._request_host(
+            self._fleet.file.vehicles[self.name].host, requests.StartVehicle(vehicle=self.name)
+        )
 
     def stop(self) -> str:
         """End its agent: the vehicle leaves the fleet. It must be on the floor."""
         running = [host for host, status in self._fleet.launchers().items() if self.name in status.running]
         host = running[0] if running else self._fleet.file.vehicles[self.name].host
-        return self._request_host(host, StopVehicle(vehicle=self.name))
+        return self._request_host(host, requests.StopVehicle(vehicle=self.name))
 
     def move(self, host: str, timeout_s: float = 20.0) -> None:
         """Move the agent to another host, also in flight: a new agent takes over when it is warm.
@@ -237,22 +222,22 @@ class Vehicle:
             )
         if self.state.host == host:
             return
-        self._request_host(host, TakeVehicle(vehicle=name))
+        self._request_host(host, requests.TakeVehicle(vehicle=name))
         try:
             fleet.wait_until(
                 lambda: self.state.host == host, timeout_s, f"{host} does not take {name} over", [name]
             )
         except NotReachedError:
-            self._request_host(host, StopVehicle(vehicle=name))
+            self._request_host(host, requests.StopVehicle(vehicle=name))
             raise
 
-    def _request_host(self, host: str, request: Request) -> str:
+    def _request_host(self, host: str, request: requests.Request) -> str:
         return self._accepted(self._fleet.session.request(host, request, HOST_PATIENCE_S, HOST_PATIENCE_S))
 
-    def _request(self, request: Request, timeout_s: float = ANSWER_S) -> str:
+    def _request(self, request: requests.Request, timeout_s: float = ANSWER_S) -> str:
         return self._accepted(self._fleet.session.request(self.name, request, timeout_s))
 
-    def _accepted(self, reply: Reply) -> str:
+    def _accepted(self, reply: requests.Reply) -> str:
         if not reply.accepted:
             raise RefusedError(f"{self.name}: {reply.reason}")
         return reply.reason

@@ -6,22 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rcopterx.transmitter_gateway.protocols.base import (
-    TEN_BIT_RANGE_US,
-    DecodedFrame,
-    FrameDecodeError,
-    FrameFlags,
-    OneWayRadio,
-    ProtocolError,
-    SerialLine,
-    ten_bit_count,
-    ten_bit_pulse_us,
-)
+from rcopterx.transmitter_gateway.protocols import base
 
 CHANNEL_COUNT = 6
 FRAME_LENGTH = 2 + 2 * CHANNEL_COUNT
 PERIOD_S = 0.022
-LINE = SerialLine(125_000)
+LINE = base.SerialLine(125_000)
 FAMILIES = {"lp": 0x00, "dsm2": 0x10, "dsmx": 0x18}
 BIND = 0x80
 RANGE_CHECK = 0x20
@@ -44,10 +34,12 @@ class Dsm2Settings:
 
     def __post_init__(self) -> None:
         if not 0 <= self.model <= 63:
-            raise ProtocolError(f"dsm2_serial.model: {self.model} is outside 0..63")
+            raise base.ProtocolError(f"dsm2_serial.model: {self.model} is outside 0..63")
         if self.family not in FAMILIES:
             allowed = ", ".join(FAMILIES)
-            raise ProtocolError(f"dsm2_serial.family: {self.family!r} is unknown, choose one of {allowed}")
+            raise base.ProtocolError(
+                f"dsm2_serial.family: {self.family!r} is unknown, choose one of {allowed}"
+            )
 
 
 def encode_counts(header: int, model: int, counts: Sequence[int]) -> bytes:
@@ -58,7 +50,7 @@ def encode_counts(header: int, model: int, counts: Sequence[int]) -> bytes:
     return bytes(frame)
 
 
-class Dsm2SerialProtocol(OneWayRadio):
+class Dsm2SerialProtocol(base.OneWayRadio):
     """Driver of a bare radio board.
 
     The board answers nothing and is assumed to repeat its last frame for ever, so silence stops no motor. It
@@ -69,34 +61,38 @@ class Dsm2SerialProtocol(OneWayRadio):
     offers: ClassVar[frozenset[str]] = frozenset({"bind", "range_check"})
     binds_at_power_up: ClassVar[bool] = True
 
-    def __init__(self, settings: Dsm2Settings | None = None, line: SerialLine = LINE) -> None:
+    def __init__(self, settings: Dsm2Settings | None = None, line: base.SerialLine = LINE) -> None:
         self.settings = settings or Dsm2Settings()
         self.line = line
         self.channel_count = CHANNEL_COUNT
-        self.pulse_range_us = TEN_BIT_RANGE_US
+        self.pulse_range_us = base.TEN_BIT_RANGE_US
         self.minimum_interval_s = PERIOD_S
         self.keepalive_s = PERIOD_S
 
-    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
+    def _frame(self, pulses_us: list[float], flags: base.FrameFlags) -> bytes:
         """Build a frame; bind and range check exclude each other."""
         if flags.bind and flags.range_check:
-            raise ProtocolError("dsm2_serial: bind and range check cannot be asked for together")
+            raise base.ProtocolError("dsm2_serial: bind and range check cannot be asked for together")
         header = FAMILIES[self.settings.family]
         header |= (BIND if flags.bind else 0) | (RANGE_CHECK if flags.range_check else 0)
-        counts = [ten_bit_count(pulse) for pulse in pulses_us]
+        counts = [base.ten_bit_count(pulse) for pulse in pulses_us]
         return encode_counts(header, self.settings.model, counts)
 
-    def decode(self, frame: bytes) -> DecodedFrame:
+    def decode(self, frame: bytes) -> base.DecodedFrame:
         """Read a channel frame back; raises `FrameDecodeError` if it is no complete one."""
         if len(frame) != FRAME_LENGTH:
-            raise FrameDecodeError(f"dsm2_serial: frame of {len(frame)} bytes, {FRAME_LENGTH} are needed")
+            raise base.FrameDecodeError(
+                f"dsm2_serial: frame of {len(frame)} bytes, {FRAME_LENGTH} are needed"
+            )
         if frame[0] & ~(BIND | RANGE_CHECK) not in FAMILIES.values():
-            raise FrameDecodeError(f"dsm2_serial: unknown header 0x{frame[0]:02X}")
+            raise base.FrameDecodeError(f"dsm2_serial: unknown header 0x{frame[0]:02X}")
         pulses = []
         for index in range(CHANNEL_COUNT):
             word = int.from_bytes(frame[2 + 2 * index : 4 + 2 * index], "big")
             if word >> 10 != index:
-                raise FrameDecodeError(f"dsm2_serial: word {index + 1} says it is channel {(word >> 10) + 1}")
-            pulses.append(ten_bit_pulse_us(word & 0x3FF))
-        flags = FrameFlags(bind=bool(frame[0] & BIND), range_check=bool(frame[0] & RANGE_CHECK))
-        return DecodedFrame(tuple(pulses), flags)
+                raise base.FrameDecodeError(
+                    f"dsm2_serial: word {index + 1} says it is channel {(word >> 10) + 1}"
+                )
+            pulses.append(base.ten_bit_pulse_us(word & 0x3FF))
+        flags = base.FrameFlags(bind=bool(frame[0] & BIND), range_check=bool(frame[0] & RANGE_CHECK))
+        return base.DecodedFrame(tuple(pulses), flags)

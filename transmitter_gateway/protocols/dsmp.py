@@ -6,22 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rcopterx.transmitter_gateway.protocols.base import (
-    CENTER_US,
-    TEN_BIT_RANGE_US,
-    TEN_BIT_US,
-    DecodedFrame,
-    FrameDecodeError,
-    FrameFlags,
-    ModuleStatus,
-    OneWayRadio,
-    ProtocolError,
-    SerialLine,
-    ten_bit_count,
-    ten_bit_pulse_us,
-)
+from rcopterx.transmitter_gateway.protocols import base
 
-LINE = SerialLine(115_200)
+LINE = base.SerialLine(115_200)
 FIRMWARE_1_PERIOD_S = 0.02206
 FIRMWARE_2_PERIOD_S = 0.011
 
@@ -67,9 +54,9 @@ class DsmpSettings:
 
     def __post_init__(self) -> None:
         if not 0 <= self.model <= 255:
-            raise ProtocolError(f"dsmp.model: {self.model} is outside 0..255")
+            raise base.ProtocolError(f"dsmp.model: {self.model} is outside 0..255")
         if not 3 <= self.channels <= 12:
-            raise ProtocolError(f"dsmp.channels: {self.channels} is outside 3..12")
+            raise base.ProtocolError(f"dsmp.channels: {self.channels} is outside 3..12")
 
     @property
     def mode(self) -> int:
@@ -77,7 +64,7 @@ class DsmpSettings:
         return self.dsmx * DSMX | self.eleven_ms * FAST | self.eleven_bit * ELEVEN_BIT
 
 
-class DsmpProtocol(OneWayRadio):
+class DsmpProtocol(base.OneWayRadio):
     """Driver of a DSMP module: every `encode` gives the next frame of its schedule.
 
     A set-up frame comes first, then every 100 channel frames, and at once when power or bind change. On
@@ -87,12 +74,12 @@ class DsmpProtocol(OneWayRadio):
     name: ClassVar[str] = "dsmp"
     offers: ClassVar[frozenset[str]] = frozenset({"bind", "range_check"})
 
-    def __init__(self, settings: DsmpSettings | None = None, line: SerialLine = LINE) -> None:
+    def __init__(self, settings: DsmpSettings | None = None, line: base.SerialLine = LINE) -> None:
         self.settings = settings or DsmpSettings()
         self.line = line
         self.channel_count = self.settings.channels
-        self.pulse_range_us = TEN_BIT_RANGE_US
-        self._decoded = [CENTER_US] * (2 * WORDS)
+        self.pulse_range_us = base.TEN_BIT_RANGE_US
+        self._decoded = [base.CENTER_US] * (2 * WORDS)
         self._forget()
 
     def _forget(self) -> None:
@@ -112,7 +99,7 @@ class DsmpProtocol(OneWayRadio):
         super().link_opened(now_s)
         self._forget()
 
-    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
+    def _frame(self, pulses_us: list[float], flags: base.FrameFlags) -> bytes:
         if flags.bind and not self._bind_requested:
             self._binding = True
         self._bind_requested = flags.bind
@@ -127,13 +114,13 @@ class DsmpProtocol(OneWayRadio):
         self._pass = 2 if self._pass == 1 and self.channel_count > WORDS else 1
         return frame
 
-    def _setup_every(self, flags: FrameFlags) -> int:
+    def _setup_every(self, flags: base.FrameFlags) -> int:
         if flags.bind:
             return 1
         fast = self._firmware == 1 and self._setups_sent < FIRMWARE_1_SETUPS
         return FIRMWARE_1_SETUP_EVERY if fast else SETUP_EVERY
 
-    def _setup_frame(self, flags: FrameFlags) -> bytes:
+    def _setup_frame(self, flags: base.FrameFlags) -> bytes:
         settings = self.settings
         mode = BIND_AUTO if flags.bind else settings.mode
         power = RANGE_CHECK_POWER if flags.range_check else NORMAL_POWER
@@ -149,13 +136,15 @@ class DsmpProtocol(OneWayRadio):
 
     def _word(self, index: int, pulse_us: float) -> int:
         if not self.settings.eleven_bit:
-            return index << 10 | ten_bit_count(pulse_us)
-        return index << 11 | min(max(round(1024 + 2 * (pulse_us - CENTER_US) / TEN_BIT_US), 0), 2047)
+            return index << 10 | base.ten_bit_count(pulse_us)
+        return index << 11 | min(
+            max(round(1024 + 2 * (pulse_us - base.CENTER_US) / base.TEN_BIT_US), 0), 2047
+        )
 
-    def decode(self, frame: bytes) -> DecodedFrame:
+    def decode(self, frame: bytes) -> base.DecodedFrame:
         """Read a channel frame back, together with the last frame of the other pass."""
         if len(frame) != CHANNELS_LENGTH or frame[0] != START or frame[1] not in (1, 2):
-            raise FrameDecodeError("dsmp: not a channel frame")
+            raise base.FrameDecodeError("dsmp: not a channel frame")
         bits = 11 if self.settings.eleven_bit else 10
         for place in range(WORDS):
             word = int.from_bytes(frame[2 + 2 * place : 4 + 2 * place], "big")
@@ -163,10 +152,10 @@ class DsmpProtocol(OneWayRadio):
                 continue
             index = word >> bits
             if index != (frame[1] - 1) * WORDS + place:
-                raise FrameDecodeError(f"dsmp: word {place + 1} says it is channel {index + 1}")
+                raise base.FrameDecodeError(f"dsmp: word {place + 1} says it is channel {index + 1}")
             count = word & ((1 << bits) - 1)
-            self._decoded[index] = ten_bit_pulse_us(count / 2 if bits == 11 else count)
-        return DecodedFrame(tuple(self._decoded[: self.channel_count]))
+            self._decoded[index] = base.ten_bit_pulse_us(count / 2 if bits == 11 else count)
+        return base.DecodedFrame(tuple(self._decoded[: self.channel_count]))
 
     def receive(self, data: bytes, now_s: float) -> None:  # noqa: ARG002 - the interface gives the time
         """Parse answers: bind result, version, telemetry, debug text."""
@@ -198,8 +187,8 @@ class DsmpProtocol(OneWayRadio):
         if major >= 2:
             self.minimum_interval_s = self.keepalive_s = FIRMWARE_2_PERIOD_S
 
-    def status(self, now_s: float) -> ModuleStatus:
+    def status(self, now_s: float) -> base.ModuleStatus:
         """Ready after the settling time; the module has no periodic status."""
         status = super().status(now_s)
         text = status.text if self._version is None else f"module {self._version}"
-        return ModuleStatus(status.ready and not self._binding, self._binding, text)
+        return base.ModuleStatus(status.ready and not self._binding, self._binding, text)

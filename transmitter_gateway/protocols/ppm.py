@@ -5,16 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rcopterx.transmitter_gateway.protocols.base import (
-    DecodedFrame,
-    FrameDecodeError,
-    FrameFlags,
-    OneWayRadio,
-    ProtocolError,
-    SerialLine,
-)
+from rcopterx.transmitter_gateway.protocols import base
 
-LINE = SerialLine(115_200)
+LINE = base.SerialLine(115_200)
 PULSE_RANGE_US = (800.0, 2200.0)
 SHORTEST_GAP_S = 1e-3
 # The pulses of ppm-gen stop 100 ms after the last packet; the trainer signal itself repeats every 20 ms.
@@ -40,9 +33,11 @@ class PpmSettings:
 
     def __post_init__(self) -> None:
         if not 4 <= self.channels <= 8:
-            raise ProtocolError(f"ppm.channels: {self.channels} is outside 4..8")
+            raise base.ProtocolError(f"ppm.channels: {self.channels} is outside 4..8")
         if sorted(self.order) != sorted("TAER"):
-            raise ProtocolError(f"ppm.order: {self.order!r} must be an arrangement of the letters T, A, E, R")
+            raise base.ProtocolError(
+                f"ppm.order: {self.order!r} must be an arrangement of the letters T, A, E, R"
+            )
 
     @property
     def places(self) -> tuple[int, ...]:
@@ -50,13 +45,13 @@ class PpmSettings:
         return (*("TAER".index(letter) for letter in self.order), *range(4, self.channels))
 
 
-class PpmGenProtocol(OneWayRadio):
+class PpmGenProtocol(base.OneWayRadio):
     """Driver of an Arduino with ppm-gen, for a radio that binds, checks range and sets power itself."""
 
     name: ClassVar[str] = "ppm"
     offers: ClassVar[frozenset[str]] = frozenset()
 
-    def __init__(self, settings: PpmSettings | None = None, line: SerialLine = LINE) -> None:
+    def __init__(self, settings: PpmSettings | None = None, line: base.SerialLine = LINE) -> None:
         self.settings = settings or PpmSettings()
         self.line = line
         self.channel_count = self.settings.channels
@@ -64,7 +59,7 @@ class PpmGenProtocol(OneWayRadio):
         self.minimum_interval_s = line.duration_s(5 + 2 * self.channel_count) + SHORTEST_GAP_S
         self.keepalive_s = KEEPALIVE_S
 
-    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:  # noqa: ARG002 - it has none
+    def _frame(self, pulses_us: list[float], flags: base.FrameFlags) -> bytes:  # noqa: ARG002 - it has none
         values = [pulses_us[place] for place in self.settings.places]
         packet = bytearray((STX, 5 + 2 * len(values), SERVO_POSITIONS))
         for value in values:
@@ -72,17 +67,17 @@ class PpmGenProtocol(OneWayRadio):
         packet += bytes((sum(packet) & 0xFF, ETX))
         return bytes(packet)
 
-    def decode(self, frame: bytes) -> DecodedFrame:
+    def decode(self, frame: bytes) -> base.DecodedFrame:
         """Read a channel frame back; raises `FrameDecodeError` if it is no complete one."""
         if len(frame) != 5 + 2 * self.channel_count or frame[1] != len(frame):
-            raise FrameDecodeError(
+            raise base.FrameDecodeError(
                 f"ppm: packet of {len(frame)} bytes, {5 + 2 * self.channel_count} are needed"
             )
         if (frame[0], frame[2], frame[-1]) != (STX, SERVO_POSITIONS, ETX):
-            raise FrameDecodeError("ppm: packet without its marks")
+            raise base.FrameDecodeError("ppm: packet without its marks")
         if sum(frame[:-2]) & 0xFF != frame[-2]:
-            raise FrameDecodeError("ppm: wrong sum")
+            raise base.FrameDecodeError("ppm: wrong sum")
         pulses_us = [0.0] * self.channel_count
         for number, place in enumerate(self.settings.places):
             pulses_us[place] = int.from_bytes(frame[3 + 2 * number : 5 + 2 * number], "little")
-        return DecodedFrame(tuple(pulses_us))
+        return base.DecodedFrame(tuple(pulses_us))

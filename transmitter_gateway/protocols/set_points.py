@@ -10,23 +10,10 @@ from typing import ClassVar
 
 from msgspec import Struct
 
-from rcopterx.transmitter_gateway.protocols.base import (
-    AILERON,
-    CENTER_US,
-    CHANNEL_NAMES,
-    ELEVATOR,
-    GEAR,
-    RUDDER,
-    THROTTLE,
-    FrameFlags,
-    ModuleStatus,
-    ProtocolError,
-    RadioProtocol,
-    SerialLine,
-)
+from rcopterx.transmitter_gateway.protocols import base
 
 FULL_STICK_US = 400.0
-LOW_US = CENTER_US - FULL_STICK_US
+LOW_US = base.CENTER_US - FULL_STICK_US
 
 
 class SetPoint(Struct, frozen=True):
@@ -51,16 +38,16 @@ class FullStick:
         for field, highest in (("full_tilt_deg", 60.0), ("full_yaw_rate_deg_s", 720.0)):
             value = getattr(self, field)
             if not 0 < value <= highest:
-                raise ProtocolError(f"{field}: {value} must be positive and at most {highest:g}")
+                raise base.ProtocolError(f"{field}: {value} must be positive and at most {highest:g}")
 
     def set_point(self, pulses_us: Sequence[float]) -> SetPoint:
         """Set point of throttle, aileron, elevator and rudder [us]."""
         tilt, yaw_rate = self.full_tilt_deg / FULL_STICK_US, self.full_yaw_rate_deg_s / FULL_STICK_US
-        thrust = (pulses_us[THROTTLE] - LOW_US) / (2 * FULL_STICK_US)
+        thrust = (pulses_us[base.THROTTLE] - LOW_US) / (2 * FULL_STICK_US)
         return SetPoint(
-            tilt * (pulses_us[AILERON] - CENTER_US),
-            -tilt * (pulses_us[ELEVATOR] - CENTER_US),
-            yaw_rate * (pulses_us[RUDDER] - CENTER_US),
+            tilt * (pulses_us[base.AILERON] - base.CENTER_US),
+            -tilt * (pulses_us[base.ELEVATOR] - base.CENTER_US),
+            yaw_rate * (pulses_us[base.RUDDER] - base.CENTER_US),
             min(max(thrust, 0.0), 1.0),
         )
 
@@ -69,14 +56,14 @@ class FullStick:
         tilt, yaw_rate = self.full_tilt_deg / FULL_STICK_US, self.full_yaw_rate_deg_s / FULL_STICK_US
         return (
             LOW_US + point.thrust * 2 * FULL_STICK_US,
-            CENTER_US + point.roll_deg / tilt,
-            CENTER_US - point.pitch_deg / tilt,
-            CENTER_US + point.yaw_rate_deg_s / yaw_rate,
-            CENTER_US + (FULL_STICK_US if armed else -FULL_STICK_US),
+            base.CENTER_US + point.roll_deg / tilt,
+            base.CENTER_US - point.pitch_deg / tilt,
+            base.CENTER_US + point.yaw_rate_deg_s / yaw_rate,
+            base.CENTER_US + (FULL_STICK_US if armed else -FULL_STICK_US),
         )
 
 
-class SetPointRadio(RadioProtocol):
+class SetPointRadio(base.RadioProtocol):
     """Driver of one vehicle that gets set points and reports its state; the arming channel arms it."""
 
     offers: ClassVar[frozenset[str]] = frozenset({"kill"})
@@ -84,11 +71,11 @@ class SetPointRadio(RadioProtocol):
     settings: FullStick  # how channels become set points
     local_port: int = 0  # UDP port that its frames are sent from, 0 for any
 
-    def __init__(self, settings: FullStick, line: SerialLine, remembered: int) -> None:
+    def __init__(self, settings: FullStick, line: base.SerialLine, remembered: int) -> None:
         self.settings = settings
         self.line = line
-        self.channel_count = len(CHANNEL_NAMES)
-        self.pulse_range_us = (CENTER_US - 500.0, CENTER_US + 500.0)
+        self.channel_count = len(base.CHANNEL_NAMES)
+        self.pulse_range_us = (base.CENTER_US - 500.0, base.CENTER_US + 500.0)
         self.minimum_interval_s = 0.004
         # A little above the command period.
         self.keepalive_s = 0.025
@@ -98,8 +85,8 @@ class SetPointRadio(RadioProtocol):
         self._opened = False
         self._answers: deque[bool] = deque(maxlen=remembered)
 
-    def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
-        armed = pulses_us[GEAR] > CENTER_US and not flags.kill
+    def _frame(self, pulses_us: list[float], flags: base.FrameFlags) -> bytes:
+        armed = pulses_us[base.GEAR] > base.CENTER_US and not flags.kill
         point = self.settings.set_point(pulses_us) if armed else SetPoint()
         return self._set_point_frame(point, armed=armed, kill=flags.kill)
 
@@ -125,16 +112,16 @@ class SetPointRadio(RadioProtocol):
         self.voltage_v, self.remark = None, ""
         self._answers.clear()
 
-    def status(self, now_s: float) -> ModuleStatus:
+    def status(self, now_s: float) -> base.ModuleStatus:
         """Ready when the firmware would fly; the text has battery and share of packets that arrived."""
         problem = self._problem(now_s) if self._opened else "port not open"
         if problem is not None:
-            return ModuleStatus(False, False, problem)
+            return base.ModuleStatus(False, False, problem)
         # The answer to the newest request may be on its way.
         judged = [*self._answers][:-1] or [True]
         link = f"link {100 * sum(judged) / len(judged):.0f} %"
         battery = "" if self.voltage_v is None else f"{self.voltage_v:.2f} V, "
-        return ModuleStatus(True, False, f"ready, {battery}{link}{self.remark}")
+        return base.ModuleStatus(True, False, f"ready, {battery}{link}{self.remark}")
 
     @abstractmethod
     def _problem(self, now_s: float) -> str | None:
