@@ -31,7 +31,7 @@ TRAJECTORY_CHECKED: Final = "trajectory_checked"  # event of the thread that che
 def build_pilot(settings: AgentSettings) -> Pilot:
     """Return the pilot of the settings; `ValueError` for a name or a setting that does not exist."""
     parts = settings.configuration.parts(settings.model, settings.period_s)
-    return Pilot(
+    pilot = Pilot(
         parts.model,
         parts.controller,
         parts.estimator,
@@ -44,6 +44,8 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         parts.default_estimator,
         settings.hover_thrust_limits,
     )
+    pilot.cooperation.vehicle = settings.vehicle
+    return pilot
 
 
 class AgentParts:
@@ -89,3 +91,5 @@ class AgentParts:
         self.relief = LoadRelief(bus, settings.period_s, self.pacing, self.traffic, launcher, processor_clock)
         self.handover = Handover(bus, settings, self.lease, pilot, self.tuning)
         self.lease_answers = bus.subscribe(channels.LEASE, vehicle, depth=16)
+        # Schemes
+        self.scheme_messages = bus.subscribe_all(channels.SCHEME, waking=False)

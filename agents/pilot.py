@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rcopterx.agents.cooperation import Cooperation, Heard, Sent
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.inputs import BumplessTransfer, InputHistory, as_sent
@@ -40,6 +41,7 @@ CONTROLLER_REPLACED: Final = "controller_replaced"  # counted when the default o
 
 _INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)  # phases that show whether it follows its sticks
 _NO_NEIGHBOURS: Mapping[str, Neighbour] = MappingProxyType({})
+_SILENCE: Mapping[str, Heard] = MappingProxyType({})
 
 
 class StampedMeasurement(Struct, frozen=True):
@@ -60,6 +62,7 @@ class ControlOutput(Struct, frozen=True):
     start_s: float
     reference: Array | None  # first stage of the reference: x, y, z [m], yaw [rad]; None on the floor
     nominal: Trajectory | None = None  # stages of the undisturbed reference; None on the floor
+    sent: Sent | None = None  # message of a scheme to other vehicles
 
 
 class Pilot:
@@ -88,6 +91,8 @@ class Pilot:
         self.vehicle_watch = VehicleWatch(model, hover_thrust_limits, controller.period_s)
         self.exciter = Exciter()
         self.clock = FleetClock()
+        self.cooperation = Cooperation(guidance, self.step_guard, self.clock)
+        self.cooperation.use(controller)
         self.input_history = InputHistory(np.zeros(INPUT_SIZE))
         self.fallbacks: Counter[str] = Counter()
         self.sequence = 0
@@ -248,6 +253,7 @@ class Pilot:
     def use_controller(self, controller: Controller) -> None:
         """Change to another controller, which starts from the input applied last."""
         self.controller, self.controller_replaced = controller, False
+        self.cooperation.use(controller)
         self.step_guard.calls.failure = ""
         self._begin_transfer()
         self._flown_by_controller = False
@@ -276,7 +282,10 @@ class Pilot:
             self._transfer.begin()
 
     def control(
-        self, plans: Mapping[str, LeaderPlan], neighbours: Mapping[str, Neighbour] = _NO_NEIGHBOURS
+        self,
+        plans: Mapping[str, LeaderPlan],
+        neighbours: Mapping[str, Neighbour] = _NO_NEIGHBOURS,
+        heard: Mapping[str, Heard] = _SILENCE,
     ) -> ControlOutput:
         """Compute command and plan of the present control period, always finite and within the limits."""
         self.sequence += 1
@@ -303,6 +312,8 @@ class Pilot:
             self._flown_by_controller = True
         if not self.avoidance.update(controller, neighbours, self.plan, guidance.followable, delay_s):
             self.fallbacks["cannot_avoid"] += 1
+        self.cooperation.begin_period(estimate, reference)
+        sent = self.cooperation.exchange(heard)
         step = self.step_guard.step(controller, estimate, reference, last_input)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
@@ -314,7 +325,7 @@ class Pilot:
         command, self._planned = inputs[0], inputs[1:]
         self._check_vehicle(command, time_s)
         self._record_input(command)
-        return ControlOutput(command, self._planned, step.plan, delay_s, self.reference, nominal)
+        return ControlOutput(command, self._planned, step.plan, delay_s, self.reference, nominal, sent)
 
     def fly_as_planned(self) -> None:
         """Leave out a control period: the transmitter gateway plays the input planned for it."""

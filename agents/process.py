@@ -11,6 +11,7 @@ from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, AgentParts
 from rcopterx.agents.guards.time_limit import AlarmTimeLimit, NotedTimeLimit, TimeLimit
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter, command_message, plan_message, timing_of
+from rcopterx.agents.scheme_messages import newest_messages, scheme_message
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.bus import channels
 from rcopterx.bus.clock import Clock
@@ -192,13 +193,18 @@ class Agent:
         motion, actuator, disturbance, _ = pilot.estimate
         estimate = [*motion.tolist(), *actuator.tolist(), *disturbance.tolist()]
         began_s = self._stopwatch()
-        output = pilot.control(plans, parts.traffic.neighbours(pilot.clock, plans))
+        heard = newest_messages(parts.scheme_messages.inboxes, pilot.cooperation)
+        output = pilot.control(plans, parts.traffic.neighbours(pilot.clock, plans), heard)
         ready_s = self._stopwatch()
         parts.solve.add(ready_s - began_s)
         return output, estimate, timing_of(self._settings, pilot, parts.observation.seen, began_s, ready_s)
 
     def _publish(self, output: ControlOutput, timing: CommandTiming | None) -> None:
-        """Publish command and plan."""
+        """Publish command, plan, and message of a scheme."""
+        if output.sent is not None:
+            vehicle, clock = self._settings.vehicle, self._pilot.clock
+            message = scheme_message(output.sent, vehicle, clock.epoch, clock.current_frame)
+            self._bus.publish(channels.SCHEME, vehicle, message)
         # Followers wait for the plan of a leader, so that goes first; followers send the command first.
         if self._pilot.guidance.follows:
             self._publish_command(output, timing)

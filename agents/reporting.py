@@ -213,7 +213,11 @@ def diagnostics_of(
         ),
         estimator_events=dict(pilot.estimator.events),
         rejected=_summed(
-            parts.observation.rejected, parts.plans.rejected, parts.traffic.rejected, parts.external.rejected
+            parts.observation.rejected,
+            parts.plans.rejected,
+            parts.traffic.rejected,
+            parts.external.rejected,
+            pilot.cooperation.rejected,
         ),
         avoiding_ticks=pilot.avoidance.ticks,
         closest_plan_m=pilot.avoidance.closest_m,

@@ -18,12 +18,13 @@ from rcopterx.bus.keys import (
     request_key,
 )
 from rcopterx.bus.message import SCHEMA_VERSION, Message
+from rcopterx.bus.scheme_message import SchemeMessage
 
 __all__ = [
     "AGENT_STATUS", "AGENT_STEPS", "ANSWERED", "APPLIED", "BEAT", "CHANNELS", "COMMAND", "CONTROL_TASK",
     "DATA_HIGH", "DATA_LOW", "EVERY_FLEET", "EXTERNAL_INPUT", "FIXED_UNITS", "FLEET_UNIT", "INTENT",
     "INTERACTIVE_HIGH", "KILL", "LABORATORY", "LAUNCHER", "LAUNCHER_EVENT", "LEASE", "LEASE_BID", "PLAN",
-    "POSE", "REAL_TIME", "RECORDER", "ROOT", "ROUTER_STATUS", "SIMULATOR_UNIT", "TRACKER_STATUS",
+    "POSE", "REAL_TIME", "RECORDER", "ROOT", "ROUTER_STATUS", "SCHEME", "SIMULATOR_UNIT", "TRACKER_STATUS",
     "TRACKER_UNIT", "TRANSMITTER_STATUS", "Channel", "key", "request_key",
 ]  # fmt: skip
 
@@ -56,6 +57,7 @@ class Channel(Generic[M]):
 
 POSE: Final = Channel("pose", messages.Pose, "vehicle", "vicon_gateway", 50, 0.04, REAL_TIME)
 PLAN: Final = Channel("plan", messages.Plan, "vehicle", "agent", 50, 0.1, INTERACTIVE_HIGH)
+SCHEME: Final = Channel("scheme", SchemeMessage, "vehicle", "agent", 50, 1.0, INTERACTIVE_HIGH)
 COMMAND: Final = Channel("command", messages.Command, "vehicle", "agent", 50, 0.06, REAL_TIME)
 LEASE_BID: Final = Channel("lease_bid", messages.LeaseBid, "vehicle", "agent", 0, 1.0, REAL_TIME)
 LEASE: Final = Channel("lease", messages.Lease, "vehicle", "transmitter_gateway", 0, 1.0, REAL_TIME)
@@ -89,7 +91,8 @@ RECORDER: Final = Channel("recorder", log_messages.RecorderStatus, "host", "reco
 
 FIXED_UNITS: Final = (TRACKER_UNIT, SIMULATOR_UNIT, FLEET_UNIT)
 CHANNELS: Final[tuple[Channel[Message], ...]] = (
-    POSE, PLAN, COMMAND, LEASE_BID, LEASE, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS, INTENT,
+    POSE, PLAN, SCHEME, COMMAND, LEASE_BID, LEASE, APPLIED, CONTROL_TASK, EXTERNAL_INPUT, AGENT_STATUS,
+    INTENT,
     TRANSMITTER_STATUS, TRACKER_STATUS, LABORATORY, LAUNCHER, BEAT, ROUTER_STATUS, KILL, ANSWERED,
     LAUNCHER_EVENT, RECORDER, AGENT_STEPS,
 )  # type: ignore[assignment]  # fmt: skip  # a tuple of differently typed rows

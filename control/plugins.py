@@ -1,10 +1,10 @@
 """Controllers and estimators by name: the built-in ones and those that installed packages add.
 
-A package adds a controller through the entry-point group `rcopterx.controllers`, an estimator through
-`rcopterx.estimators`; the entry point names a class with an attribute `Settings` (a `ControllerSettings` type
-for a controller, a `msgspec.Struct` type for an estimator), built from (model, period_s, settings). For an
-estimator, `period_s` is the nominal time between calls of `predict`. Its module is imported only when it is
-needed, so that agents start quickly.
+A package adds a controller through the entry-point group `rcopterx.controllers`, a scheme through
+`rcopterx.schemes`, an estimator through `rcopterx.estimators`; the entry point names a class with an
+attribute `Settings` (a `ControllerSettings` type for a controller, else a `msgspec.Struct` type), built from
+(model, period_s, settings). For an estimator, `period_s` is the nominal time between calls of `predict`. Its
+module is imported only when it is needed, so that agents start quickly.
 """
 
 import math
@@ -17,6 +17,7 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 import msgspec
 
 from rcopterx.control.interfaces import Controller, Estimator
+from rcopterx.control.schemes.interface import Scheme
 from rcopterx.vehicles.model import Model
 
 
@@ -74,7 +75,7 @@ class PartClass(Protocol[Built]):
 class Registry(Generic[Part]):
     """Classes of one kind by name; a class is imported on its first use."""
 
-    kind: str  # `controller` or `estimator`, for error messages
+    kind: str  # `controller`, `estimator` or `scheme`, for error messages
     entry_point_group: str  # group of entry points by which packages add classes
     # modules and classes that work without installed metadata: `package.module:Class`
     built_in: Mapping[str, str]
@@ -145,3 +146,19 @@ ESTIMATORS: Final = Registry[Estimator](
         "kalman": "rcopterx.control.estimators.kalman:KalmanEstimator",
     },
 )
+SCHEMES: Final = Registry[Scheme](
+    "scheme",
+    "rcopterx.schemes",
+    {
+        "admm": "rcopterx.control.schemes.admm:AdmmScheme",
+        "consensus": "rcopterx.control.schemes.consensus:ConsensusScheme",
+        "distributed_lqr": "rcopterx.control.schemes.distributed_lqr:DistributedLqrScheme",
+        "event_triggered": "rcopterx.control.schemes.event_triggered:EventTriggeredScheme",
+        "on_demand": "rcopterx.control.schemes.on_demand:OnDemandScheme",
+    },
+)
+
+
+def flying(name: str) -> Registry[Any]:
+    """Return the registry of a controller or scheme; that of controllers for an unknown name."""
+    return SCHEMES if name in SCHEMES.available() else CONTROLLERS

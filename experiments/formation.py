@@ -148,7 +148,7 @@ def fly_formation(
 ) -> Flown:
     """Fly the sequence once."""
     vehicles = formation(scheme, conditions, seed)
-    rig = Rig(vehicles, conditions, seed, RigOptions(previous_frame=scheme.previous_frame))
+    rig = Rig(vehicles, conditions, seed, RigOptions(scheme.links))
     record = rig.fly((len(slots) + 2) * SLOT_S, events(slots), progress)
     return Flown(
         record.formation_error_m(SETTLED_S),

@@ -5,29 +5,37 @@ the pilots are built as the agent process builds them. Plans go from leaders to 
 as on the bus. Same vehicles, conditions, events and seed, same flight.
 """
 
-from collections import Counter, deque
+import time
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from typing import Final
 
 import numpy as np
+from msgspec.structs import replace
 
 from rcopterx.agents.assembly import build_pilot
+from rcopterx.agents.cooperation import Heard, Sent
 from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import target_link
 from rcopterx.agents.formation.profile_limits import profile_limits_of
-from rcopterx.agents.formation.topology import leaders_of
+from rcopterx.agents.guards.step_guard import hovering_input
 from rcopterx.agents.pilot import OCCLUDED, ControlOutput, Pilot, StampedMeasurement
+from rcopterx.agents.scheme_messages import heard, scheme_message
+from rcopterx.agents.separation.avoidance import Neighbour
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import DEFAULT_ESTIMATOR, Configuration
 from rcopterx.agents.tuning.guard import OscillationGuard
+from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.bus.scheme_message import SchemeMessage
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.identification.recording import FlightLog
 from rcopterx.control.interfaces import Measurement
 from rcopterx.experiments.events import Event, Scene
+from rcopterx.experiments.network import PERFECT, LinkQuality, Network
 from rcopterx.experiments.record import FlightRecord, Recorder
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
@@ -78,15 +86,25 @@ class RigOptions:
 
     Attributes
     ----------
-    previous_frame
-        Followers get their leaders' plans of the previous control period instead of the present one.
+    links
+        How plans and messages of schemes travel between vehicles.
+    avoid
+        Controllers keep clear of the plans of all other vehicles, if they can.
+    killed
+        From when to when agents do not run, by vehicle [s]. The vehicle goes on as by a transmitter gateway:
+        with the planned inputs, then at its place by a plain law. A new agent takes over.
+    slow
+        Vehicles whose agents compute in every n-th period only.
     guard
         Vehicles that oscillate lower their bandwidth, as in agents. A change is used from the next period on.
     watch
         Vehicles that do not follow their commands land by themselves, as in agents.
     """
 
-    previous_frame: bool = False
+    links: LinkQuality = PERFECT
+    avoid: bool = False
+    killed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    slow: Mapping[str, int] = field(default_factory=dict)
     guard: bool = False
     watch: bool = False
 
@@ -125,24 +143,32 @@ class Rig:
         )
         self._frame = 0
         self._plans: dict[str, tuple[int, ControlOutput]] = {}
+        """Newest outputs with their frames."""
+        self.plan_network: Network[tuple[int, ControlOutput]] = Network(
+            options.links, self._vehicles, seed, 0
+        )
+        self.message_network: Network[SchemeMessage] = Network(options.links, self._vehicles, seed, 1)
+        self.step_times_s: defaultdict[str, list[float]] = defaultdict(list)
+        """Processor time of each agent in each of its control periods."""
         self._logs: dict[str, FlightLog] = {}
         self._seen: dict[str, StampedMeasurement] = {}
-        links = {name: vehicle.following for name, vehicle in self._vehicles.items()}
-        flying_order({name: leaders_of(links, name) for name in links})
-        settings = {name: self._settings(vehicle) for name, vehicle in self._vehicles.items()}
-        self.pilots = {name: build_pilot(own) for name, own in settings.items()}
-        self.tunings = {
-            name: Tuning(own.configuration, self.pilots[name], own.period_s) for name, own in settings.items()
-        }
-        self.guards = {
-            name: OscillationGuard(pilot, self.tunings[name]) for name, pilot in self.pilots.items()
-        }
-        for name, pilot in self.pilots.items():
-            pilot.vehicle_watch.active = options.watch
-            pilot.observe(self._measured(name))
-            # As for an agent that starts while its vehicle is in the air.
-            pilot.note_applied("armed", 0, self._vehicles[name].model.hover_input)
+        self.pilots: dict[str, Pilot] = {}
+        self.tunings: dict[str, Tuning] = {}
+        self.guards: dict[str, OscillationGuard] = {}
+        for name in self._vehicles:
+            self._start_agent(name)
+        flying_order({name: self._leaders(pilot) for name, pilot in self.pilots.items()})
         self._applied = {name: vehicle.model.hover_input for name, vehicle in self._vehicles.items()}
+
+    def _start_agent(self, name: str) -> None:
+        """Start an agent while its vehicle is in the air."""
+        settings = self._settings(self._vehicles[name])
+        self.pilots[name] = pilot = build_pilot(settings)
+        self.tunings[name] = Tuning(settings.configuration, pilot, settings.period_s)
+        self.guards[name] = OscillationGuard(pilot, self.tunings[name])
+        pilot.vehicle_watch.active = self._options.watch
+        pilot.observe(self._measured(name))
+        pilot.note_applied("armed", 0, self._vehicles[name].model.hover_input)
 
     def log(self, name: str) -> FlightLog:
         """Log poses and sticks of a vehicle from now on, for an identification."""
@@ -182,9 +208,7 @@ class Rig:
 
     def _fallbacks(self, name: str) -> Counter[str]:
         """Fallbacks of a vehicle; frames that the Tracker missed are weather, and none."""
-        fallbacks = self.pilots[name].fallbacks + self.guards[name].events
-        del fallbacks[OCCLUDED]
-        return fallbacks
+        return self.pilots[name].fallbacks + self.guards[name].events - Counter({OCCLUDED: self._frame + 1})
 
     def _settings(self, vehicle: RigVehicle) -> AgentSettings:
         return AgentSettings(
@@ -224,24 +248,90 @@ class Rig:
             raise RigError(f"{event.vehicle} refused {event}: {refusal}")
 
     def _control(self, now_s: float, recorders: Mapping[str, Recorder]) -> None:
-        known = dict(self._plans) if self._options.previous_frame else self._plans
-        for name in flying_order({name: self._leaders(pilot) for name, pilot in self.pilots.items()}):
-            pilot = self.pilots[name]
-            flight = pilot.control(self._leader_plans(name, known, self._leaders(pilot)))
-            if self._options.guard:
-                self.guards[name].watch(flight)
-                self.tunings[name].wait()
-                self.tunings[name].finish()
+        order = flying_order({name: self._leaders(pilot) for name, pilot in self.pilots.items()})
+        messages = {}
+        for name in order:
+            flight = self._flight(name, now_s)
+            messages[name] = flight.sent
             # The transmitter gateway limits slew rates, and reports the applied input before the next pose.
-            before = self._applied[name]
-            applied = np.clip(flight.input, before - PERIOD_S * SLEW_PER_S, before + PERIOD_S * SLEW_PER_S)
+            before, wanted = self._applied[name], flight.input
+            applied = np.clip(wanted, before - PERIOD_S * SLEW_PER_S, before + PERIOD_S * SLEW_PER_S)
             self._applied[name] = applied
             self.laboratory.plants[name].set_input(applied)
             self._add_to_log(name, applied)
+            pilot = self.pilots[name]
             pilot.note_applied("armed", pilot.sequence, applied)
-            self._plans[name] = (self._frame, flight)
             motion = self.laboratory.plants[name].motion
             recorders[name].add(now_s, motion, flight, self._station(pilot))
+        self._exchange(now_s, messages)
+
+    def _flight(self, name: str, now_s: float) -> ControlOutput:
+        """Output of a vehicle's agent, or what its transmitter gateway flies without one."""
+        from_s, to_s = self._options.killed.get(name, (np.inf, np.inf))
+        frame, last = self._plans.get(name, (0, None))
+        if from_s <= now_s < to_s and last is not None:
+            return self._without_agent(name, last, self._frame - frame)
+        if now_s - PERIOD_S < to_s <= now_s:
+            self._start_agent(name)
+        pilot = self.pilots[name]
+        if self._frame % self._options.slow.get(name, 1) and last is not None:
+            pilot.fly_as_planned()
+            planned = last.next_inputs[min(self._frame - frame, len(last.next_inputs)) - 1]
+            return replace(last, input=planned, sent=None)
+        began_s = time.thread_time()
+        known = {other: plan.message for other, plan in self.plan_network.newest(name, now_s).items()}
+        avoids = self._options.avoid and not pilot.guidance.coordinated
+        near = self._leader_plans(name, known, list(known)) if avoids else {}
+        neighbours = {other: Neighbour(plan, 1.0) for other, plan in near.items()}
+        plans = self._leader_plans(name, known, self._leaders(pilot))
+        flight = pilot.control(plans, neighbours, self._heard(name, now_s))
+        if self._options.guard:
+            self.guards[name].watch(flight)
+            self.tunings[name].wait()
+            self.tunings[name].finish()
+        self.step_times_s[name].append(time.thread_time() - began_s)
+        self._plans[name] = (self._frame, flight)
+        self.plan_network.send(name, self._plans[name], now_s)
+        return flight
+
+    def _without_agent(self, name: str, last: ControlOutput, age: int) -> ControlOutput:
+        """What a transmitter gateway flies: the planned inputs, then those that hold the place.
+
+        `age` is that of the last output in control periods.
+        """
+        if age <= len(last.next_inputs):
+            return replace(last, input=last.next_inputs[age - 1], sent=None)
+        model, motion = self._vehicles[name].model, np.array(self.laboratory.plants[name].motion)
+        place = last.plan.samples[len(last.next_inputs), :4]
+        return replace(last, input=np.clip(hovering_input(model, motion, place), model.u_min, model.u_max))
+
+    def _heard(self, name: str, now_s: float) -> dict[str, Heard]:
+        """Messages of the schemes of other vehicles."""
+        cooperation = self.pilots[name].cooperation
+        received = {
+            other: heard(message, cooperation, now_s - sent_s)
+            for other, (message, sent_s) in self.message_network.newest(name, now_s).items()
+        }
+        return {other: each for other, each in received.items() if each is not None}
+
+    def _exchange(self, now_s: float, messages: Mapping[str, Sent | None]) -> None:
+        """Send the messages of this period, and make the exchanges between this period and the next one."""
+        self._send(now_s, messages)
+        schemes = {name: self.pilots[name].cooperation.scheme for name, sent in messages.items() if sent}
+        rounds = {name: scheme.exchanges for name, scheme in schemes.items() if scheme is not None}
+        for number in range(1, max(rounds.values(), default=1)):
+            ahead_s, sent = number * PERIOD_S / max(rounds.values()), {}
+            for name in (name for name, count in rounds.items() if number < count):
+                pilot, began_s = self.pilots[name], time.thread_time()
+                sent[name] = pilot.cooperation.exchange(self._heard(name, now_s + ahead_s), ahead_s)
+                self.step_times_s[name][-1] += time.thread_time() - began_s
+            self._send(now_s + ahead_s, sent)
+
+    def _send(self, now_s: float, messages: Mapping[str, Sent | None]) -> None:
+        for name, sent in messages.items():
+            if sent is not None:
+                message = scheme_message(sent, name, 1, self._frame)
+                self.message_network.send(name, message, now_s, len(encode(message)))
 
     def _add_to_log(self, name: str, applied: Array) -> None:
         log, measurement = self._logs.get(name), self._seen[name].measurement
@@ -251,7 +341,8 @@ class Rig:
 
     @staticmethod
     def _leaders(pilot: Pilot) -> list[str]:
-        return [link.leader for link in pilot.guidance.followed]
+        """Leaders whose plans the pilot needs; schemes need none."""
+        return [] if pilot.guidance.coordinated else pilot.guidance.leaders
 
     def _links(self) -> dict[str, tuple[LeaderLink, ...]]:
         """Present links of each vehicle, with offsets at rest."""

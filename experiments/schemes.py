@@ -7,7 +7,8 @@ from typing import Final
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.knowledge import Knowledge, beyond_equation_1, known_model, plant_type
-from rcopterx.experiments.rig import RigVehicle
+from rcopterx.experiments.network import PERFECT, LinkQuality
+from rcopterx.experiments.rig import PERIOD_S, RigVehicle
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 
@@ -20,15 +21,14 @@ HORIZON: Final = 50
 class Scheme:
     """A controller with settings, and the knowledge of its pilot.
 
-    With `previous_frame` followers get their leaders' plans one control period late. Every scheme uses the
-    extended Kalman filter.
+    Every scheme uses the extended Kalman filter.
     """
 
     name: str
     title: str
     controller: str
     settings: Mapping[str, object] = field(default_factory=dict)
-    previous_frame: bool = False
+    links: LinkQuality = PERFECT
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     knowledge: Knowledge = "default"
     horizon: int = HORIZON
@@ -76,7 +76,7 @@ KUNZ: Final = Scheme(
 PAPER: Final = Scheme("paper", "Paper's scheme", "paper", NO_HURRY)
 CASCADE: Final = Scheme("cascade", "Cascade", "cascade")
 PREVIOUS_FRAME: Final = Scheme(
-    "cascade_previous_frame", "Cascade, previous frame's plan", "cascade", previous_frame=True
+    "cascade_previous_frame", "Cascade, previous frame's plan", "cascade", links=LinkQuality(delay_s=PERIOD_S)
 )
 NO_FEED_FORWARD: Final = Scheme(
     "cascade_no_feed_forward", "Cascade, no feed-forward", "cascade", {"feed_forward": False}

@@ -47,6 +47,8 @@ class Guidance:
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
         self.events: Counter[str] = Counter()
         self.deviation_share = deviation_share
+        self.coordinated = False
+        """Whether a scheme places the vehicle beside its leaders; its own reference is then kept."""
         self._touchdown = Touchdown()
         self._restored_at_s = -math.inf
         self._interrupted: Phase | None = None
@@ -307,7 +309,7 @@ class Guidance:
         """Return the references: `stages` stages from `time_s + delay_s` on."""
         if self.phase is Phase.TAKEOFF and self.source.finished(time_s):
             self.on_event(Event.CLIMBED, estimate)
-        if self.follows:
+        if self.follows and not self.coordinated:
             usable = self._usable_plans(plans, estimate, time_s, delay_s)
             if usable:
                 yaw_rad, share = float(estimate.motion[YAW]), self.deviation_share

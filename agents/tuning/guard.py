@@ -15,7 +15,7 @@ from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
-from rcopterx.control.plugins import CONTROLLERS
+from rcopterx.control.plugins import flying
 
 EFFORT_FACTORS: Final = "effort_factors"  # controller's setting that lowers bandwidth, one for each `Loop`
 STEP: Final = 3.0
@@ -107,7 +107,7 @@ class OscillationGuard:
             min(STEP * factor, LARGEST) if loop in swinging else factor
             for loop, factor in zip(Loop, effort_factors(present), strict=True)
         ]
-        settings = CONTROLLERS.load(present.controller).Settings
+        settings = flying(present.controller).load(present.controller).Settings
         lowest = factors == list(effort_factors(present))
         if lowest or EFFORT_FACTORS not in settings.__struct_fields__:
             return

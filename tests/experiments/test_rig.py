@@ -10,6 +10,7 @@ from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 from rcopterx.agents.formation.topology import places
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.events import Event, Follow, GoTo, Lead
+from rcopterx.experiments.network import PERFECT, LinkQuality
 from rcopterx.experiments.record import FlightRecord, rms
 from rcopterx.experiments.rig import (
     Rig,
@@ -52,9 +53,9 @@ def flown(
     seconds: float = 6.0,
     conditions: Conditions = IDEAL,
     seed: int = 0,
-    previous_frame: bool = False,
+    links: LinkQuality = PERFECT,
 ) -> FlightRecord:
-    options = RigOptions(previous_frame=previous_frame)
+    options = RigOptions(links)
     return Rig(vehicles, conditions, seed, options).fly(seconds, events)
 
 
@@ -93,7 +94,9 @@ def test_cascade_keeps_the_formation_where_the_papers_scheme_loses_it() -> None:
 
 
 def test_plan_of_the_previous_frame_costs_the_leaders_acceleration_over_one_period() -> None:
-    same, previous = (flown(pair(), previous_frame=late).formation_error_m() for late in (False, True))
+    same, previous = (
+        flown(pair(), links=LinkQuality(delay_s=delay_s)).formation_error_m() for delay_s in (0.0, 0.02)
+    )
     assert same.max() < previous.max() < 0.015
 
 

@@ -1,0 +1,1 @@
+"""Schemes: controllers that coordinate their vehicles by messages of their own."""

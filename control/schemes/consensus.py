@@ -1,0 +1,64 @@
+"""Consensus on the places of a formation, without a leader (Ren and Beard 2008, chapters 4 and 8).
+
+Every vehicle has a virtual place. Places move as double integrators that are drawn to those of all neighbours
+plus the wanted offsets, and the virtual place of a vehicle with a task of its own also to that. The graph may
+have cycles. Errors of an eigenvalue lambda of the graph's Laplacian decay with the roots of
+s^2 + lambda damping s + lambda stiffness.
+"""
+
+import numpy as np
+from msgspec import Struct
+
+from rcopterx.control.schemes.interface import Situation
+from rcopterx.control.schemes.tracked import Gain, TrackedScheme, TrackedSettings, Way
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import Array, three
+from rcopterx.vehicles.tuples import Three
+
+
+class ConsensusSettings(TrackedSettings, frozen=True, kw_only=True):
+    """Settings of consensus."""
+
+    stiffness_per_s2: Gain = 9.0
+    """Acceleration of a virtual place towards another one, per distance."""
+    damping_per_s: Gain = 6.0
+    """The same, per difference of velocities."""
+    task_weight: Gain = 3.0
+    """How much more a vehicle is drawn to its own task than to a neighbour."""
+
+
+class Place(Struct, frozen=True):
+    """Virtual place of the sender."""
+
+    position_m: Three
+    velocity_m_s: Three
+
+
+class ConsensusScheme(TrackedScheme):
+    """Second-order consensus; the cascade tracks the virtual place."""
+
+    Settings = ConsensusSettings
+    Message = Place
+
+    def __init__(self, model: Model, period_s: float, settings: ConsensusSettings) -> None:
+        super().__init__(model, period_s, settings)
+        self._settings = settings
+
+    def _exchange(self, situation: Situation) -> Place:
+        position, velocity = self._state()
+        pull = np.zeros(3)
+        for _, place, age_s, offset_m, _ in situation.linked(Place):
+            other = np.array(place.position_m) + age_s * np.array(place.velocity_m_s)
+            pull += self._pull(position - other - offset_m, velocity - place.velocity_m_s)
+        if not situation.follows:
+            task = situation.reference
+            to_task = self._pull(position - task.position_m[0], velocity - task.velocity_m_s[0])
+            pull += self._settings.task_weight * to_task
+        acceleration = np.clip(pull, -self._reach, self._reach)
+        self._fly(Way(position, velocity, acceleration[None], 2.0 * self.period_s))
+        return Place(three(position), three(velocity))
+
+    def _pull(self, error_m: Array, error_m_s: Array) -> Array:
+        return np.asarray(
+            -self._settings.stiffness_per_s2 * error_m - self._settings.damping_per_s * error_m_s
+        )

@@ -1,0 +1,86 @@
+"""Distributed LQR for equal vehicles with decoupled dynamics (Borrelli and Keviczky 2008).
+
+With the costs Q of own errors and Q_r of the errors between two vehicles, n vehicles that all know each other
+are controlled best by a_i = -K x_i - K_r sum_j (x_i - x_j), with the gains
+
+    K = lqr(Q),    K_r = (lqr(Q + n Q_r) - lqr(Q)) / n
+
+of problems of one vehicle. The scheme uses them on any graph in which a vehicle has less than n neighbours.
+Vehicles that follow have no own errors. States are position and velocity, as estimated; the cascade flies the
+accelerations.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from scipy.linalg import solve_discrete_are
+
+from rcopterx.control.schemes.interface import Situation
+from rcopterx.control.schemes.tracked import Gain, TrackedScheme, TrackedSettings, Way
+from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import XD_BODY, YAW, Array, three, turned_about_z
+from rcopterx.vehicles.tuples import Three
+
+
+class DistributedLqrSettings(TrackedSettings, frozen=True, kw_only=True):
+    """Settings of the scheme; weights of positions, of velocities, and of accelerations."""
+
+    task_weights: tuple[Gain, Gain] = (36.0, 6.0)
+    relative_weights: tuple[Gain, Gain] = (200.0, 40.0)
+    effort_weight: Gain = 1.0
+    vehicles: Annotated[int, Meta(ge=2, le=64)] = 4
+    """Number n of vehicles that know each other."""
+    acting_s: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.1
+    """Time for which an acceleration is planned."""
+
+
+class State(Struct, frozen=True):
+    """Estimated state of the sender, inertial frame."""
+
+    position_m: Three
+    velocity_m_s: Three
+
+
+class DistributedLqrScheme(TrackedScheme):
+    """LQR of own and relative errors."""
+
+    Settings = DistributedLqrSettings
+    Message = State
+
+    def __init__(self, model: Model, period_s: float, settings: DistributedLqrSettings) -> None:
+        super().__init__(model, period_s, settings)
+        self._acting_s = settings.acting_s
+        Q, Q_relative = np.diag(settings.task_weights), np.diag(settings.relative_weights)
+        R = np.array([[settings.effort_weight]])
+        A, B = np.array([[1.0, period_s], [0.0, 1.0]]), np.array([[period_s**2 / 2], [period_s]])
+        self._own_gain, self._relative_gain = distributed_gains(A, B, Q, Q_relative, R, settings.vehicles)
+
+    def _exchange(self, situation: Situation) -> State:
+        motion, reference = situation.estimate.motion, situation.reference
+        velocity = turned_about_z(motion[XD_BODY : XD_BODY + 3], float(motion[YAW]))
+        state = np.stack((motion[:3], velocity))
+        acceleration = np.zeros(3)
+        for _, other, age_s, offset_m, _ in situation.linked(State):
+            place = np.array(other.position_m) + age_s * np.array(other.velocity_m_s) + offset_m
+            aim = np.stack((place, np.array(other.velocity_m_s)))
+            acceleration -= (self._relative_gain @ (state - aim))[0]
+        if not situation.follows:
+            aim = np.stack((reference.position_m[0], reference.velocity_m_s[0]))
+            acceleration -= (self._own_gain @ (state - aim))[0]
+        acceleration = np.clip(acceleration, -self._reach, self._reach)
+        self._fly(Way(motion[:3].copy(), velocity, acceleration[None], self._acting_s))
+        return State(three(motion[:3]), three(velocity))
+
+
+def distributed_gains(
+    A: Array, B: Array, Q: Array, Q_relative: Array, R: Array, vehicles: int
+) -> tuple[Array, Array]:
+    """Return the gains K and K_r of equal vehicles that all know each other."""
+
+    def gain(Q: Array) -> Array:
+        P = solve_discrete_are(A, B, Q, R)
+        return np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A))
+
+    own = gain(Q)
+    return own, (gain(Q + vehicles * Q_relative) - own) / vehicles
