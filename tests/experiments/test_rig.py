@@ -19,7 +19,7 @@ from rcopterx.experiments.rig import (
     RigVehicle,
     flying_order,
 )
-from rcopterx.experiments.schemes import NO_HURRY
+from rcopterx.experiments.schemes import CASCADE, NO_HURRY
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array
@@ -234,3 +234,12 @@ def test_simple_controller_hovers_helicopters_without_losing_them(conditions: Co
     settled = record.motion[record.time_s > 6.0, :3] - (0.0, 0.0, 1.0)
     assert np.linalg.norm(settled, axis=1).max() < 0.3
     assert np.ptp(record.inputs[record.time_s > 6.0, :2], axis=0).max() < 1.0, "no limit cycle at the stops"
+
+
+def test_a_known_helicopter_is_within_five_centimetres_of_a_higher_place_after_1_1_s() -> None:
+    """A step of 0.6 m with a climb of 0.8 m, without gusts; the climb alone takes 1.04 s."""
+    calm = replace(HELICOPTER, turbulence_rms=(0.0,) * 4)
+    vehicle = CASCADE.knowing("exact").vehicle("h1", Pose((0.0, 0.0, 1.0)), calm, 0)
+    record = flown([vehicle], [GoTo(8.0, "h1", (0.6, 0.0, 1.8), 0.0)], 12.0, calm)["h1"]
+    far = np.linalg.norm(record.motion[:, :3] - (0.6, 0.0, 1.8), axis=1) > 0.05
+    assert record.time_s[far].max() < 8.0 + 1.1
