@@ -196,11 +196,7 @@ class Pilot:
         return self.ready
 
     def note_applied(self, state: str, sequence: int, value: Array) -> None:
-        """Process the state and the input that the transmitter gateway applied.
-
-        Before the vehicle has been seen it has no effect: an agent that restarts in flight must know where
-        its vehicle is before it takes over.
-        """
+        """Process the state and input that the transmitter gateway applied, once the vehicle was seen."""
         self.input_history.correct(sequence, value)
         if not self.clock.started:
             return

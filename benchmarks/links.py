@@ -97,8 +97,7 @@ class Stream:
 def run(cuts_s: Sequence[float], rounds: int, show: Show) -> dict[str, Any]:
     """Cut the link between two hosts, `rounds` times for each duration, and measure both directions.
 
-    Returns `cuts`: of each duration a list of rounds with figures by direction (`Stream.figures`). Raises
-    `NetworkUnavailableError`: network namespaces cannot be created.
+    Returns `cuts`: of each duration rounds with `Stream.figures`. Raises `NetworkUnavailableError`.
     """
     document: dict[str, Any] = {"rounds": rounds, "load_before": os.getloadavg()[0], "cuts": {}}
     with linked_hosts() as (net, streams):

@@ -17,10 +17,9 @@ class NetworkUnavailableError(RuntimeError):
 
 
 class Network:
-    """Hosts with an address each, whose links can be cut.
+    """Hosts with an address each, whose links can be cut; they keep their carriers, as behind a switch.
 
-    Every host hangs on a bridge of its own, and that on one between all, so that a host whose link is cut
-    keeps its carrier, as it does behind a switch. Their file system, and so Unix sockets, are shared.
+    Their file system, and so Unix sockets, are shared.
     """
 
     def __init__(self, hosts: Sequence[str]) -> None:

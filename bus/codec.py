@@ -30,8 +30,7 @@ def encode(message: Message) -> bytes:
 def decode(payload: bytes, message_type: type[M]) -> M:
     """Unpack and validate a message; unknown fields are skipped, every number in it is finite.
 
-    Raises `RejectedError`: too large, not MessagePack, wrong types, missing fields, numbers out of range, or
-    values that the message forbids.
+    Raises `RejectedError` with its kind: size, malformed, type or value.
     """
     if len(payload) > message_type.MAX_BYTES:
         raise RejectedError("size", f"{len(payload)} bytes, at most {message_type.MAX_BYTES} are allowed")

@@ -45,9 +45,8 @@ def router_config(
 ) -> zenoh.Config:
     """Return the configuration of the router of a host; it does no discovery.
 
-    `listen`: endpoints for clients and for routers of other hosts, for instance `tcp/127.0.0.1:7447`.
-    `connect`: routers of other hosts to link to; retried in the background. `namespace`: prefix that
-    separates the fleets of tests, or None. `protection`: None for a router that accepts every client.
+    Links to the routers `connect` are retried. `namespace` is for tests, `protection` None admits every
+    client.
     """
     settings = _common(namespace, None if protection is None else protection.credentials) | {
         "mode": "router",

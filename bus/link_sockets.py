@@ -38,8 +38,7 @@ def close_link(link: RouterLink) -> bool:
 def hasten(link: RouterLink) -> bool:
     """Retransmit lost packets of a link after 10 ms instead of 200 ms; return False where the kernel cannot.
 
-    While fewer than four packets are under way, the pause stays the same for six retransmissions before it
-    doubles, so that an interrupted link carries messages soon after its return.
+    The pause stays for six retransmissions while fewer than four packets are under way.
     """
     complete = True
     for opened in _sockets():

@@ -20,10 +20,8 @@ more would only wait."""
 def request_realtime(priority: int, *, process: int = 0, children: bool = True) -> bool:
     """Move a thread, and the ones it starts from now on, into the real-time class.
 
-    `priority`: SCHED_FIFO priority 1..99; 0 changes nothing. `process`: process whose main thread is moved; 0
-    for this thread. `children`: whether threads and processes that the thread starts inherit it. Returns
-    False without the permission (CAP_SYS_NICE or an rtprio limit), for priority 0, and where only one
-    processor can be used: a thread that spins would leave nothing to all others.
+    `priority` 0 changes nothing; `process` 0 is this thread. Returns False without the permission, and where
+    only one processor can be used: a thread that spins would leave nothing to all others.
     """
     if priority == 0 or not hasattr(os, "sched_setscheduler") or len(os.sched_getaffinity(0)) == 1:
         return False

@@ -75,18 +75,14 @@ class NotServedError(RequestFailedError):
 
 @dataclass(frozen=True)
 class BusAddress:
-    """Router endpoints, name of the fleet in the keys, namespace (tests only), and the clock of the fleet.
+    """How to reach the bus of a fleet from one of its hosts or programs."""
 
-    `host` is the name of this computer in the fleet file, empty without one; `credentials` are for endpoints
-    that require a certificate. Messages of units that are not in `units` are discarded, so that strangers
-    cannot fill the memory; an empty set permits all.
-    """
-
-    endpoints: tuple[str, ...]
-    fleet: str
-    namespace: str | None = None
-    host: str = ""
-    credentials: Credentials | None = None
+    endpoints: tuple[str, ...]  # of the router
+    fleet: str  # name in the keys
+    namespace: str | None = None  # for tests only
+    host: str = ""  # name of this computer in the fleet file, empty without one
+    credentials: Credentials | None = None  # for endpoints that require a certificate
+    # messages of other units are discarded, so that strangers cannot fill the memory; empty permits all
     units: frozenset[str] = frozenset()
     clock: Clock = REAL_TIME
 

@@ -40,8 +40,7 @@ class Inboxes(Protocol[M]):
 class StepBus(Protocol):
     """The bus as a process sees it that works in steps; methods without details are those of `Session`.
 
-    `life` is a random number that identifies the process, `requests` are those of this and earlier steps;
-    the code that removes one must answer it.
+    `life` is a random number of the process; the code that removes one of `requests` must answer it.
     """
 
     life: int

@@ -29,11 +29,7 @@ Settings = TypeVar("Settings", bound=msgspec.Struct)
 
 
 def parse_settings(kind: type[Settings], values: Mapping[str, object]) -> Settings:
-    """Convert names and values into settings of a type; missing ones keep their defaults.
-
-    Raises `SettingsError` for unknown names (the message lists what is allowed), and for values of a wrong
-    type, not finite or outside their range.
-    """
+    """Convert names and values into settings of a type; else `SettingsError`. Missing ones keep defaults."""
     unknown = sorted(set(values) - set(kind.__struct_fields__))
     if unknown:
         raise SettingsError(

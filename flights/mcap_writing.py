@@ -42,23 +42,18 @@ _FOOTER_CHECKED: Final = Struct("<BQQQ")
 
 
 class LoggedMessage(NamedTuple):
-    """One message of a flight log.
+    """One message of a flight log."""
 
-    `topic` is unit and topic of the channel, for instance `h1/pose`, `time_ns` the arrival at the recorder
-    (wall clock at its start plus monotonic time since), `number` the counter of the sender or 0.
-    """
-
-    topic: str
+    topic: str  # unit and topic of the channel, for instance `h1/pose`
     payload: bytes
-    time_ns: int
-    number: int
+    time_ns: int  # arrival: wall clock at the recorder's start plus monotonic time since
+    number: int  # counter of the sender or 0
 
 
 class McapFile:
-    """One file under construction; every chunk is flushed to the operating system.
+    """One file under construction; every chunk is flushed, compressed at `level` 1 (fast) to 22 (small).
 
-    `file`: opened for writing bytes. `schemas`: name and JSON schema by topic (`tracker/status`), else by its
-    last part (`pose`); others have none. `level`: of compression, from 1 (fast) to 22 (small).
+    `schemas` has names and JSON schemas by topic (`tracker/status`), else by its last part (`pose`).
     """
 
     def __init__(

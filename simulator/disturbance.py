@@ -44,11 +44,7 @@ def correlate(steps: Array, start: Array, keep: float) -> None:
 
 
 class ColouredNoise:
-    """Stationary Ornstein-Uhlenbeck processes, discretised exactly on a fixed time grid.
-
-    The value at a time depends on the seed and that time alone, not on the steps by which it was reached. The
-    autocorrelation is exp(-t / correlation_s).
-    """
+    """Stationary Ornstein-Uhlenbeck processes, exact on a time grid; values depend on seed and time alone."""
 
     def __init__(
         self, rms: tuple[float, ...], correlation_s: float, grid_s: float, generator: np.random.Generator

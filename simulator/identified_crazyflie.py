@@ -155,11 +155,9 @@ def _function(vehicle: IdentifiedCrazyflie) -> casadi.Function:
 
 
 class CrazyfliePlant(SteppedPlant):
-    """A Crazyflie of `drone-models` behind its firmware, which gets tilt, yaw rate and thrust.
+    """A Crazyflie of `drone-models` behind its firmware, which gets tilt, yaw rate and thrust; see `vehicle`.
 
-    Public besides the members of every plant: `vehicle`. Of the model it uses the transport delay, and the
-    thrust stick to start with; full sticks are those of the type `crazyflie`. Raises `ModuleNotFoundError`
-    without the package.
+    Full sticks are those of the type `crazyflie`. Raises `ModuleNotFoundError` without the package.
     """
 
     def __init__(

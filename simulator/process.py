@@ -126,11 +126,7 @@ class Simulator:
 
 
 def run_simulator(settings: SimulatorSettings) -> None:
-    """Run the simulated laboratory until SIGTERM or SIGINT.
-
-    Raises `OSError` if the Tracker's address cannot be listened on, or a pseudo-terminal's path is taken, and
-    `BusUnreachableError` if no router answers.
-    """
+    """Run the simulated laboratory until SIGTERM or SIGINT; `OSError` or `BusUnreachableError`."""
     stopping: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda caught, _: stopping.append(caught))

@@ -155,10 +155,9 @@ class DsmpModule(FreeRunningModule):
 
 
 class TrainerTransmitter(FreeRunningModule):
-    """A transmitter with its trainer switch held on, fed by a ppm-gen Arduino (protocol: isleder/ppm-gen).
+    """A transmitter with its trainer switch on, fed by a ppm-gen Arduino (protocol: isleder/ppm-gen).
 
-    It transmits from the beginning. Without trainer pulses it sends its own sticks, which are parked at
-    throttle low.
+    Without trainer pulses it sends its own sticks, which are parked at throttle low.
     """
 
     def __init__(

@@ -54,19 +54,14 @@ class Reception:
 
 
 class AirPacket(Struct, frozen=True):
-    """Packet that a module sends to receivers, with range-check power if `weak`.
-
-    `rf_channels` identifies the two radio channels in use; it changes whenever the module picks new ones. The
-    channels are as a receiver decodes them, throttle, aileron, elevator, rudder, ..., and mean nothing in a
-    bind packet.
-    """
+    """Packet that a module sends to receivers."""
 
     time_s: float
-    rf_channels: int
+    rf_channels: int  # identifies the two radio channels in use; changes whenever the module picks new ones
     model_match: int
-    pulses_us: tuple[float, ...]
+    pulses_us: tuple[float, ...]  # as a receiver decodes them; meaningless when binding
     bind: bool = False
-    weak: bool = False
+    weak: bool = False  # with range-check power
 
 
 @dataclass(slots=True)

@@ -26,17 +26,13 @@ class Published(NamedTuple):
 
 
 class TrackerState(NamedTuple):
-    """Counters of the emulator: clients connected now, connections and captured frames so far.
+    """Counters of the emulator."""
 
-    `dropped` are frames a client did not get because it reads too slowly, `rejected` connections that ended
-    because the client sent malformed bytes.
-    """
-
-    clients: int
-    accepted: int
-    frames: int
-    dropped: int
-    rejected: int
+    clients: int  # connected now
+    accepted: int  # connections so far
+    frames: int  # captured so far
+    dropped: int  # frames that a client did not get because it reads too slowly
+    rejected: int  # connections that ended because the client sent malformed bytes
 
 
 class TrackerServer:

@@ -25,10 +25,9 @@ _F = TypeVar("_F", bound=LastingFault)
 
 
 class TrackerFaults:
-    """Active faults and their effect on a captured frame.
+    """Active faults and their effect on a captured frame; the server carries out those of connections.
 
-    The server carries out faults of bytes and connections, with `active` and `take_pending`. `offer` are the
-    object types of the Tracker; faults that need others are refused.
+    `offer` are the object types of the Tracker; faults that need others are refused.
     """
 
     def __init__(self, offer: frozenset[int]) -> None:

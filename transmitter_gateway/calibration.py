@@ -227,11 +227,7 @@ class Calibration:
     def pulses_us(
         self, u: Sequence[float], *, throttle_low: bool = False, armed: bool = False, stopped: bool = False
     ) -> tuple[float, ...]:
-        """Pulse widths [us] in channel order for u of shape (4,).
-
-        With `throttle_low` the throttle is `low_us` whatever the thrust; `armed` and `stopped` are the
-        positions of the arming and of the emergency channel.
-        """
+        """Pulse widths [us] in channel order for u (4,), with throttle, arming and emergency as stated."""
         pitch, roll, throttle, yaw = self.pitch, self.roll, self.throttle, self.yaw
         switches = [
             (channel.index, channel.on_us if on else channel.off_us)
@@ -258,11 +254,7 @@ class Calibration:
         )
 
     def trimmed(self, mean_u: Sequence[float]) -> Calibration:
-        """Calibration with new trims from the mean applied inputs of a steady hover of about 10 s; thrust is
-        not used.
-
-        Raises `CalibrationError` if a new neutral would lie outside the channel's limits.
-        """
+        """Calibration with new trims from the mean inputs of a steady hover, or `CalibrationError`."""
         trimmed: dict[str, ChannelCalibration] = {}
         for name, mean in (("pitch", mean_u[0]), ("roll", mean_u[1]), ("yaw", mean_u[3])):
             channel: ChannelCalibration = getattr(self, name)

@@ -48,35 +48,27 @@ class Action(StrEnum):
 
 
 class CommandInput(Struct, frozen=True):
-    """A command as received; nothing in it is trusted before admission.
-
-    `epoch` and `frame` stamp the pose that it was computed from; `next_u` are the planned inputs of the
-    following periods, shape (k, 4).
-    """
+    """A command as received, from the pose of `epoch` and `frame`; not trusted before admission."""
 
     lease: int
     epoch: int
     sequence: int
     frame: int
     u: Sequence[float]
-    next_u: Sequence[Sequence[float]] = ()
+    next_u: Sequence[Sequence[float]] = ()  # planned inputs of the following periods, shape (k, 4)
     period_s: float = 0.02
 
 
 class PoseInput(Struct, frozen=True):
-    """A raw pose from motion capture; `position_m` is None when the vehicle is occluded.
-
-    Without `period_s` the arrival times are used; without `yaw_rad` the vehicle cannot be held or landed in a
-    closed loop; `latency_s` is the time from capture to arrival, as far as the Tracker reports it.
-    """
+    """A raw pose from motion capture."""
 
     vehicle: str
     epoch: int
     frame: int
-    position_m: Position | None
-    period_s: float | None = None
-    yaw_rad: float | None = None
-    latency_s: float = 0.0
+    position_m: Position | None  # None when the vehicle is occluded
+    period_s: float | None = None  # None: the arrival times are used
+    yaw_rad: float | None = None  # without it the vehicle cannot be held or landed in a closed loop
+    latency_s: float = 0.0  # from capture to arrival, as far as the Tracker reports it
 
 
 class ActionRequest(Struct, frozen=True):
@@ -87,23 +79,18 @@ class ActionRequest(Struct, frozen=True):
 
 
 class LastApplied(Struct, frozen=True):
-    """What a process of this gateway wrote last, for its successor; `written_s` is on the monotonic clock.
-
-    `hover_thrust` is the learned one; `commanded`: commands count; `mistaken`: the own poses may be those of
-    another body; `ready`: the module was ready; `grounded`: the thrust had been low for so long that the
-    vehicle stood on the floor.
-    """
+    """What a process of this gateway wrote last, for its successor."""
 
     state: State
     u: Input
-    written_s: float
+    written_s: float  # on the monotonic clock
     lease: int
     issued: int
-    hover_thrust: float
-    commanded: bool = False
-    mistaken: bool = False
-    ready: bool = False
-    grounded: bool = False
+    hover_thrust: float  # the learned one
+    commanded: bool = False  # whether commands count
+    mistaken: bool = False  # whether the own poses may be those of another body
+    ready: bool = False  # whether the module was ready
+    grounded: bool = False  # whether low thrust has lasted so long that the vehicle stood on the floor
 
 
 class Answer(Struct, frozen=True):
@@ -123,17 +110,12 @@ class Cause(Struct, frozen=True):
 
 
 class ArbiterOutput(Struct, frozen=True):
-    """Decision of the arbiter: inputs after limits and slew, or throttle low, free of trim, and the kill
-    channel.
-
-    `bridging_step` is the number of the planned input that is played because commands are late, else 0.
-    `cause` is the command behind `u`, None when it comes from the arbiter alone.
-    """
+    """Decision of the arbiter: inputs after limits and slew, or throttle low, free of trim; kill channel."""
 
     state: State
     reason: str
     u: Input = NEUTRAL
     throttle_low: bool = False
     kill: bool = False
-    bridging_step: int = 0
-    cause: Cause | None = None
+    bridging_step: int = 0  # number of the planned input played because commands are late, else 0
+    cause: Cause | None = None  # command behind `u`, None when it comes from the arbiter alone

@@ -22,11 +22,9 @@ class Leases:
         self._reserved_until_s = -math.inf
 
     def bid(self, agent: int, now_s: float, *, fresh: bool, take_over: bool) -> int:
-        """Lease of an agent that requests one; 0 while another agent commands. A repeated request gets the
-        same answer.
+        """Lease of an agent that requests one; 0 while another commands. Repeated requests get the same.
 
-        `fresh` means that the vehicle is commanded at this moment, `take_over` that the agent shall take over
-        from the one that commands.
+        `fresh`: the vehicle is commanded now; `take_over`: from the agent that commands.
         """
         known = self._of_agents.get(agent, 0)
         if known and known >= self.commanding:

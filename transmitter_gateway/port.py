@@ -18,10 +18,9 @@ class WriteOutcome(StrEnum):
 
 
 class Port(ABC):
-    """A port that is opened and reopened by `service` and written frame by frame; it never blocks.
+    """A port that `service` opens and reopens, written frame by frame; it never blocks.
 
-    `problem` is why it is not open, None when it is; outcomes of writes, openings and losses are counted by
-    name.
+    `problem` is why it is not open; outcomes of writes, openings and losses are counted by name.
     """
 
     def __init__(self, path: str) -> None:

@@ -125,9 +125,7 @@ class Radios:
     ) -> None:
         """Bring the vehicles down after an error; the others do not depend on a broken one.
 
-        `new_poses`: poses since the last call, with their time of arrival. After an exception it is not
-        called again, and the vehicles descend open loop. `kill_requested`: whether a signal has requested a
-        kill since the last call.
+        `new_poses` are those since the last call; if it raises, vehicles descend open loop.
         """
         working = dict(self.transmitters)
 

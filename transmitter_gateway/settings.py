@@ -23,15 +23,11 @@ class TransmitterSettings:
 
 @dataclass(frozen=True)
 class GatewaySettings:
-    """One gateway process with its transmitters.
-
-    `vehicles` are all vehicles whose poses matter; `states` is the directory of the pages in which the
-    process leaves the states of its vehicles to its successor.
-    """
+    """One gateway process with its transmitters."""
 
     bus: BusAddress
     name: str
     transmitters: tuple[TransmitterSettings, ...]
-    vehicles: tuple[str, ...]
-    states: Path
+    vehicles: tuple[str, ...]  # all whose poses matter
+    states: Path  # directory of the pages with the states of its vehicles, for its successor
     realtime_priority: int = 0

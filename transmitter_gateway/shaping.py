@@ -54,11 +54,7 @@ class Shaping:
         self._hover.begin(hover_thrust, u[THRUST])
 
     def play(self, target: Input, now_s: float) -> None:
-        """Apply a command within the slew rates.
-
-        The time since an input moved last allows its next move: steps in between, for poses or deadlines, do
-        not use it up.
-        """
+        """Apply a command within slew rates over the time since the last move, which steps do not use up."""
         self._law.renew()
         self._braked = 0.0
         limited: list[float] = []

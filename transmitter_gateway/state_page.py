@@ -65,11 +65,7 @@ def _checksum(record: bytes, boot: bytes) -> int:
 
 
 class StatePage:
-    """The page of a vehicle; it has one writer.
-
-    `memory`: `PAGE_BYTES` bytes. `boot`: identifies the start of the computer. `last`: newest valid record;
-    None if there is none: what was written is unknown.
-    """
+    """The page of a vehicle, with one writer; `last` is its newest valid record, None if unknown."""
 
     def __init__(self, memory: mmap.mmap | bytearray, boot: bytes) -> None:
         self._memory, self._boot = memory, boot
@@ -116,11 +112,7 @@ def _check_private(path: Path, status: os.stat_result, kind: int) -> None:
 
 
 def begin_page(path: Path) -> None:
-    """State in the page of a vehicle that it does not fly, unless the page is valid.
-
-    To be called before the first gateway process is started: a missing page then means that it was lost.
-    Raises `OSError` as `open_page`.
-    """
+    """State in a page that the vehicle does not fly, unless it is valid, before gateways first start."""
     page = open_page(path)
     if page.last is None:
         page.save(NOT_FLYING)

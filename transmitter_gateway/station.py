@@ -20,11 +20,7 @@ VERBS = ["arm", "disarm", "kill", "reset"]
 
 
 class Station:
-    """A transmitter with its subscriptions.
-
-    `session`: its loop is woken when commands or bids have arrived. `realtime`: whether the process runs in
-    the real-time class, for the status.
-    """
+    """A transmitter with its subscriptions, which wake the loop of `session`."""
 
     def __init__(self, transmitter: Transmitter, session: Session, realtime: bool) -> None:
         self.vehicle = transmitter.vehicle

@@ -32,11 +32,7 @@ class Judgement(Struct, frozen=True):
 
 @dataclass(slots=True)
 class Track:
-    """Newest pose of a vehicle and its newest accepted position.
-
-    Only the own vehicle's has a heading, a low-passed velocity, the frame they are from, and its time of
-    capture on the local clock.
-    """
+    """Newest pose of a vehicle and its newest accepted position."""
 
     epoch: int
     frame: int
@@ -45,17 +41,13 @@ class Track:
     seen_s: float = -math.inf
     seen_frame: int = 0
     seen_epoch: int = 0
-    velocity_m_s: Position = (0.0, 0.0, 0.0)
+    velocity_m_s: Position = (0.0, 0.0, 0.0)  # low-passed; this and the following of the own vehicle only
     yaw_rad: float | None = None
-    captured_s: float = -math.inf
+    captured_s: float = -math.inf  # on the local clock
 
 
 class Surveillance:
-    """Follows the raw poses of one vehicle and its neighbours.
-
-    `own_track` is that of the own vehicle, None before its first pose; `newest` is its newest pose,
-    accepted or not.
-    """
+    """Follows raw poses of one vehicle (`own_track`, and `newest`, accepted or not) and its neighbours."""
 
     def __init__(self, limits: SurveillanceLimits, counters: Counter[str]) -> None:
         self._limits = limits

@@ -25,11 +25,7 @@ class WorkbenchError(RuntimeError):
 
 
 class Workbench(AbstractContextManager["Workbench"]):
-    """A transmitter that can never be armed.
-
-    `wait(descriptors, timeout_s)` waits for one of the descriptors or for the time-out and returns the ready
-    ones.
-    """
+    """A transmitter that can never be armed; `wait(descriptors, timeout_s)` returns the ready ones."""
 
     def __init__(
         self,

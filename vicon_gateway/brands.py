@@ -184,8 +184,7 @@ class _Child:
 class BrandClient(FrameClient):
     """Frames of a motion-capture system of another brand; the interface of `client.DataStreamClient`.
 
-    Create and use it in one thread: the child dies with the thread that started it. `limits.connect_s` limits
-    the time from the child's start to its first frame.
+    For one thread, with which the child dies. `limits.connect_s` is from start to first frame.
     """
 
     def __init__(

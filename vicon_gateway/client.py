@@ -24,24 +24,20 @@ DEFAULT_PORT = 801
 RECEIVE_BYTES = 64 * 1024  # larger buffers come from the operating system each time, as empty pages
 MAX_DRAIN_BYTES = 8 * 1024 * 1024
 
+# Waiting pauses before a try, resolving looks a host name up, negotiating awaits offer and first frame.
 StateName = Literal["waiting", "resolving", "connecting", "negotiating", "up", "closed"]
 
 
 class ClientState(NamedTuple):
-    """State of a client, for status messages, and as a sentence in `doing`.
-
-    `name`: waiting (pause before the next try), resolving (host name), connecting (TCP), negotiating (offer
-    and first frame), up (frames with segments arrive), closed (by the caller). `last_error` and
-    `recording_error`: why the last connection failed or ended, and the raw recording ended.
-    """
+    """State of a client, for status messages, and as a sentence in `doing`."""
 
     name: StateName
     doing: str
-    last_error: str | None
+    last_error: str | None  # why the last connection failed or ended
     connects: int
     counters: StreamCounters
     recorded_bytes: int = 0
-    recording_error: str | None = None
+    recording_error: str | None = None  # why the raw recording ended
 
 
 class ClientLimits(NamedTuple):
@@ -64,10 +60,9 @@ class _LinkError(Exception):
 
 
 class FrameClient(ABC):
-    """A source of frames that connects and reconnects by itself.
+    """A source of frames that connects and reconnects by itself, in times of a clock of `speed`.
 
-    `next_frame` never raises for trouble with the source; `state` describes it. Times and limits are those of
-    the clock, which runs at `speed` times real time.
+    `next_frame` never raises for trouble with the source; `state` describes it.
     """
 
     def __init__(self, clock: Callable[[], float], limits: ClientLimits, speed: float = 1.0) -> None:

@@ -168,8 +168,7 @@ class DataStreamSession:
     def feed(self, data: bytes, now_s: float) -> None:
         """Process received bytes; frames wait for `take_frame`.
 
-        Raises `WireError` for a server of another protocol, an offer without poses, or a malformed packet.
-        The session ends with it: a packet left out would break the carry-over of the following ones.
+        A `WireError` ends the session: a packet left out would break the carry-over of the following ones.
         """
         self._reader.feed(data)
         while (body := self._next_body()) is not None:

@@ -7,18 +7,13 @@ Quaternion = tuple[float, float, float, float]
 
 
 class SubjectPose(NamedTuple):
-    """One subject in one frame; an occluded one is listed but not seen, and has no pose.
-
-    The position is that of the root segment in the Tracker's world, Z up. The unit quaternion with w >= 0
-    rotates segment to world coordinates. The quality goes from 0 (bad) to 1 (good), None where it is not
-    reported.
-    """
+    """One subject in one frame; an occluded one is listed but not seen, and has no pose."""
 
     name: str
     occluded: bool
-    position_m: Position | None
-    quaternion_xyzw: Quaternion | None
-    quality: float | None
+    position_m: Position | None  # of the root segment in the Tracker's world, Z up
+    quaternion_xyzw: Quaternion | None  # w >= 0, rotates segment to world coordinates
+    quality: float | None  # from 0 (bad) to 1 (good), None where it is not reported
 
 
 class CapturedFrame(NamedTuple):

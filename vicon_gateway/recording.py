@@ -80,11 +80,7 @@ class RawRecorder:
 
 
 def read_records(source: BinaryIO) -> Iterator[RawRecord]:
-    """Yield the records of a recording.
-
-    Raises `RecordingError` for wrong first bytes, an unknown event, or a record longer than
-    `MAX_RECORD_BYTES`.
-    """
+    """Yield the records of a recording; `RecordingError` if it is none, damaged, or a record too long."""
     if source.read(len(FILE_MAGIC)) != FILE_MAGIC:
         raise RecordingError(f"not a raw DataStream recording: it does not start with {FILE_MAGIC!r}")
     while len(header := source.read(_RECORD.size)) == _RECORD.size:

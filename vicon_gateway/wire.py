@@ -94,11 +94,7 @@ def encode_packet(*objects: bytes) -> bytes:
 
 
 def split_objects(body: bytes) -> list[tuple[int, bytes]]:
-    """Split a packet body into its objects, (type, payload) in the order of the packet, unknown types
-    included.
-
-    Raises `WireError` for a length that exceeds the body, a cut header, or more than `MAX_OBJECTS` objects.
-    """
+    """Split a packet body into objects (type, payload), unknown ones included; may raise `WireError`."""
     objects: list[tuple[int, bytes]] = []
     position, end = 0, len(body)
     while position < end:
@@ -116,11 +112,7 @@ def split_objects(body: bytes) -> list[tuple[int, bytes]]:
 
 
 class PacketReader:
-    """Reassembles packets from a byte stream that may be cut anywhere.
-
-    A malformed stream stays malformed: after the first `WireError` every further call raises again, because
-    there is no way to find the next packet.
-    """
+    """Reassembles packets from bytes cut anywhere; after a `WireError` every further call raises again."""
 
     def __init__(self, max_body_bytes: int = MAX_BODY_BYTES) -> None:
         self._max_body_bytes = max_body_bytes

@@ -171,9 +171,8 @@ class OscillationDetector:
     ) -> frozenset[Loop]:
         """Process one control period; return the loops whose oscillation begins another half-wave.
 
-        `stick`: command, shape (4,). `tilt`: estimated horizontal components of the body's upward axis, the
-        first two entries; None where not known. `motion`: estimated motion state, shape (8,). `reference`:
-        set point x, y, z [m], yaw [rad], shape (4,). While it rests, smaller oscillations count.
+        `stick` (4,), `motion` (8,) and `reference` (4,) as elsewhere; `tilt` is estimated, None if unknown.
+        While the reference rests, smaller oscillations count.
         """
         place_m = reference[:3].tolist()
         resting = self._rests(place_m, period_s)

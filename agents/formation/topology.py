@@ -74,11 +74,9 @@ def in_words(line: Iterable[str]) -> str:
 
 
 def places(links: FormationGraph, heads: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the places of all vehicles in the steady state of the formation.
+    """Return the places of all vehicles in the steady state, from those of `heads`, shape (4,) or (k, 4).
 
-    `heads`: places of the vehicles without leaders: x, y, z [m], yaw [rad], shape (4,), or (k, 4) for k
-    moments. Returns places of the vehicles whose leaders' places are known, of the same shape. Contradicting
-    offsets to several leaders give their weighted mean, as in flight.
+    Vehicles whose leaders' places are unknown are left out; several leaders give a weighted mean.
     """
     found: dict[str, Array] = {}
 
@@ -132,12 +130,8 @@ def exchanged(
 ) -> dict[str, tuple[LeaderLink, ...]]:
     """Return the leaders after two vehicles have exchanged their roles, while all keep their places.
 
-    Each of the two follows whom the other one followed and leads whom the other one led. Exchanging two names
-    cannot make a cycle where there was none.
-
-    Returns new leaders of the vehicles that change them, leaders before their followers, so that no cycle
-    arises if only the first few of them change. Raises `TopologyError`: a vehicle is missing, or the place of
-    one involved is not known.
+    Leaders come before their followers, so that no cycle arises if only the first of them change. Raises
+    `TopologyError`: a vehicle is missing, or a place is not known.
     """
     for name in (first, second):
         if name not in links:

@@ -27,9 +27,6 @@ class LoadRelief:
     """Watches how late one agent's commands are, and reduces the work of its parts.
 
     Decisions by measured times take effect by an event on the bus, so that a replay does the same.
-
-    `launcher`: statuses of the launcher of this host; None without one. `processor_clock`: processor time of
-    this process in the time of the fleet [s].
     """
 
     def __init__(

@@ -78,11 +78,10 @@ class Pacing:
         self._commanded = max(self._commanded, self._begun)
 
     def control_due(self, frame: int, flying: bool) -> bool:
-        """Return whether a control period begins with this frame.
+        """Return whether a control period begins with this frame: every n-th by number, or after a gap.
 
-        It is every n-th frame by number, so that leaders and followers use the same ones; after a gap, the
-        first one. At half rate vehicles alternate, and followers use plans that are a period old. Periods
-        that passed without a command while flying are counted as missed.
+        At half rate vehicles alternate. Periods that passed without a command in flight are counted as
+        missed.
         """
         per_tick, turn = self._turn()
         last = self._last_control_frame

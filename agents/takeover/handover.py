@@ -49,9 +49,7 @@ def intent_of(
 ) -> Intent:
     """Return the task of a vehicle as a message; `task_of` makes the same task of it at any later moment.
 
-    `configuration` and `previous`: controller and estimator, and those before the last change. `epoch`,
-    `frame` and `time_s`: present moment, on the fleet's clock and on the vehicle's. `yaw_rad`: present
-    heading with all its turns; None before the vehicle has been seen.
+    `previous` was before the last change. `yaw_rad` has all turns; None before the vehicle has been seen.
     """
     path = task.source if isinstance(task.source, TimedPath) else None
     end, flown = task.source.sample(_END_OF_TIME_S, 1.0, 2), configuration.message

@@ -24,8 +24,7 @@ class KalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
 class KalmanEstimator(PoseEstimator):
     """Position, velocity and acceleration of each axis and of the yaw, in the inertial frame.
 
-    It does not use the vehicle's inputs, therefore it lags behind when they change, and it cannot separate a
-    disturbance from an input: its disturbance estimate is zero.
+    Without inputs it lags behind their changes, and cannot separate disturbances, which are zero.
     """
 
     Settings = KalmanSettings

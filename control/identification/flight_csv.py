@@ -45,8 +45,7 @@ def is_csv(path: Path) -> bool:
 def read_flight(path: Path, kind: str, full: CommandScale) -> FlightRecording:
     """Read the part of a CSV file in which the vehicle flies, as one of a type, at regular times.
 
-    Raises `RecordingError`: the file cannot be read, a column is missing, a value is not a number, times do
-    not increase, poses are missing for longer than `LONGEST_GAP_S`, or nothing flies; names file and line.
+    Raises `RecordingError`, which names file and line: nothing flies, values or poses are missing or wrong.
     """
     try:
         with _opened(path) as file:

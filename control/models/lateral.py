@@ -45,8 +45,7 @@ LATERAL_STEP: Final[Any] = record(LateralStep, MATRIX, COUNT, NUMBER, NUMBER)
 def predict_lateral(step: LateralStep, x: Array, stick: Array, yaw_rad: float) -> tuple[Array, Array]:
     """Return the lateral state after a period, and its derivative F by the one before.
 
-    `x`: lateral state, and perhaps further states, which last. `stick`: pitch and roll, shape (2,).
-    `yaw_rad`: heading in the middle of the period.
+    Further states in `x` last. `stick` is (2,), `yaw_rad` the heading in the middle of the period.
     """
     size, trim = len(x), len(step.transition) - 2
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)

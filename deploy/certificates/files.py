@@ -101,10 +101,8 @@ def credentials(directory: Path, name: str) -> Credentials:
 def own_name(fleet: FleetFile, host: str) -> str | None:
     """Return the name of the certificate that this computer shows to the router of a host, if it has one.
 
-    `RCOPTERX_CERTIFICATE` names it; else it is that of the host, or of the first operator, watcher, or other
-    host whose key is readable.
-
-    Raises `FleetError`: the key of the certificate that `RCOPTERX_CERTIFICATE` names is not readable.
+    `RCOPTERX_CERTIFICATE` names it (or `FleetError`); else it is that of the host, or the first readable of
+    operators, watchers and other hosts.
     """
     directory = directory_of(fleet)
     if directory is None:

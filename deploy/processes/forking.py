@@ -234,11 +234,7 @@ class ForkServer:
 
 
 def _remove(pid: int) -> None:
-    """Remove an ended process, in a thread of its own.
-
-    While other threads of that process clear what programs have read of them in `/proc`, the kernel spins
-    here, and at real-time priority it would keep them from that for up to a second.
-    """
+    """Remove an ended process in a thread without real-time priority: the kernel may spin for a second."""
     leave_realtime()
     os.waitpid(pid, 0)
 

@@ -51,11 +51,7 @@ class Login:
 
 
 def steps(fleet: FleetFile, fleet_text: bytes, host: str, login: Login, wheel: Path) -> Iterator[Step]:
-    """Yield the steps of the installation of a host, in order.
-
-    `fleet` and `fleet_text`: the fleet file, loaded and as text. `wheel`: file of the software. Raises
-    `OSError`: the wheel or a certificate cannot be read.
-    """
+    """Yield the steps of the installation of a host, in order; `OSError` if a file cannot be read."""
     software = wheel.read_bytes()
     yield _file(f"{DIRECTORY}/{wheel.name}", software, 0o644)
     yield _installed(wheel.name, hashlib.sha256(software).hexdigest())

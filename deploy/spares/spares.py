@@ -85,10 +85,9 @@ class Spares:
         *,
         take_over: bool = False,
     ) -> ForkedProcess | None:
-        """Let a spare take over a job; return its process, or None if no spare can.
+        """Let a spare that is `usable`, by its process id, take over a job; return its process, if any.
 
-        `log`: log file of the process it replaces. `usable`: whether a spare may be taken, by its process id.
-        `take_over`: whether an agent shall take over from one that flies its vehicle.
+        It logs into `log`. With `take_over` an agent takes over from one that flies its vehicle.
         """
         if (role, unit) not in self._jobs:
             return None

@@ -149,8 +149,7 @@ def _wait(fleet: Observer, names: Sequence[str], duration_s: float, progress: Pr
 def recording_of(recording: Recording, name: str, kind: str, period_s: float) -> FlightRecording:
     """Flight of a vehicle of type `kind` from recorded poses and applied inputs.
 
-    Raises `IdentificationError`: nothing was applied, messages are missing for long, the arbiter overrode the
-    agent, or the motion capture restarted meanwhile.
+    Raises `IdentificationError` for gaps, a restart, an override by the arbiter, or nothing applied.
     """
     poses = [pose for pose, _ in recording.messages(channels.POSE, name)]
     applied = [one for one, _ in recording.messages(channels.APPLIED, name) if one.fresh]

@@ -30,11 +30,9 @@ Respond = Callable[[ServerConnection, Request], Response | None]
 
 
 class PageServer(viser.ViserServer):
-    """A web server on this computer whose address contains a secret.
+    """A web server whose address has a secret path, which the script of the page repeats for its WebSocket.
 
-    The path of the address is the secret, which the script of the page repeats for its WebSocket. Cookies
-    would reach other servers of this computer, because browsers ignore the port. Raises `RuntimeError`: viser
-    does not use the guard.
+    Cookies would reach other servers of this computer. Raises `RuntimeError`: viser does not use the guard.
     """
 
     def __init__(self, port: int, label: str, key: str) -> None:

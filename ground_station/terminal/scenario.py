@@ -86,11 +86,7 @@ def _line(table: object) -> TimedFault:
 
 
 def inject_faults(session: Session, faults: Fault | Sequence[TimedFault]) -> None:
-    """Inject faults into the simulator of a running fleet, one now or several by their times.
-
-    Raises `FaultRefusedError`: at least one is not possible; none of them will happen. Raises
-    `RequestFailedError`: there is no simulator.
-    """
+    """Inject faults into the simulator, one now or several by times; all or `FaultRefusedError`."""
     lines = tuple(faults) if isinstance(faults, Sequence) else (TimedFault(0.0, faults),)
     reply = session.request(SIMULATOR_UNIT, Inject(faults=injected_faults(lines)))
     if not reply.accepted:
