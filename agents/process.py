@@ -236,7 +236,7 @@ class Agent:
             parts.traffic.update(status, parts.peers.statuses())
 
     def wait_for_work(self) -> None:
-        """Wait for the threads of the agent, in a replay, whose log says when they had finished."""
+        """Wait for the threads of the agent: in lockstep, and in a replay, whose log says when they ended."""
         self.parts.tuning.wait()
         self.parts.requests.trajectories.wait()
 
@@ -298,8 +298,12 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
         prepare_loop()
         while not (signals or agent.lost):
             heartbeat.beat(pilot.guidance.rotor_on)
-            time.sleep(max(0.0, clock.real_s(agent.rest_until_s - session.clock())))
-            wake.wait(min(agent.next_s() - session.clock(), LONGEST_WAIT_S))
+            if session.turns is not None:
+                agent.wait_for_work()
+                session.turns.wait(min(agent.next_s() - session.clock(), LONGEST_WAIT_S))
+            else:
+                time.sleep(max(0.0, clock.real_s(agent.rest_until_s - session.clock())))
+                wake.wait(min(agent.next_s() - session.clock(), LONGEST_WAIT_S))
             agent.step()
         heartbeat.ending()
         return agent.lost

@@ -1,30 +1,44 @@
 """The clock of a fleet: the monotonic clock of its host, in a simulated laboratory also a multiple of it.
 
 All processes of a host and programs that join its fleet compute the same time from the same monotonic clock.
+In lockstep they read it from the same page of shared memory.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import floor
-from time import monotonic
+from pathlib import Path
+from time import monotonic, time
 from typing import Final
 
+from rcopterx.bus.lockstep_page import opened_page
 from rcopterx.bus.rounding import TIME_BITS, monotonic_s
 
 NANO: Final = 1_000_000_000
 """Nanoseconds of a second."""
+SLOWEST: Final = 0.01
+"""Least speed of a fleet; that of limits in real time in lockstep, where nothing has to be in time."""
+NAP_S: Final = 0.01
+"""Real time between two readings of a clock in lockstep."""
 _TICKS: Final = 2.0**TIME_BITS
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Time of a fleet that passes at `speed` times real time; its durations are those of the fleet [s]."""
+    """Time of a fleet that passes at `speed` times real time; its durations are those of the fleet [s].
+
+    In `lockstep` it is that of `page`, once its place is known.
+    """
 
     speed: float = 1.0
+    lockstep: bool = False
+    page: Path | None = None
 
     @property
     def now(self) -> Callable[[], float]:
         """Function that returns the time of the fleet [s], in whole ticks of 2^-20 s."""
+        if self.page is not None:
+            return opened_page(self.page).now
         if self.speed == 1.0:
             return monotonic_s
         ticks = self.speed * _TICKS
@@ -34,9 +48,18 @@ class Clock:
         """Return the real time of a duration [s]."""
         return seconds / self.speed
 
+    def nap_s(self, seconds: float) -> float:
+        """Return how long to sleep [s], to wait for a duration, until the clock is read again."""
+        return min(seconds, NAP_S) if self.lockstep else self.real_s(seconds)
+
+    def wall_s(self) -> float:
+        """Return the wall clock [s], in lockstep the time of the fleet."""
+        return self.now() if self.lockstep else time()
+
     def scaled(self, real: Callable[[], float]) -> Callable[[], float]:
         """Return another clock, for instance of processor time, in seconds of the fleet."""
         return real if self.speed == 1.0 else lambda: self.speed * real()
 
 
+LOCKSTEP: Final = Clock(SLOWEST, lockstep=True)
 REAL_TIME: Final = Clock()

@@ -2,12 +2,11 @@
 
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import count
+from functools import partial
 from queue import SimpleQueue
-from struct import Struct
 from typing import Any, Final, NamedTuple, TypeVar
 
 import zenoh
@@ -17,33 +16,24 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.codec import RejectedError, decode, encode
+from rcopterx.bus.conductor import Conductor
 from rcopterx.bus.endpoints import Credentials, client_config, open_session, reason_of
+from rcopterx.bus.lockstep_page import opened_page
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
+from rcopterx.bus.publishing import Publisher, declared_publisher, number_of
+from rcopterx.bus.requesting import LONG_S, request_in_turns
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
-from rcopterx.bus.subscription import Deliver, Inbox, OnArrival, Subscription, UnitSubscriptions, Waking
-
-_COUNTER: Final = Struct("<I")  # attachment of every message: its number on this key
-
-
-class Publisher:
-    """Publisher of one key."""
-
-    def __init__(self, publisher: zenoh.Publisher) -> None:
-        self._publisher = publisher
-        self._numbers = count(1)
-
-    def put(self, payload: bytes) -> None:
-        """Send a payload; never blocks, drops on congestion."""
-        self._publisher.put(payload, attachment=_COUNTER.pack(next(self._numbers) & 0xFFFFFFFF))
-
-
-def number_of(attachment: zenoh.ZBytes | None) -> int:
-    """Return the number of a message from its attachment; 0 without one."""
-    if attachment is None or len(attachment) != _COUNTER.size:
-        return 0
-    return int(_COUNTER.unpack(attachment.to_bytes())[0])
-
+from rcopterx.bus.subscription import (
+    Deliver,
+    Inbox,
+    OnArrival,
+    Subscription,
+    UnitSubscriptions,
+    Waking,
+    callback_of,
+)
+from rcopterx.bus.turns import CONDUCTOR, Reception, Turns, attached, sent_at
 
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Reply)
@@ -52,13 +42,6 @@ MOST_REQUESTS: Final = 256  # requests that wait for the loop of a process; furt
 RETRY_S = 0.02  # pause before a request is sent again where no process serves it
 FIRST_ATTEMPT_S = 0.1  # time for one endpoint; it doubles in each round, for routers on a busy machine
 SILENT_SHARE = 0.8  # share of the time-out after which an empty result means that the server did not answer
-
-_PRIORITIES = {
-    channels.REAL_TIME: zenoh.Priority.REAL_TIME,
-    channels.INTERACTIVE_HIGH: zenoh.Priority.INTERACTIVE_HIGH,
-    channels.DATA_HIGH: zenoh.Priority.DATA_HIGH,
-    channels.DATA_LOW: zenoh.Priority.DATA_LOW,
-}
 
 
 class BusUnreachableError(ConnectionError):
@@ -85,6 +68,8 @@ class BusAddress:
     # messages of other units are discarded, so that strangers cannot fill the memory; empty permits all
     units: frozenset[str] = frozenset()
     clock: Clock = REAL_TIME
+    process: str = ""
+    """Name of the process, if it takes turns in lockstep."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +144,12 @@ class Session:
         self._zenoh = opened(address, timeout_s)
         # An open session would keep the interpreter from ending: it waits for callbacks.
         self._close = weakref.finalize(self, self._zenoh.close)
+        self.turns: Turns | None = None
+        """The turns of this process in lockstep; None if it takes none."""
+        if address.clock.page is not None and address.process:
+            kind = Conductor if address.process == CONDUCTOR else Turns
+            self.turns = kind(opened_page(address.clock.page), address.process, self.fence)
+            self.wake = self.turns.wake
 
     def __enter__(self) -> "Session":
         return self
@@ -168,7 +159,16 @@ class Session:
 
     def close(self) -> None:
         """Leave the bus; done at the end of the program otherwise."""
+        if self.turns is not None:
+            self.turns.leave()
+            self.turns = None
         self._close()
+
+    def fence(self) -> None:
+        """Wait for an answer of the router, which has handled all earlier subscriptions by then."""
+        key = channels.request_key(self.address.fleet, self.address.host, "identify")
+        for _ in self._zenoh.get(key, payload=encode(Identify()), timeout=LONG_S):
+            pass
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """Send a message; never blocks, drops on congestion."""
@@ -176,14 +176,9 @@ class Session:
         publisher.put(encode(message))
 
     def _declare(self, channel: Channel[M], unit: str) -> Publisher:
-        declared = self._zenoh.declare_publisher(
-            channels.key(self.address.fleet, unit, channel.topic),
-            encoding=channel.encoding,
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=_PRIORITIES[channel.priority],
-            express=False,
-        )
-        publisher = self._publishers[unit, channel.topic] = Publisher(declared)
+        key = channels.key(self.address.fleet, unit, channel.topic)
+        publisher = declared_publisher(self._zenoh, self.turns, channel, key)
+        self._publishers[unit, channel.topic] = publisher
         return publisher
 
     def republish(self, unit: str, topic: str, payload: bytes) -> None:
@@ -206,16 +201,17 @@ class Session:
         """Receive a channel of one unit."""
         full_key = channels.key(fleet or self.address.fleet, unit, channel.topic)
         origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
-        on_arrival = self._on_arrival(waking, deliver)
-        return Subscription(self._zenoh, channel, full_key, on_arrival, depth, origin)
+        on_arrival, reception = self._on_arrival(waking, deliver), self._reception(full_key)
+        return Subscription(self._zenoh, channel, full_key, on_arrival, depth, origin, reception)
 
     def subscribe_all(
         self, channel: Channel[M], depth: int = 1, *, waking: Waking = True, deliver: Deliver = Inbox.store
     ) -> UnitSubscriptions[M]:
         """Receive a channel of every unit; parameters as in `subscribe`."""
         pattern = channels.key(self.address.fleet, "*", channel.topic)
-        on_arrival = self._on_arrival(waking, deliver)
-        return UnitSubscriptions(self._zenoh, channel, pattern, on_arrival, depth, self.address.units)
+        on_arrival, reception = self._on_arrival(waking, deliver), self._reception(pattern)
+        units = self.address.units
+        return UnitSubscriptions(self._zenoh, channel, pattern, on_arrival, depth, units, reception)
 
     def _on_arrival(self, waking: Waking, deliver: Deliver) -> OnArrival:
         """Return what delivers a payload with the time of its arrival, and wakes the loop."""
@@ -227,6 +223,10 @@ class Session:
 
         return arrived
 
+    def _reception(self, key: str) -> Reception | None:
+        """Return what holds messages of a key back in lockstep."""
+        return None if self.turns is None else self.turns.receive(key)
+
     def tap(self, store: Callable[[RawMessage], None], topic: str = "*", fleet: str | None = None) -> None:
         """Receive all messages of a fleet, or of one topic, undecoded; receive threads call `store`."""
         units = self.address.units
@@ -235,8 +235,10 @@ class Session:
             chunks = str(sample.key_expr).split("/")
             # A message on a wildcard key belongs to no unit.
             if len(chunks) == 4 and "*" not in str(sample.key_expr) and (not units or chunks[2] in units):
-                number = number_of(sample.attachment)
-                store(RawMessage(chunks[2], chunks[3], sample.payload.to_bytes(), self.clock(), number))
+                attachment = attached(sample.attachment)
+                sent_s, number = sent_at(attachment), number_of(attachment)
+                arrived_s = self.clock() if sent_s is None else sent_s
+                store(RawMessage(chunks[2], chunks[3], sample.payload.to_bytes(), arrived_s, number))
 
         pattern = channels.key(fleet or self.address.fleet, "*", topic)
         self._taps.append(self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False)))
@@ -244,15 +246,10 @@ class Session:
     def serve(self, unit: str, verbs: list[str]) -> None:
         """Accept requests for a unit; they wait in `pending` until the loop answers them."""
         for verb in verbs:
-            row = VERBS[verb]
-
-            def on_query(query: zenoh.Query, unit: str = unit, verb: str = row.name) -> None:
-                self._on_query(unit, verb, query)
-
             key = channels.request_key(self.address.fleet, unit, verb)
-            self._queryables.append(
-                self._zenoh.declare_queryable(key, Callback(on_query, indirect=False), complete=True)
-            )
+            reception = None if self.turns is None else self.turns.serve(key)
+            on_query = callback_of(partial(self._on_query, unit, verb), reception)
+            self._queryables.append(self._zenoh.declare_queryable(key, on_query, complete=True))
 
     def _on_query(self, unit: str, verb: str, query: zenoh.Query) -> None:
         payload = query.payload.to_bytes() if query.payload is not None else b""
@@ -269,8 +266,10 @@ class Session:
         arrived_s = self.clock()
 
         def send(reply: bytes) -> None:
+            turns = self.turns
+            stamp = None if turns is None else turns.reply_stamp(attached(query.attachment))
             with query:
-                query.reply(query.key_expr, reply)
+                query.reply(query.key_expr, reply, attachment=stamp)
             if not VERBS[verb].recorded:
                 return
             took_s = max(0.0, self.clock() - arrived_s)
@@ -299,11 +298,17 @@ class Session:
         key = channels.request_key(self.address.fleet, unit, verb.name)
         payload = encode(request)
         limit_s = self.address.clock.real_s(timeout_s)
-        give_up_s = time.monotonic() + self.address.clock.real_s(patience_s)
+        give_up_s = self.clock() + patience_s
         while True:
             sent_s = time.monotonic()
             try:
-                replies = self._zenoh.get(key, payload=payload, timeout=limit_s)
+                in_turns = self.turns is not None and self.turns.serves(key)
+                if self.turns is not None and in_turns:
+                    replies: Iterable[zenoh.Reply] = request_in_turns(
+                        self._zenoh, self.turns, key, payload, timeout_s
+                    )
+                else:
+                    replies = self._zenoh.get(key, payload=payload, timeout=limit_s)
             except zenoh.ZError as error:
                 raise RequestFailedError(f"{verb.name} was not sent to {unit}: {error}") from error
             for reply in replies:
@@ -311,13 +316,12 @@ class Session:
                     return self._reply(unit, verb, reply.ok.payload.to_bytes())
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else ""
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: {text}")
-            now_s = time.monotonic()
             # Some time-outs come without an error; without a server Zenoh answers at once.
-            if now_s - sent_s >= SILENT_SHARE * limit_s:
+            if in_turns or time.monotonic() - sent_s >= SILENT_SHARE * limit_s:
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: Timeout")
-            if now_s >= give_up_s:
+            if self.clock() >= give_up_s:
                 raise NotServedError(f"no process serves {verb.name} for {unit}")
-            time.sleep(RETRY_S)
+            (time.sleep if self.turns is None else self.turns.wait)(RETRY_S)
 
     def identify(self, timeout_s: float = 0.5) -> list[IdentifyReply]:
         """Return the answer of each linked router that knows which fleet it serves."""

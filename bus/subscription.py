@@ -3,6 +3,7 @@
 import threading
 from collections import Counter, deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 import zenoh
@@ -12,6 +13,7 @@ from zenoh.handlers import Callback
 from rcopterx.bus.channels import CHANNELS, Channel
 from rcopterx.bus.codec import RejectedError, decode
 from rcopterx.bus.message import Message
+from rcopterx.bus.turns import Reception
 
 M = TypeVar("M", bound=Message)
 
@@ -128,6 +130,12 @@ Deliver = Callable[[Inbox[Any], bytes, float], None]
 OnArrival = Callable[[Inbox[Any], bytes], None]  # called on the receive thread with a payload and inbox
 
 
+def callback_of(on_arrival: Callable[[Any], None], reception: Reception | None) -> "Callback[Any]":
+    """Return what Zenoh calls with a sample or a query; in lockstep it waits for its turn."""
+    called = on_arrival if reception is None else partial(reception.hold, on_arrival)
+    return Callback(called, indirect=False)
+
+
 class Subscription(Inbox[M]):
     """An inbox filled from the bus; `origin` selects whether the own session's messages are received."""
 
@@ -139,12 +147,14 @@ class Subscription(Inbox[M]):
         on_arrival: OnArrival,
         depth: int = 1,
         origin: zenoh.Locality = zenoh.Locality.ANY,
+        reception: Reception | None = None,
     ) -> None:
         super().__init__(channel, depth, full_key.split("/")[-2])
         self._on_arrival = on_arrival
+        self._reception = reception
         self._key = zenoh.KeyExpr(full_key)
         self._subscriber = session.declare_subscriber(
-            full_key, Callback(self._on_sample, indirect=False), allowed_origin=origin
+            full_key, callback_of(self._on_sample, reception), allowed_origin=origin
         )
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
@@ -156,6 +166,8 @@ class Subscription(Inbox[M]):
 
     def close(self) -> None:
         """Stop receiving."""
+        if self._reception is not None:
+            self._reception.end()
         self._subscriber.undeclare()
 
 
@@ -170,6 +182,7 @@ class UnitSubscriptions(Generic[M]):
         on_arrival: OnArrival,
         depth: int = 1,
         units: frozenset[str] = frozenset(),
+        reception: Reception | None = None,
     ) -> None:
         self._on_arrival = on_arrival
         self._units = units
@@ -180,7 +193,8 @@ class UnitSubscriptions(Generic[M]):
         self._unit_at = pattern.split("/").index("*")
         # Other units use the same topic for another type, as the Tracker does for its status.
         self._others = {row.unit for row in CHANNELS if row.topic == channel.topic} - {channel.unit}
-        self._subscriber = session.declare_subscriber(pattern, Callback(self._on_sample, indirect=False))
+        self._reception = reception
+        self._subscriber = session.declare_subscriber(pattern, callback_of(self._on_sample, reception))
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         full_key = str(sample.key_expr)
@@ -205,4 +219,6 @@ class UnitSubscriptions(Generic[M]):
 
     def close(self) -> None:
         """Stop receiving."""
+        if self._reception is not None:
+            self._reception.end()
         self._subscriber.undeclare()

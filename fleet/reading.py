@@ -59,8 +59,18 @@ def digest_of(fleet: FleetFile) -> str:
     return hashlib.sha256(msgspec.json.encode(plain, order="deterministic")).hexdigest()[:12]
 
 
-def at_speed(fleet: FleetFile, speed: float | None) -> FleetFile:
-    """Return a fleet at a speed, None for its file's; `FleetError` for hardware or a speed out of range."""
+def at_speed(fleet: FleetFile, speed: float | None, lockstep: bool = False) -> FleetFile:
+    """Return a fleet whose time passes at a speed, or in lockstep; None and False mean as in its file.
+
+    Raises `FleetError`: the fleet flies hardware, the speed is out of range, or a part of it cannot wait.
+    """
+    simulator = fleet.simulator
+    if simulator is not None and (lockstep or simulator.lockstep):
+        if len(fleet.hosts) > 1 or fleet.tracker.brand != "vicon":
+            raise FleetError("lockstep: needs a fleet with one host, and tracker.brand 'vicon'")
+        return structs.replace(fleet, simulator=structs.replace(simulator, lockstep=True))
+    if lockstep:
+        raise FleetError(f"lockstep: {fleet.name} flies hardware, which waits for nobody; leave it out")
     if speed is None or speed == fleet.clock.speed:
         return fleet
     if fleet.simulator is None:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta, Struct, field
 
 from rcopterx.bus import channels
-from rcopterx.bus.clock import Clock
+from rcopterx.bus.clock import LOCKSTEP, REAL_TIME, Clock
 from rcopterx.bus.message import Four, Name, Period, Place, Three
 from rcopterx.bus.messages import LeaderLink
 
@@ -81,6 +81,9 @@ class SimulatorConfig(Table, frozen=True, kw_only=True):
     """Seed of the random vehicles, noise and wind."""
     speed: Speed = 1.0
     """How fast the time of the fleet passes: 1 in real time, 0.2 five times slower, for slow computers."""
+    lockstep: bool = False
+    """Time stands still until all processes have finished their work: no control period is missed, and all
+    flights are identical. `speed` has no meaning then."""
     conditions: str = "helicopter"
     """Preset: `ideal`, `laboratory`, `helicopter`, `helicopters`, `crazyflies` or `vicon_crazyflie`."""
     condition_overrides: dict[str, Any] = {}
@@ -318,13 +321,16 @@ class FleetFile(Table, frozen=True, kw_only=True):
     @property
     def clock(self) -> Clock:
         """The clock of the fleet; hardware flies in real time."""
-        return Clock() if self.simulator is None else Clock(self.simulator.speed)
+        if self.simulator is None:
+            return Clock()
+        return LOCKSTEP if self.simulator.lockstep else Clock(self.simulator.speed)
 
     @property
     def title(self) -> str:
         """Name of the fleet, and how fast its time passes if that is not real time."""
-        speed = self.clock.speed
-        return self.name if speed == 1.0 else f"{self.name} ({speed:g} x real time)"
+        clock = self.clock
+        pace = "lockstep" if clock.lockstep else f"{clock.speed:g} x real time"
+        return self.name if clock == REAL_TIME else f"{self.name} ({pace})"
 
     def agent_hosts(self, vehicle: str) -> tuple[str, ...]:
         """Return the hosts that may run the agent of a vehicle, its own first."""

@@ -132,7 +132,8 @@ def run_gateway(settings: GatewaySettings) -> None:
     heartbeat = own_heartbeat()
     with KillKeys(sys.stdin.fileno()) as keys:
         radios = Radios(settings, wakeup, keys, heartbeat, clock.now)
-        radios.serve()
+        if not clock.lockstep:
+            radios.serve()
         prepare_loop()
         with _joined_bus(settings, wakeup, radios, caught) as session:
             gateway = Gateway(settings, session, radios, realtime)
@@ -147,7 +148,14 @@ def run_gateway(settings: GatewaySettings) -> None:
 
 
 def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios, caught: set[int]) -> Session:
-    """Join the bus; the radios are served meanwhile, because a router may be late or missing."""
+    """Join the bus; the radios are served meanwhile, because a router may be late or missing.
+
+    In lockstep time stands still meanwhile.
+    """
+    if settings.bus.clock.lockstep:
+        session = Session(settings.bus, wakeup.notify)
+        wakeup.turns = session.turns
+        return session
     with ThreadPoolExecutor(1, "bus") as pool:
         opening = pool.submit(Session, settings.bus, wakeup.notify)
         opening.add_done_callback(lambda _: wakeup.notify())

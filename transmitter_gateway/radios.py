@@ -3,6 +3,7 @@
 import logging
 import os
 import select
+import time
 import traceback
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -10,6 +11,7 @@ from pathlib import Path
 
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.heartbeat import Heartbeat
+from rcopterx.bus.turns import Turns
 from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, crazyradio
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
@@ -38,6 +40,7 @@ class Wakeup:
 
     def __init__(self, clock: Clock = REAL_TIME) -> None:
         self._real_s = clock.real_s
+        self.turns: Turns | None = None  # those of this process in lockstep
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
 
     def notify(self) -> None:
@@ -47,8 +50,11 @@ class Wakeup:
     def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
         """Wait for a notification, for data or for the time-out; return readable or closed descriptors."""
         # `select` counts in microseconds; `poll` and `epoll` would round deadlines to milliseconds.
-        readable, _, _ = select.select([self._event, *descriptors], [], [], max(0.0, self._real_s(timeout_s)))
-        ready = set(readable)
+        watched = [self._event, *descriptors]
+        if self.turns is None:
+            ready = set(select.select(watched, [], [], max(0.0, self._real_s(timeout_s)))[0])
+        else:
+            ready = self.turns.wait(timeout_s, watched)
         if self._event in ready:
             os.eventfd_read(self._event)
             ready.discard(self._event)
@@ -61,6 +67,7 @@ class Wakeup:
 
 _LOG = logging.getLogger(__name__)
 
+OPENING_S = 0.001  # between two checks whether a port is open
 TURN_S = 0.005
 """Longest time between two turns of the loop. Poses do not wake it: agents need the processor when a frame
 has arrived, and the limits of surveillance are tenths of a second."""
@@ -90,6 +97,9 @@ class Radios:
     def wait(self, due_s: float) -> None:
         """Wait for a message, an answer of a module, a deadline or `due_s`, at most a turn."""
         transmitters = self.transmitters.values()
+        while self._wakeup.turns is not None and any(each.port.is_opening for each in transmitters):
+            # In lockstep no time passes meanwhile.
+            time.sleep(OPENING_S)
         self._heartbeat.beat(_flying(transmitters))
         deadlines_s = [due_s, *(transmitter.next_deadline_s() for transmitter in transmitters)]
         ports = {transmitter.port.fileno(): transmitter for transmitter in transmitters}

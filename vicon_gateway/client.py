@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple, Self
 
 from msgspec.structs import replace
 
+from rcopterx.bus.turns import Turns
 from rcopterx.vicon_gateway.datastream import DataStreamSession, StreamCounters
 from rcopterx.vicon_gateway.frame import CapturedFrame
 from rcopterx.vicon_gateway.recording import RawRecorder
@@ -22,6 +23,7 @@ from rcopterx.vicon_gateway.wire import WireError
 
 DEFAULT_PORT = 801
 RECEIVE_BYTES = 64 * 1024  # larger buffers come from the operating system each time, as empty pages
+CONNECTING_S = 0.001  # between two checks whether a connection has been made
 MAX_DRAIN_BYTES = 8 * 1024 * 1024
 
 # Waiting pauses before a try, resolving looks a host name up, negotiating awaits offer and first frame.
@@ -160,6 +162,15 @@ class DataStreamClient(FrameClient):
         self._session = DataStreamSession()
         self._unsent = b""
         self._tries = 0
+
+    def turn(self, turns: Turns, timeout_s: float) -> CapturedFrame | None:
+        """Wait for a frame as `next_frame`, in lockstep: connections are made within a turn."""
+        turns.wait(timeout_s, [] if self._socket is None else [self._socket.fileno()])
+        frame = self.next_frame(0.0)
+        while self._name in ("resolving", "connecting"):
+            time.sleep(CONNECTING_S)
+            frame = self.next_frame(0.0)
+        return frame
 
     def close(self) -> None:
         """End the connection; `next_frame` returns None from now on."""

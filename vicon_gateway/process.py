@@ -3,11 +3,11 @@
 import logging
 import math
 import signal
-import time
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -103,10 +103,12 @@ class TrackerGateway:
         self._host = settings.bus.host or None
         self._recording = recording
         self._client = client
+        self.next_frame = client.next_frame
+        """Waits for the next frame, for a time [s] at most."""
         self._session = session
         self._realtime = realtime
         self._subjects = SubjectMap(settings.subjects)
-        self.epochs = EpochCounter()  # the fleet's clock
+        self.epochs, self._wall_s = EpochCounter(), settings.bus.clock.wall_s  # the fleet's clock
         self._stamp = Stamp(0, 0)
         self._frame: CapturedFrame | None = None
         self._report_at_s = 0.0
@@ -123,7 +125,7 @@ class TrackerGateway:
 
     def step(self) -> None:
         """Wait for the next frame, publish its poses, and now and then the status."""
-        frame = self._client.next_frame(self._longest_wait_s(self._session.clock()))
+        frame = self.next_frame(self._longest_wait_s(self._session.clock()))
         now_s = self._session.clock() if frame is None else frame.received_s
         if self._flown:
             self._notice_earlier_gateway(now_s)
@@ -142,7 +144,7 @@ class TrackerGateway:
         return min(LONGEST_WAIT_S, max(0.0, due_s - now_s))
 
     def _publish(self, frame: CapturedFrame) -> None:
-        stamp = self.epochs.stamp(frame, time.time())
+        stamp = self.epochs.stamp(frame, self._wall_s())
         if stamp is not None:
             self._frame, self._stamp = frame, stamp
             publish, latency_s = self._session.publish, rounded(max(0.0, frame.latency_s), TIME_BITS)
@@ -259,6 +261,8 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
             )
         stack.callback(client.close)
         gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
+        if session.turns is not None and isinstance(client, DataStreamClient):
+            gateway.next_frame = partial(client.turn, session.turns)
         heartbeat = own_heartbeat()
         prepare_loop()
         while not stopping:

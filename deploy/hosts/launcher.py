@@ -13,8 +13,10 @@ from typing import Final, TypeVar
 from msgspec.structs import replace
 
 from rcopterx.bus.clock import Clock
+from rcopterx.bus.lockstep_page import create_page, opened_page, remove_page
 from rcopterx.bus.realtime import request_realtime, share_interpreter
 from rcopterx.bus.session import BusUnreachableError
+from rcopterx.bus.turns import CONDUCTOR
 from rcopterx.compiling.cache import compile_all
 from rcopterx.deploy.fleet_check import check_in_process
 from rcopterx.deploy.hosts.capacity import AGENT, CapacityMeasurement, may_be_crowded
@@ -36,7 +38,7 @@ from rcopterx.deploy.processes.prepared import modules_of
 from rcopterx.deploy.processes.process_log import append
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import RECORDER, ROUTER, ProcessSpec, agent_process, processes_of
-from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.addresses import bus_address, clock_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.spares.spares import SPARES, Spares, spare_command
 from rcopterx.fleet.reading import write_snapshot
@@ -49,6 +51,7 @@ WATCH_S: Final = 0.02  # between two checks of all processes for progress
 MEASURE_S: Final = 0.1  # between two steps of the measurement of how many vehicles this computer flies
 FLOOR_S: Final = 0.25  # between two searches for vehicles on the floor whose host has died
 EVENTS_KEPT: Final = 200
+IN_LOCKSTEP: Final = (RECORDER, "tracker", "transmitters", AGENT)  # roles without which no time passes
 SPARE_ROLES: Final = (AGENT, ROUTER, "tracker", "transmitters")
 """Roles that vehicles in the air need, and that spares can take over."""
 
@@ -81,15 +84,17 @@ class Launcher(AbstractContextManager["Launcher"]):
         watchdog: bool = True,  # False never kills processes that make no progress: for debugging
         record: bool = False,  # whether this host, if it is the one that records, writes a flight log
         idle: bool = False,  # whether only the router runs until the rest is requested: the daemon of a host
+        script: str = "",  # in lockstep the name of a program that takes turns, too
     ) -> None:
-        self._fleet, self._host, self._idle = fleet, host, idle
-        self._now = fleet.clock.now
+        self._fleet, self._host, self._idle, self._script = fleet, host, idle, script
+        self._clock = clock_of(fleet)
         self.directory = directory = run_directory(fleet.name, fleet.bus.namespace)
         specs = [spec for spec in processes_of(fleet, host) if record or spec.role != RECORDER]
         check_without(fleet, without)
         # Before any process starts: watchdogs would take one that waits for kernels for one that hangs.
         compile_all()
         check_certificate(fleet, host)
+        watchdog = watchdog and not self._clock.lockstep  # a process that waits for its turn does not hang
         missing = check_resources(fleet, host, directory, without)
         self._forks = ForkServer(modules_of(fleet, specs), Priority.SUPERVISOR.of(fleet))
         try:
@@ -127,7 +132,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._floor_due_s = self._measure_due_s = 0.0
         self._recall: RecallService | None = None
         self._membership: MembershipService | None = None
-        self._capacity = self._measurement() if self._home else None
+        self._capacity = self._measurement() if self._home and not self._clock.lockstep else None
         self._not_measured = ""  # why the capacity could not be measured the last time
 
     def _measurement(self) -> CapacityMeasurement:
@@ -142,11 +147,18 @@ class Launcher(AbstractContextManager["Launcher"]):
         return Spares(self._forks, jobs, command, self._logs / "spare.log", count, priority)
 
     def __enter__(self) -> "Launcher":
+        if self._clock.lockstep:
+            # Their times are those of another flight.
+            remove_states(self._fleet.transmitters_on(self._host), self.directory)
         try:
             begin_states(self._fleet.transmitters_on(self._host), self.directory)
         except FleetError:
             self._forks.close()
             raise
+        if self._clock.page is not None:
+            children = self.supervisor.children.values()
+            awaited = (each.spec.name for each in children if each.wanted and each.spec.role in IN_LOCKSTEP)
+            create_page(self._clock.page, [CONDUCTOR, *awaited, *filter(None, [self._script])])
         write_snapshot(self._fleet, self._snapshot)
         # The supervisor runs in the interpreter of this program and waits for its other threads.
         share_interpreter()
@@ -184,7 +196,7 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def _begin_flight(self) -> None:
         """Name the flight log that recorders write from now on."""
-        flight = Begun.now(flight_name(self._fleet.name, time.time()), self._fleet.clock)
+        flight = Begun.now(flight_name(self._fleet.name, time.time()), self._clock)
         write_flight(flight_path(self._host, self.directory), flight)
 
     def _run(self) -> None:
@@ -213,7 +225,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         recall, membership, guard = self._recall, self._membership, self._guard
         if recall is None or membership is None or not membership.started:
             return []
-        now_s, vehicles = self._now(), guard.vehicles
+        now_s, vehicles = self._clock.now(), guard.vehicles
         orphans = guard.find_orphans(now_s, recall.frames())
         lost = dict.fromkeys(orphans, "no agent commands it in flight")
         if vehicles and now_s >= self._floor_due_s:
@@ -271,5 +283,9 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._recall.close()
             self._recall = None
         self._stopping.set()
+        if self._clock.page is not None:
+            opened_page(self._clock.page).want_none()
         self._thread.join()
+        if self._clock.page is not None:
+            remove_page(self._clock.page)
         remove_states(self._fleet.transmitters_on(self._host), self.directory)

@@ -57,7 +57,8 @@ class MembershipService:
         self.started = begin is None  # whether the processes of the host run, and not only its daemon
         self.flies: tuple[int, ...] = ()  # vehicles that the host can fly at every control rate, if known
         agents = [child for child in supervisor.children.values() if child.spec.role == AGENT]
-        self.measuring = may_be_crowded(sum(child.wanted for child in agents))
+        crowded = may_be_crowded(sum(child.wanted for child in agents))
+        self.measuring = crowded and not address.clock.lockstep
         """Whether `flies` is being measured and may be less than what runs here; published from the first
         status on, so that no vehicle takes off before."""
         self._begin = begin
@@ -80,7 +81,7 @@ class MembershipService:
         attempt = Attempts(self._session.clock)
         while not self._stopping:
             wait_s = report_at_s - self._session.clock()
-            self._wake.wait(max(0.0, self._session.address.clock.real_s(wait_s)))
+            self._wake.wait(max(0.0, self._session.address.clock.nap_s(wait_s)))
             self._wake.clear()
             for incoming in self._session.pending():
                 incoming.answer(self._answer_or_error(incoming.request))

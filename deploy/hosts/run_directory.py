@@ -13,6 +13,7 @@ from rcopterx.bus.clock import NANO, Clock
 
 LONGEST_SOCKET_PATH = 100
 SHARED_MEMORY = Path("/dev/shm")  # files here are memory: writing to them never waits for a disk
+LOCKSTEP = ".lockstep"  # file with the time of a fleet in lockstep; no vehicle can have this name
 
 
 def base_directory() -> Path:
@@ -104,6 +105,11 @@ def states_directory(directory: Path) -> Path:
 def states_directories() -> list[Path]:
     """Return these directories of all fleets of this user."""
     return list(SHARED_MEMORY.glob(f"rcopterx-{os.geteuid()}-*"))
+
+
+def lockstep_path(directory: Path) -> Path:
+    """Return the path of the page that holds the time of a fleet in lockstep."""
+    return states_directory(directory) / LOCKSTEP
 
 
 def router_socket(host: str, directory: Path) -> str | None:

@@ -27,7 +27,6 @@ class RunningFleet(NamedTuple):
     vehicles: list[str]
     snapshot: str  # path of the snapshot of the fleet file
     credentials: list[str] | None = None  # `Credentials`, for routers that require a certificate
-    speed: float = 1.0  # how fast the time of the fleet passes
 
 
 @contextmanager

@@ -5,7 +5,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from rcopterx.deploy.hosts.run_directory import states_directories, states_directory
+from rcopterx.bus.lockstep_page import remove_page
+from rcopterx.deploy.hosts.run_directory import LOCKSTEP, states_directories, states_directory
 from rcopterx.fleet.schema import FleetError
 from rcopterx.transmitter_gateway.state_page import begin_page, open_page
 
@@ -47,6 +48,7 @@ def _remove_abandoned(own: Path) -> None:
         with suppress(OSError):
             if states == own or not owner.is_symlink() or owner.exists():
                 continue
+            remove_page(states / LOCKSTEP)
             for page in states.iterdir():
                 if page != owner:
                     open_page(page).close()

@@ -1,14 +1,20 @@
 """Where the processes of a fleet find the bus."""
 
+from dataclasses import replace
+
 from rcopterx.bus.channels import FIXED_UNITS
+from rcopterx.bus.clock import Clock
 from rcopterx.bus.session import BusAddress
 from rcopterx.deploy.certificates.files import own_credentials
-from rcopterx.deploy.hosts.run_directory import router_socket, run_directory
+from rcopterx.deploy.hosts.run_directory import lockstep_path, router_socket, run_directory
 from rcopterx.fleet.schema import FleetFile
 
 
-def bus_address(fleet: FleetFile, host: str) -> BusAddress:
-    """Return where processes of a host find their router: at its socket, or at its TCP address."""
+def bus_address(fleet: FleetFile, host: str, process: str = "") -> BusAddress:
+    """Return where processes of a host find their router: at its socket, or at its TCP address.
+
+    In lockstep a `process` with a name takes turns, one without only follows the time.
+    """
     return BusAddress(
         endpoints=tuple(router_endpoints(fleet, host)),
         fleet=fleet.name,
@@ -16,7 +22,18 @@ def bus_address(fleet: FleetFile, host: str) -> BusAddress:
         host=host,
         credentials=own_credentials(fleet, host),
         units=frozenset({*fleet.vehicles, *fleet.hosts, *FIXED_UNITS}),
-        clock=fleet.clock,
+        clock=clock_of(fleet),
+        process=process,
+    )
+
+
+def clock_of(fleet: FleetFile) -> Clock:
+    """Return the clock of a fleet; in lockstep with its page."""
+    clock = fleet.clock
+    return (
+        replace(clock, page=lockstep_path(run_directory(fleet.name, fleet.bus.namespace)))
+        if clock.lockstep
+        else clock
     )
 
 

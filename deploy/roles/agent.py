@@ -13,7 +13,7 @@ from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.deploy.processes.prepared import prepared_pilot
-from rcopterx.deploy.processes.table import EXIT_ELSEWHERE
+from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, agent_process
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.formation_check import links_of
@@ -54,7 +54,7 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
     links = links_of(fleet)
     models = {other: model_of(fleet, other) for other in fleet.vehicles}
     return AgentSettings(
-        bus=bus_address(fleet, host or vehicle.host),
+        bus=bus_address(fleet, host or vehicle.host, agent_process(name)),
         vehicle=name,
         vehicles=tuple(fleet.vehicles),
         model=models[name],

@@ -9,7 +9,7 @@ from typing import Final
 import msgspec
 
 from rcopterx.deploy.hosts.run_directory import Begun, flight_path, read_flight, run_directory
-from rcopterx.deploy.roles.addresses import bus_address
+from rcopterx.deploy.roles.addresses import bus_address, clock_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.reading import digest_of
 from rcopterx.fleet.schema import FleetFile
@@ -39,7 +39,7 @@ def log_directory(fleet: FleetFile) -> Path:
 def recorder_settings(fleet: FleetFile, host: str, started_s: float) -> RecorderSettings:
     """Return the settings of a recorder that starts at a time of the wall clock."""
     under_way = read_flight(flight_path(host, run_directory(fleet.name, fleet.bus.namespace)))
-    flight = under_way or Begun.now(flight_name(fleet.name, started_s), fleet.clock)
+    flight = under_way or Begun.now(flight_name(fleet.name, started_s), clock_of(fleet))
     return RecorderSettings(
         bus=bus_address(fleet, host),
         host=host,

@@ -34,7 +34,6 @@ def run(fleet: FleetFile, host: str) -> None:
         vehicles=list(fleet.vehicles),
         snapshot=str(snapshot),
         credentials=shown(fleet, host),
-        speed=fleet.clock.speed,
     )
     identity = IdentifyReply(
         accepted=True,

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from rcopterx.bus.turns import CONDUCTOR
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.ports import port_of
@@ -52,7 +53,7 @@ def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:
     assert simulator is not None
     host, port = tracker_address(fleet)
     return SimulatorSettings(
-        bus=bus_address(fleet, simulator.host),
+        bus=bus_address(fleet, simulator.host, CONDUCTOR),
         tracker_host=host,
         tracker_port=port,
         profile=simulator.profile,

@@ -38,7 +38,7 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
     """Return the settings of the Vicon gateway process."""
     host, port = tracker_address(fleet)
     return TrackerSettings(
-        bus=bus_address(fleet, fleet.tracker.host),
+        bus=bus_address(fleet, fleet.tracker.host, "tracker"),
         host=host,
         port=port,
         subjects={vehicle.subject: name for name, vehicle in fleet.vehicles.items()},

@@ -21,7 +21,7 @@ def run(fleet: FleetFile, gateway: str) -> None:
 def gateway_settings(fleet: FleetFile, gateway: str, directory: Path) -> GatewaySettings:
     """Return the settings of a transmitter gateway process."""
     return GatewaySettings(
-        bus=bus_address(fleet, fleet.gateways[gateway].host),
+        bus=bus_address(fleet, fleet.gateways[gateway].host, gateway),
         name=gateway,
         transmitters=tuple(
             TransmitterSettings(

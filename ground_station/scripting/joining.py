@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+from msgspec import structs
+
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.session import Session
 from rcopterx.deploy.hosts.running import running_fleets
-from rcopterx.fleet.reading import at_speed, digest_of, read_snapshot
+from rcopterx.fleet.reading import digest_of, read_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
 
 
@@ -29,10 +31,11 @@ def fleet_that_is_up() -> tuple[FleetFile, str]:
 
 
 def as_running(file: FleetFile) -> FleetFile:
-    """Return a fleet at the speed at which it is up on this computer, if it is."""
+    """Return a fleet with the time with which it is up on this computer, if it is."""
     for one in running_fleets():
         if (one.fleet, one.namespace) == (file.name, file.bus.namespace) and file.simulator is not None:
-            return at_speed(file, one.speed)
+            found = structs.replace(file, simulator=read_snapshot(Path(one.snapshot)).simulator)
+            return file if found == file else found
     return file
 
 

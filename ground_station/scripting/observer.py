@@ -46,7 +46,8 @@ class Observer:
     """Reads the messages of a fleet; poses and plans only after `watch_motion`.
 
     `host` is the host whose router is used, by default the first one of the file; `timeout_s` is how long to
-    look for the router; `clock` is monotonic [s], for ages and waits, by default that of the fleet.
+    look for the router; `clock` is monotonic [s], for ages and waits, by default that of the fleet. With a
+    name as a `process` it takes turns in lockstep: time stands still while it does not wait.
 
     Raises
     ------
@@ -62,8 +63,9 @@ class Observer:
         host: str | None = None,
         timeout_s: float = 3.0,
         clock: Callable[[], float] | None = None,
+        process: str = "",
     ) -> None:
-        self._host = host or next(iter(file.hosts))
+        self._host, self._process = host or next(iter(file.hosts)), process
         self.file = as_running(file)
         self._join(clock, timeout_s)
         if self.file is not (running := as_running(self.file)):
@@ -87,9 +89,11 @@ class Observer:
         self._motion: Motion | None = None
 
     def _join(self, clock: Callable[[], float] | None, timeout_s: float) -> None:
-        address = bus_address(self.file, self._host)
+        address = bus_address(self.file, self._host, self._process)
         self._notifier = Notifier(clock or address.clock.now)
         self.session = Session(address, wake=self._notifier.notify, clock=clock, timeout_s=timeout_s)
+        if self.session.turns is not None:
+            self._notifier.pause = self.session.turns.wait
 
     def __str__(self) -> str:
         """The fleet, and a line about each of its vehicles."""

@@ -35,6 +35,8 @@ class Notifier:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
+        self.pause: Callable[[float], object] | None = None
+        """Waits a time [s] or for a message, in lockstep; by default a notification ends a wait."""
         self._condition = threading.Condition()
         self._notifications = 0
 
@@ -63,6 +65,10 @@ class Notifier:
             left_s = deadline_s - self._clock()
             if left_s <= 0:
                 return False
+            nap_s = min(left_s, LONGEST_NAP_S)
+            if self.pause is not None:
+                self.pause(nap_s)
+                continue
             with self._condition:
                 if self._notifications == seen:
-                    self._condition.wait(min(left_s, LONGEST_NAP_S))
+                    self._condition.wait(nap_s)

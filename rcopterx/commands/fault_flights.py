@@ -35,6 +35,7 @@ class FlightOptions:
     as_json: bool
     vehicles: int | None = None  # only the first vehicles of a fleet that is started; None for all
     speed: float | None = None  # how fast the time of a started fleet passes, if not as in its file
+    lockstep: bool = False  # whether a started fleet waits for all its processes
 
 
 def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:

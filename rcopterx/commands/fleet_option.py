@@ -57,6 +57,14 @@ SpeedOption = Annotated[
         help="How fast the time of a simulated fleet passes: 0.2 is slow motion. Default: as in its file.",
     ),
 ]
+LockstepOption = Annotated[
+    bool,
+    typer.Option(
+        "--lockstep",
+        help="The simulated laboratory waits for all processes: no control period is missed, and flights of "
+        "one seed are identical.",
+    ),
+]
 HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host of the fleet file this is.")]
 
 
@@ -73,11 +81,13 @@ def chosen_host(fleet: "FleetFile", host: str | None) -> str:
     return host
 
 
-def fleet_file(name: str, speed: float | None = None) -> "FleetFile":
-    """Read a fleet file or a shipped one, to be flown at a speed; raises FleetError."""
+def fleet_file(name: str, speed: float | None = None, lockstep: bool = False) -> "FleetFile":
+    """Read a fleet file or a shipped one, to be flown at a speed or in lockstep; raises FleetError."""
     from rcopterx.fleet.reading import at_speed, fleet_path, load_fleet
 
-    return at_speed(load_fleet(fleet_path(name)), speed)
+    if lockstep and speed is not None:
+        raise typer.BadParameter("in lockstep time has no speed", param_hint="--speed")
+    return at_speed(load_fleet(fleet_path(name)), speed, lockstep)
 
 
 @contextmanager

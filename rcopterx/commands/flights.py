@@ -18,6 +18,12 @@ def flights(
         str | None,
         typer.Option(metavar="FLIGHT", help="Check what always holds in a flight; else exit code 1."),
     ] = None,
+    digest: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FLIGHT", help="Print a digest; flights in lockstep that are alike have the same."
+        ),
+    ] = None,
 ) -> None:
     """List recorded flights, the newest last."""
     from rcopterx.flights.flights import default_directory, flights_in
@@ -26,6 +32,9 @@ def flights(
     where = default_directory()
     if check is not None:
         _check(check, where)
+        return
+    if digest is not None:
+        _print_digest(digest, where)
         return
     found = [summary_of(flight) for flight in flights_in(where)]
     if as_json:
@@ -47,6 +56,18 @@ def flights(
                 for flight in found
             ),
         )
+
+
+def _print_digest(name: str, directory: Path) -> None:
+    from rcopterx.flights.digest import digest_of
+    from rcopterx.flights.flights import NoFlightError, found_flight
+    from rcopterx.flights.mcap_reading import FlightLogError
+
+    try:
+        found = digest_of(found_flight(name, directory).parts)
+    except (NoFlightError, FlightLogError) as error:
+        raise failure(error) from None
+    typer.echo(f"{found.digest} of {found.messages} messages")
 
 
 def _check(name: str, directory: Path) -> None:

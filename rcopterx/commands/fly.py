@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rcopterx.bus.turns import SCRIPT
 from rcopterx.commands.fault_flights import FlightOptions, fly_chaos, fly_faults, list_faults
 from rcopterx.commands.fleet_option import (
     EXIT_FAILED,
+    LockstepOption,
     RunningFleetOption,
     SpeedOption,
     fleet_file,
@@ -68,13 +70,14 @@ def fly(
     ] = 0,
     record: RecordOption = True,
     speed: SpeedOption = None,
+    lockstep: LockstepOption = False,
 ) -> None:
     """Fly manoeuvres or faults, check them, and write a report. Exit code 1 if a check failed. Ctrl-C lands.
 
     `rcopterx fly chaos --up` injects a random fault every 2 to 4 s, which all vehicles shall survive.
     """
-    options = FlightOptions(fleet, start, record, report, as_json, vehicles, speed)
-    if speed is not None and not start:
+    options = FlightOptions(fleet, start, record, report, as_json, vehicles, speed, lockstep)
+    if (speed is not None or lockstep) and not start:
         raise typer.BadParameter("a running fleet keeps its speed; add --up", param_hint="--speed")
     if faults and every:
         raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
@@ -141,8 +144,8 @@ def _fly_rows(rows: Sequence["Manoeuvre"], options: FlightOptions, results: "Res
     """Fly manoeuvres one after the other; with --up each has a fleet of its own."""
     if options.start:
         for number, row in enumerate(rows, 1):
-            file = fleet_file(options.fleet or row.fleet, options.speed)
-            with interruptible(file, None, record=options.record) as (running, interrupts):
+            file = fleet_file(options.fleet or row.fleet, options.speed, options.lockstep)
+            with interruptible(file, None, record=options.record, script=SCRIPT) as (running, interrupts):
                 _fly_row(row, running, interrupts.event, _progress(row, number, len(rows)), results)
         return
     with running_fleet(options.fleet) as running:
@@ -171,8 +174,7 @@ def _fly_row(
     def wait(seconds: float) -> None:
         end_s = clock() + seconds
         while (left_s := end_s - clock()) > 0:
-            if stop.wait(min(fleet.file.clock.real_s(left_s), SLICE_S)):
-                raise StoppedError("interrupted")
+            fleet.wait(min(left_s, SLICE_S))
             progress.show(f"about {row.seconds:.0f} s")
 
     clock = fleet.session.clock

@@ -15,6 +15,7 @@ from rcopterx.commands.fleet_option import (
     FleetArgument,
     FleetOption,
     HostOption,
+    LockstepOption,
     SpeedOption,
     chosen_host,
     failure,
@@ -71,14 +72,18 @@ def interruptible(
     *,
     watchdog: bool = True,
     record: bool = True,
+    script: str = "",
 ) -> Iterator[tuple["Fleet", Interrupts]]:
-    """Start the processes of a host and join the fleet; at the end, or after Ctrl-C, it lands and stops."""
+    """Start the processes of a host and join the fleet; at the end, or after Ctrl-C, it lands and stops.
+
+    In lockstep this program takes turns as `script`.
+    """
     from rcopterx.ground_station.scripting.launched import processes_up
 
     this_host = chosen_host(file, host)
     warn_of_others(file.name)
     interrupts = _interrupts()
-    with processes_up(file, this_host, without, watchdog=watchdog, record=record) as fleet:
+    with processes_up(file, this_host, without, watchdog=watchdog, record=record, script=script) as fleet:
         try:
             yield fleet, interrupts
         finally:
@@ -185,6 +190,7 @@ def up(
         ),
     ] = True,
     speed: SpeedOption = None,
+    lockstep: LockstepOption = False,
 ) -> None:
     """Start a fleet and show it. Ctrl-C lands and stops; a second Ctrl-C cuts the motors.
 
@@ -194,7 +200,7 @@ def up(
     from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
 
     with user_errors():
-        file = fleet_file(fleet, speed)
+        file = fleet_file(fleet, speed, lockstep)
         if host is None and _by_daemons(file, without or ()):
             return
     with (
@@ -282,6 +288,7 @@ def demo(
     ] = True,
     record: RecordOption = True,
     speed: SpeedOption = None,
+    lockstep: LockstepOption = False,
 ) -> None:
     """Start a fleet, take off, and fly the paper's set-point sequence until Ctrl-C."""
     from rich.console import Console
@@ -290,7 +297,7 @@ def demo(
 
     with ExitStack() as stack:
         stack.enter_context(user_errors())
-        file = fleet_file(fleet, speed)
+        file = fleet_file(fleet, speed, lockstep)
         lines: deque[str] = deque()
         if browser:
             # The page loads while the fleet starts; it would not wait as long as compiling takes.

@@ -26,6 +26,8 @@ WRITTEN_AFTER_S = 0.007
 class Bus:
     """Notes published messages, hands out requests, and has a clock that stands still."""
 
+    turns = None
+
     def __init__(self) -> None:
         self.now_s = 100.0
         self.published: list[LaboratoryState] = []

@@ -1,0 +1,133 @@
+"""Shared memory of a fleet in lockstep: its time, its processes, and how much each of them has sent.
+
+Counters show a receiver how much must arrive before its next turn. Every field has one writer at a time.
+"""
+
+import ctypes
+import fcntl
+import mmap
+import os
+from collections.abc import Iterable
+from ctypes import c_char, c_double, c_int64, c_uint64
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+FIRST_S: Final = 1000.0
+"""Time of a fleet at its start."""
+PROCESSES: Final = 512
+COUNTERS: Final = 16_384
+
+
+class Player(ctypes.Structure):
+    """A process: its id, 0 for none; whether time waits for it, and the conductor kills it; the last turn it
+    has finished; when it has something to do, and when it takes turns again [s].
+    """
+
+    _fields_ = (
+        ("name", c_char * 64),
+        ("process", c_uint64),
+        ("wanted", c_uint64),
+        ("doomed", c_uint64),
+        ("finished", c_uint64),
+        ("due_s", c_double),
+        ("return_s", c_double),
+    )
+
+
+class Counter(ctypes.Structure):
+    """How much the process at index `owner` has sent under a name."""
+
+    _fields_ = (("name", c_char * 112), ("owner", c_int64), ("count", c_uint64))
+
+
+class LockstepPage(ctypes.Structure):
+    """The page of a fleet."""
+
+    _fields_ = (
+        ("time_s", c_double),
+        ("turn", c_uint64),
+        ("used_players", c_uint64),
+        ("used_counters", c_uint64),
+        ("players", Player * PROCESSES),
+        ("counters", Counter * COUNTERS),
+    )
+    path: Path
+    used_players: int
+    used_counters: int
+
+    def now(self) -> float:
+        """Return the time of the fleet [s]."""
+        return float(self.time_s)
+
+    def player(self, name: str) -> int:
+        """Return the index of a process, which is added if missing."""
+        with self.path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            for index in range(self.used_players):
+                if self.players[index].name == name.encode():
+                    return index
+            index = int(self.used_players)
+            self.players[index].name = name.encode()
+            os.mkfifo(self.bell(index), 0o600)
+            self.used_players = index + 1
+            return index
+
+    def bell(self, index: int) -> Path:
+        """Return the pipe that wakes a process."""
+        return self.path.with_name(f"{self.path.name}.{index}")
+
+    def counter(self, name: str, owner: int) -> int:
+        """Return the index of a new counter of a process."""
+        with self.path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            index = int(self.used_counters)
+            self.counters[index].name, self.counters[index].owner = name.encode(), owner
+            self.used_counters = index + 1
+            return index
+
+    def counts(self, name: str) -> bool:
+        """Return whether a process that is there has sent anything under a name."""
+        counters = self.counters[: self.used_counters]
+        return any(counter.count and counter.name == name.encode() for counter in counters)
+
+    def want_none(self) -> None:
+        """Let the time pass without processes that are missing."""
+        for player in self.players[1 : self.used_players]:
+            player.wanted = 0
+
+    def release(self, index: int) -> None:
+        """Note that a process is gone: no process waits for what it has sent."""
+        for counter in self.counters[: self.used_counters]:
+            if counter.owner == index:
+                counter.count = 0
+        self.players[index].process = 0
+
+
+@cache
+def opened_page(path: Path) -> LockstepPage:
+    """Map the page of a fleet, once per process; raises `OSError` if the fleet is not up in lockstep."""
+    with path.open("r+b") as file:
+        page = LockstepPage.from_buffer(mmap.mmap(file.fileno(), ctypes.sizeof(LockstepPage)))
+    page.path = path
+    return page
+
+
+def create_page(path: Path, names: Iterable[str]) -> None:
+    """Create the page of a fleet, whose time begins when all processes with these names are there."""
+    remove_page(path)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+    # Without memory behind it, writing to the page would end the process.
+    os.posix_fallocate(descriptor, 0, ctypes.sizeof(LockstepPage))
+    os.close(descriptor)
+    opened_page.cache_clear()
+    page = opened_page(path)
+    page.time_s, page.turn = FIRST_S, 1
+    for name in names:
+        page.players[page.player(name)].wanted = 1
+
+
+def remove_page(path: Path) -> None:
+    """Remove the page of a fleet that is down."""
+    for found in path.parent.glob(f"{path.name}*"):
+        found.unlink()

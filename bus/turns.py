@@ -1,0 +1,273 @@
+"""Turns of the processes of a fleet in lockstep: its time stands still until all of them have finished.
+
+In a turn at time t a process uses exactly what was sent before t, in the order of time of sending, key, and
+number on the key. So nothing depends on how long a process computes, or a message travels.
+"""
+
+import os
+import select
+import threading
+from collections import deque
+from collections.abc import Callable, Collection
+from contextlib import suppress
+from functools import partial
+from itertools import count
+from math import inf
+from struct import Struct
+from typing import Any, Final, NamedTuple
+
+from zenoh import ZBytes
+
+from rcopterx.bus.lockstep_page import Counter, LockstepPage
+
+POLL_S: Final = 0.1
+"""Real time between two checks for what rings no bell."""
+CONDUCTOR: Final = "simulator"
+"""Name of the process that advances the time; its index is 0."""
+SCRIPT: Final = "script"
+"""Name of the program that started the fleet, if time stands still while it does not wait."""
+STAMP: Final = Struct("<IIId")
+"""Attachment of what is sent: number on this key, counter, index of the sender, time of sending [s]."""
+
+
+class _Held(NamedTuple):
+    """Something that has arrived, and waits for the turn in which it counts."""
+
+    sent_s: float
+    key: str
+    number: int
+    reception: int
+    deliver: Callable[[], object]
+
+
+class Reception:
+    """What a process receives under a key, in which `*` is any unit."""
+
+    def __init__(self, turns: "Turns", number: int, key: str) -> None:
+        self._turns, self._number, self._since_s = turns, number, turns.page.now()
+        self._before, self._any, self._after = key.partition("*")
+        self._received: dict[int, int] = {}
+        self._counters: dict[int, Counter] = {}
+
+    def hold(self, on_arrival: Callable[[Any], object], arrived: Any) -> None:
+        """Keep a sample or query for its turn; receive threads call this.
+
+        What processes send that take no turns counts in the next turn.
+        """
+        attachment, key = attached(arrived.attachment), str(arrived.key_expr)
+        number, counter, _, sent_s = (
+            STAMP.unpack(attachment) if len(attachment) == STAMP.size else (0, -1, 0, -inf)
+        )
+        if not -inf < sent_s <= self._since_s:
+            self._turns.keep(_Held(sent_s, key, number, self._number, partial(on_arrival, arrived)))
+        self._received[counter] = number
+        self._turns.arrived.set()
+
+    def await_counter(self, index: int, counter: Counter, *, beyond: bool) -> None:
+        """Wait for what another process sends, only beyond what it has sent if so requested."""
+        name, before, after = counter.name.decode(), self._before, self._after
+        if self._any:
+            unit = name[len(before) : -len(after)]
+            matches = name.startswith(before) and name.endswith(after) and "/" not in unit
+        else:
+            matches = name == before
+        if matches and counter.owner != self._turns.index:
+            self._received.setdefault(index, counter.count if beyond else 0)
+            self._counters[index] = counter
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything has arrived that was sent."""
+        return all(self._received[index] >= counter.count for index, counter in self._counters.items())
+
+    def end(self) -> None:
+        """Receive no more."""
+        self._turns.end(self)
+
+
+class Turns:
+    """The turns of this process; the first one has begun when the constructor returns.
+
+    Parameters
+    ----------
+    page
+        The page of the fleet.
+    name
+        Name of the process.
+    fence
+        Returns when the router has taken notice of all subscriptions.
+    """
+
+    def __init__(self, page: LockstepPage, name: str, fence: Callable[[], None]) -> None:
+        self.page, self.index = page, page.player(name)
+        self._own, self._fence = page.players[self.index], fence
+        self._bell, self._conductor = (
+            os.open(page.bell(index), os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC) for index in (self.index, 0)
+        )
+        self.arrived = threading.Event()
+        self.interrupted: Callable[[], bool] = lambda: False
+        """Whether this process shall end instead of waiting for a turn."""
+        self._counters: dict[str, int] = {}
+        self._held: deque[_Held] = deque()
+        self._woken = self._sent = False
+        self._numbers = count()
+        self._receptions: list[Reception] = []
+        self._new_receptions: list[Reception] = []
+        """Of which the router may not have taken notice yet."""
+        self._found = 0
+        self.replies = self.receive(f"reply {self.index}")
+        """Replies to requests of this process."""
+        self._taken = page.turn - 1
+        with suppress(BlockingIOError):
+            os.read(self._bell, 4096)
+        self._enter()
+
+    def _enter(self) -> None:
+        self._own.process = os.getpid()
+        self._take_turn()
+        # A program that has died is not started again.
+        self._own.wanted &= self._own.name != SCRIPT.encode()
+
+    def leave(self) -> None:
+        """Take no further turns."""
+        self._own.wanted = 0
+        self.page.release(self.index)
+        self._ring(self._conductor)
+
+    def stamp(self, key: str) -> bytes:
+        """Count what is about to be sent on a key, and return its attachment."""
+        if key not in self._counters:
+            self._counters[key] = self.page.counter(key, self.index)
+        counter = self.page.counters[self._counters[key]]
+        self._sent, counter.count = True, counter.count + 1
+        return STAMP.pack(counter.count, self._counters[key], self.index, self.page.time_s)
+
+    def reply_stamp(self, request: bytes) -> bytes | None:
+        """Return the attachment of the reply to a request with this attachment."""
+        return self.stamp(f"reply {STAMP.unpack(request)[2]}") if len(request) == STAMP.size else None
+
+    def receive(self, key: str) -> Reception:
+        """Wait from now on for what is sent on a key, in which `*` is any unit."""
+        reception = Reception(self, next(self._numbers), key)
+        self._new_receptions.append(reception)
+        return reception
+
+    def end(self, reception: Reception) -> None:
+        """Wait no longer for what is sent on a key."""
+        for receptions in (self._receptions, self._new_receptions):
+            if reception in receptions:
+                receptions.remove(reception)
+
+    def keep(self, held: _Held) -> None:
+        """Keep what has arrived for its turn."""
+        self._held.append(held)
+
+    def serve(self, key: str) -> Reception:
+        """Answer requests on a key from now on."""
+        self.stamp(f"serve {key}")
+        return self.receive(key)
+
+    def serves(self, key: str) -> bool:
+        """Return whether a process that takes turns answers requests on a key."""
+        return self.page.counts(f"serve {key}")
+
+    def wake(self) -> None:
+        """End the present wait with its next turn, else the next one; any thread may call this."""
+        self._woken = True
+
+    def wait(self, timeout_s: float, descriptors: Collection[int] = ()) -> set[int]:
+        """Finish the turn, and take further ones until there is something to do.
+
+        What was written to a pseudo-terminal or a socket of this computer before a turn can be read in it.
+
+        Parameters
+        ----------
+        timeout_s
+            Wait no longer, in the time of the fleet.
+        descriptors
+            Wait for data on them, too.
+
+        Returns
+        -------
+        set of int
+            Readable descriptors.
+        """
+        due_s = self.page.now() + timeout_s
+        while True:
+            self._join()
+            self._own.due_s = -inf if self._sent or self._woken else due_s
+            self._sent = False
+            there = self._take_turn()
+            readable = select.select(descriptors, [], [], 0)[0]
+            if readable or self._woken or not there or self.page.now() >= due_s:
+                self._woken = False
+                return set(readable)
+
+    def _join(self) -> None:
+        """Wait until new subscriptions receive all that is sent after this turn."""
+        if not self._new_receptions:
+            return
+        self._fence()
+        for reception in self._new_receptions:
+            for index in range(self.page.used_counters):
+                reception.await_counter(index, self.page.counters[index], beyond=True)
+        self._receptions += self._new_receptions
+        self._new_receptions.clear()
+
+    def _take_turn(self) -> bool:
+        """Finish the turn and wait for the next one; return False if there is none."""
+        self._own.finished = self._taken
+        self._ring(self._conductor)
+        while not (self._rings(self._bell) and self.page.turn != self._taken):
+            if self.interrupted() or not self.page.players[0].wanted:
+                return False
+        self._taken = self.page.turn
+        self._collect()
+        return True
+
+    def _collect(self) -> None:
+        """Wait until everything has arrived that was sent before this turn, and deliver it in order."""
+        end = self.page.used_counters
+        for index in range(self._found, end):
+            for reception in self._receptions:
+                reception.await_counter(index, self.page.counters[index], beyond=False)
+        self._found = end
+        while True:
+            self.arrived.clear()
+            if all(reception.complete for reception in self._receptions):
+                break
+            self.arrived.wait(POLL_S)
+        held = [self._held.popleft() for _ in range(len(self._held))]
+        self._held.extendleft(item for item in held if item.sent_s >= self.page.time_s)
+        for item in sorted(
+            (item for item in held if item.sent_s < self.page.time_s), key=lambda item: item[:4]
+        ):
+            item.deliver()
+
+    def _ring(self, bell: int) -> None:
+        with suppress(BlockingIOError):
+            os.write(bell, b".")
+
+    def _rings(self, bell: int) -> bool:
+        """Wait until a bell rings; return False if it does not for a while."""
+        rung = bool(select.select([bell], [], [], POLL_S)[0])
+        if rung:
+            os.read(bell, 4096)
+        return rung
+
+
+def attached(attachment: ZBytes | None) -> bytes:
+    """Return the bytes of an attachment, none without one."""
+    return b"" if attachment is None else attachment.to_bytes()
+
+
+def sent_at(attachment: bytes) -> float | None:
+    """Return when a message was sent in lockstep [s]; None for others."""
+    return STAMP.unpack(attachment)[3] if len(attachment) == STAMP.size else None
+
+
+def attend(page: LockstepPage, name: str) -> None:
+    """Be there, so that the time of the fleet begins, without taking turns."""
+    player = page.players[page.player(name)]
+    player.return_s = inf
+    player.process = os.getpid()

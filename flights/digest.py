@@ -1,0 +1,44 @@
+"""Digest of a flight log: equal for flights whose motion, plans, commands and frames have the same bits."""
+
+import hashlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from rcopterx.bus.channels import ANSWERED, APPLIED, COMMAND, LABORATORY, PLAN, POSE
+from rcopterx.flights.mcap_reading import messages_of
+
+DIGESTED: Final = (POSE, PLAN, COMMAND, APPLIED, LABORATORY)
+"""Channels without process ids, processor times and wall clocks."""
+
+
+class FlightDigest(NamedTuple):
+    """Digest, and of how many messages."""
+
+    digest: str
+    messages: int
+
+
+def digest_of(parts: Iterable[Path]) -> FlightDigest:
+    """Return the digest of a flight: of the content of `DIGESTED`, in order of topics and numbers.
+
+    It ends with the last answered request: how soon a fleet stops afterwards depends on the computer.
+
+    Raises `FlightLogError`: a file cannot be read.
+    """
+    topics = {channel.topic for channel in DIGESTED}
+    kept, end_ns = [], 0
+    for part in parts:
+        for message in messages_of(part):
+            topic = message.topic.rpartition("/")[2]
+            if topic == ANSWERED.topic:
+                end_ns = max(end_ns, message.time_ns)
+            elif topic in topics:
+                kept.append(message)
+    found = hashlib.sha256()
+    counted = 0
+    for message in sorted(kept, key=lambda message: (message.topic, message.time_ns, message.number)):
+        if message.time_ns <= end_ns or not end_ns:
+            found.update(f"{message.topic} {message.number} ".encode() + message.payload)
+            counted += 1
+    return FlightDigest(found.hexdigest()[:16], counted)

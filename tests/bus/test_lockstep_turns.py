@@ -1,0 +1,249 @@
+"""Promises of lockstep: time waits for all processes, and messages count in the same order on every run."""
+
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.waiting import wait_for
+
+from rcopterx.bus.conductor import RETURN_S, STEP_S, Conductor
+from rcopterx.bus.lockstep_page import FIRST_S, LockstepPage, create_page, opened_page, remove_page
+from rcopterx.bus.turns import CONDUCTOR, STAMP, Turns, attend
+
+
+class Bytes(bytes):
+    """An attachment as Zenoh returns it."""
+
+    def to_bytes(self) -> bytes:  # type: ignore[override]
+        return bytes(self)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A message that arrives."""
+
+    key_expr: str
+    stamp: bytes | None
+
+    @property
+    def attachment(self) -> Bytes | None:
+        return None if self.stamp is None else Bytes(self.stamp)
+
+
+def sample_of(page: LockstepPage, counter: int) -> Sample:
+    """Return the newest message that a counter has counted."""
+    count, owner = page.counters[counter].count, page.counters[counter].owner
+    return Sample(page.counters[counter].name.decode(), STAMP.pack(count, counter, owner, page.now()))
+
+
+def no_fence() -> None:
+    """Subscriptions without a router."""
+
+
+@dataclass
+class Script:
+    """A process in a thread: it waits for the times of a list, and notes when it was woken."""
+
+    name: str
+    waits_s: list[float]
+    turns: Turns | None = None
+    times_s: list[float] = field(default_factory=list)
+
+    def run(self, page: LockstepPage) -> None:
+        self.turns = Turns(page, self.name, no_fence)
+        for seconds in self.waits_s:
+            self.turns.wait(seconds)
+            self.times_s.append(page.now() - FIRST_S)
+        self.turns.leave()
+
+
+@contextmanager
+def page_of(directory: Path, names: list[str]) -> Iterator[LockstepPage]:
+    path = directory / "lockstep"
+    create_page(path, [CONDUCTOR, *names])
+    yield opened_page(path)
+    remove_page(path)
+    assert not list(directory.iterdir())
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Iterator[LockstepPage]:
+    with page_of(tmp_path, ["a", "b"]) as found:
+        yield found
+
+
+def conduct(page: LockstepPage, until: Callable[[], bool], period_s: float = 0.02) -> None:
+    conductor = Conductor(page, CONDUCTOR, no_fence)
+    while not until():
+        conductor.wait(period_s)
+    conductor.leave()
+
+
+def started(*scripts: Script, page: LockstepPage) -> list[threading.Thread]:
+    threads = [threading.Thread(target=script.run, args=(page,), daemon=True) for script in scripts]
+    for thread in threads:
+        thread.start()
+    return threads
+
+
+@given(st.lists(st.lists(st.integers(1, 40), max_size=8), min_size=2, max_size=2))
+def test_every_process_wakes_exactly_when_its_wait_is_over(
+    tmp_path_factory: pytest.TempPathFactory, waits_ms: list[list[int]]
+) -> None:
+    with page_of(tmp_path_factory.mktemp("page"), ["a", "b"]) as page:
+        scripts = [
+            Script(name, [ms / 1000 for ms in waits]) for name, waits in zip("ab", waits_ms, strict=True)
+        ]
+        threads = started(*scripts, page=page)
+        conduct(page, lambda: not any(thread.is_alive() for thread in threads))
+        for script in scripts:
+            due_s = 0.0
+            for wait_s, woken_s in zip(script.waits_s, script.times_s, strict=True):
+                due_s += wait_s
+                assert due_s <= woken_s <= due_s + STEP_S
+                due_s = woken_s
+
+
+def test_time_begins_when_all_awaited_processes_are_there(page: LockstepPage) -> None:
+    first = started(Script("a", [0.01]), page=page)
+    end = threading.Event()
+    conducting = threading.Thread(target=conduct, args=(page, end.is_set), daemon=True)
+    conducting.start()
+    wait_for(lambda: page.players[page.player("a")].process, "a is not there")
+    assert page.now() == FIRST_S
+    second = started(Script("b", [0.01]), page=page)
+    for thread in (*first, *second):
+        thread.join(20)
+        assert not thread.is_alive()
+    assert page.now() > FIRST_S
+    end.set()
+    conducting.join(20)
+
+
+def test_time_stands_still_while_a_process_computes(page: LockstepPage) -> None:
+    attend(page, "b")
+    computing, ready = threading.Event(), threading.Event()
+
+    def compute() -> None:
+        turns = Turns(page, "a", no_fence)
+        turns.wait(0.01)
+        ready.set()
+        computing.wait(20)
+        turns.leave()
+
+    threading.Thread(target=compute, daemon=True).start()
+    end = threading.Event()
+    conducting = threading.Thread(target=conduct, args=(page, end.is_set), daemon=True)
+    conducting.start()
+    assert ready.wait(20)
+    stopped_s = page.now()
+    assert not end.wait(0.3)
+    assert page.now() == stopped_s
+    computing.set()
+    wait_for(lambda: page.now() > stopped_s, "time stands still")
+    end.set()
+    conducting.join(20)
+
+
+@given(st.lists(st.sampled_from("ab"), max_size=8))
+def test_messages_count_in_the_same_order_however_they_arrive(
+    tmp_path_factory: pytest.TempPathFactory, arrivals: list[str]
+) -> None:
+    with page_of(tmp_path_factory.mktemp("page"), []) as page:
+        conductor = Conductor(page, CONDUCTOR, no_fence)
+        seen: list[Sample] = []
+        reception = conductor.receive("fleet/*/pose")
+        conductor.wait(0.01)
+        counters = {name: page.counter(f"fleet/{name}/pose", page.player(name)) for name in "ab"}
+        for name in arrivals:
+            page.counters[counters[name]].count += 1
+            reception.hold(seen.append, sample_of(page, counters[name]))
+        assert not seen
+        conductor.wait(0.01)
+        keys = [sample.key_expr for sample in seen]
+        assert keys == sorted(f"fleet/{name}/pose" for name in arrivals)
+        for key in set(keys):
+            numbers = [STAMP.unpack(sample.stamp or b"")[0] for sample in seen if sample.key_expr == key]
+            assert numbers == list(range(1, len(numbers) + 1))
+
+
+def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: LockstepPage) -> None:
+    attend(page, "b")
+    receiving = threading.Event()
+    arrived: list[str] = []
+
+    def receive() -> None:
+        turns = Turns(page, "a", no_fence)
+        reception = turns.receive("key")
+        turns.wait(0.001)
+        counter = page.counter("key", page.player("b"))
+        page.counters[counter].count = 1
+        late = sample_of(page, counter)
+
+        def deliver() -> None:
+            receiving.set()
+            reception.hold(lambda found: arrived.append(found.key_expr), late)
+
+        threading.Timer(0.3, deliver).start()
+        turns.wait(0.001)
+        assert arrived == ["key"]
+        assert receiving.is_set()
+        turns.leave()
+
+    receiver = threading.Thread(target=receive, daemon=True)
+    receiver.start()
+    conduct(page, lambda: not receiver.is_alive())
+    assert arrived == ["key"]
+
+
+def test_what_was_sent_before_a_subscription_does_not_count(page: LockstepPage) -> None:
+    conductor = Conductor(page, CONDUCTOR, no_fence)
+    attend(page, "a")
+    attend(page, "b")
+    counter = page.counter("key", page.player("a"))
+    page.counters[counter].count = 7
+    conductor.receive("key")
+    conductor.wait(0.01)
+    conductor.wait(0.01)
+
+
+PLAYER = """
+import sys
+from pathlib import Path
+from rcopterx.bus.lockstep_page import opened_page
+from rcopterx.bus.turns import Turns
+turns = Turns(opened_page(Path(sys.argv[1])), "a", lambda: None)
+while True:
+    turns.wait(0.05)
+"""
+
+
+def test_a_killed_process_stops_the_time_only_from_the_turn_of_its_successor_on(page: LockstepPage) -> None:
+    attend(page, "b")
+    end = threading.Event()
+    conducting = threading.Thread(target=conduct, args=(page, end.is_set), daemon=True)
+    conducting.start()
+    command = [sys.executable, "-c", PLAYER, str(page.path)]
+    with subprocess.Popen(command) as first:
+        wait_for(lambda: page.now() > FIRST_S + 1.0, "no time passes")
+        player = page.players[page.player("a")]
+        player.doomed = 1
+        assert first.wait(20) == -signal.SIGKILL
+        wait_for(lambda: player.return_s > 0 and page.now() >= player.return_s, "time waits too early")
+        stopped_s = page.now()
+        assert stopped_s <= player.return_s + 0.021
+        with subprocess.Popen(command) as second:
+            wait_for(lambda: page.now() > stopped_s + 2 * RETURN_S, "time does not continue")
+            second.kill()
+            page.want_none()
+            end.set()
+            conducting.join(20)
+            assert not conducting.is_alive()
