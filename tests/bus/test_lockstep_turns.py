@@ -243,6 +243,7 @@ def test_a_killed_process_stops_the_time_only_from_the_turn_of_its_successor_on(
         with subprocess.Popen(command) as second:
             wait_for(lambda: page.now() > stopped_s + 2 * RETURN_S, "time does not continue")
             second.kill()
+            second.wait(20)
             page.want_none()
             end.set()
             conducting.join(20)
