@@ -168,7 +168,8 @@ def _timed(
                 step = controller.step(moment.estimate, reference, moment.last_input)
                 taken[name].append(1e-6 * (time.thread_time_ns() - begun))
                 early[name] += step.fallback is not None
-                hard[name].append(_on_limits(step.inputs))
+                u_min, u_max = COAXIAL_LAG.u_min + ON_LIMIT, COAXIAL_LAG.u_max - ON_LIMIT
+                hard[name].append(bool(((step.inputs <= u_min) | (step.inputs >= u_max)).any()))
     finally:
         gc.enable()
     return {
@@ -177,11 +178,6 @@ def _timed(
         | {"early_stops": early[name]}
         for name, times in taken.items()
     }
-
-
-def _on_limits(inputs: Array) -> bool:
-    at_limit = (inputs <= COAXIAL_LAG.u_min + ON_LIMIT) | (inputs >= COAXIAL_LAG.u_max - ON_LIMIT)
-    return bool(at_limit.any())
 
 
 def _reset(controller: Controller, flight: Sequence[Moment]) -> Sequence[Moment]:

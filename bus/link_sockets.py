@@ -62,7 +62,7 @@ class Dials:
         since_s: dict[int, float] = {}
         abandoned = 0
         for opened in _sockets():
-            if not _dialling(opened):
+            if opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0] != SYN_SENT:
                 continue
             inode = os.fstat(opened.fileno()).st_ino
             since_s[inode] = self._since_s.get(inode, now_s)
@@ -96,7 +96,3 @@ def _ends(opened: socket.socket) -> tuple[tuple[str, int], tuple[str, int]] | No
         return opened.getsockname()[:2], opened.getpeername()[:2]
     except OSError:
         return None
-
-
-def _dialling(opened: socket.socket) -> bool:
-    return opened.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0] == SYN_SENT

@@ -68,7 +68,8 @@ EXAMPLE: Final[dict[str, Any]] = {
 def reference() -> str:
     """Text of `docs/messages.md`."""
     structures: dict[str, type] = {}
-    body = [*_channel_lines(), "", *_message_lines(structures), *_request_lines(structures)]
+    messages = [line for row in CHANNELS for line in _section(row.message, Message, structures)]
+    body = [*_channel_lines(), "", "## Messages", *messages, *_request_lines(structures)]
     return "\n".join([_head(), *body, *_structure_lines(structures)]).rstrip() + "\n"
 
 
@@ -105,12 +106,6 @@ def _channel_lines() -> Iterator[str]:
         )
     yield ""
     yield f"The encoding of a payload is `{CHANNELS[0].encoding}`, with the topic in the place of `pose`."
-
-
-def _message_lines(structures: dict[str, type]) -> Iterator[str]:
-    yield "## Messages"
-    for row in CHANNELS:
-        yield from _section(row.message, Message, structures)
 
 
 def _request_lines(structures: dict[str, type]) -> Iterator[str]:

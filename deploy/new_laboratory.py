@@ -18,8 +18,7 @@ from rcopterx.fleet.vehicle_types import vehicle_type
 FOLLOWER_OFFSETS_M = ((-0.5, 0.5, 0.0), (-0.5, -0.5, 0.0))
 """Offsets of the second and third vehicle; further ones fly in rows behind them."""
 
-START_SPACING_M = 0.6
-"""Distance of simulated vehicles that stand on the floor."""
+START_SPACING_M = 0.6  # distance of simulated vehicles that stand on the floor
 
 
 class NewVehicle(NamedTuple):

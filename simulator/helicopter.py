@@ -36,8 +36,7 @@ from rcopterx.simulator.plant import CALM, Plant, Pose
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Four, Three
 
-DRIFT_S: Final = 60.0
-"""Correlation time of the drift of a gyro."""
+DRIFT_S: Final = 60.0  # correlation time of the drift of a gyro
 STILL_AIR: Final[HeldNoise] = np.zeros((1, 4)), 0, math.inf
 
 

@@ -63,14 +63,13 @@ class ControlLease:
 
     def bid_due(self, now_s: float) -> bool:
         """Return whether to send a bid now, as long as there is no answer."""
-        if self.lost or now_s < self._bid_at_s or (self.number and not self._ignored(now_s)):
+        since_s = self._ignored_since_s
+        ignored = since_s is not None and now_s - since_s >= IGNORED_S
+        if self.lost or now_s < self._bid_at_s or (self.number and not ignored):
             return False
         eager = now_s - self._began_s < EAGER_S
         self._bid_at_s = now_s + (BID_PERIOD_S if eager else LATER_BID_PERIOD_S)
         return True
-
-    def _ignored(self, now_s: float) -> bool:
-        return self._ignored_since_s is not None and now_s - self._ignored_since_s >= IGNORED_S
 
     def takes_over(self, now_s: float, ready: bool) -> bool:
         """Return whether to bid for the lease of an agent that commands; `ready`: the vehicle is seen."""

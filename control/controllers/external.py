@@ -56,7 +56,7 @@ class ExternalController:
         return self._number - self._answered > self._patience
 
     def answer(self, number: int, inputs: Array) -> str | None:
-        """Take in an answer to task `number`, planned inputs (k, 4); return what is wrong with it."""
+        """Accept an answer to task `number`, planned inputs (k, 4); return what is wrong with it."""
         if number > self._number:
             return f"task {number} has not been given out yet, the newest is {self._number}"
         if number <= self._answered:

@@ -108,7 +108,7 @@ class InnovationGate:
     def _refuse(self, pose: Array) -> Verdict:
         self.rejected += 1
         run = self._run
-        if run is None or not self._follows(run, pose):
+        if run is None or not _within(pose - run.last, self._widths + self._fastest * run.since_last_s):
             self._run = _Run(pose, pose)
             return REJECT
         run.last = pose
@@ -120,9 +120,6 @@ class InnovationGate:
         self._run = None
         self.restarts += 1
         return Verdict(accepted=True, restart=True, rates=(run.last - run.first) / run.duration_s)
-
-    def _follows(self, run: _Run, pose: Array) -> bool:
-        return _within(pose - run.last, self._widths + self._fastest * run.since_last_s)
 
 
 FARTHEST_M: Final = 1e3

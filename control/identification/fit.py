@@ -111,7 +111,11 @@ def identify(recording: FlightRecording, model: Model, *more: FlightRecording) -
     start, fits = Candidate(known), []
     with_tilt = all(flight.tilt is not None for flight in flights)
     candidate = start
-    for fit in (_horizontal_fit(candidate, with_tilt, logged), _vertical_fit(logged), _heading_fit(model)):
+    for fit in (
+        _horizontal_fit(candidate, with_tilt, logged),
+        _Fit(vertical_parameters(logged), _vertical, far_axis_errors if logged else axis_innovations),
+        _Fit(heading_parameters(model), _heading, far_axis_errors),
+    ):
         fits.append(fit.run(candidate, fitted))
         candidate = fits[-1].candidate
     numbers = tuple(number for fitted_part in fits for number in fitted_part.numbers(start))
@@ -119,7 +123,11 @@ def identify(recording: FlightRecording, model: Model, *more: FlightRecording) -
     before = prediction_errors(Candidate(model, candidate.offsets), judged)
     after = prediction_errors(candidate, judged)
     bounds = [name for fitted_part in fits for name in fitted_part.at_bounds(recording.period_s)]
-    essential = [_at_bound(name) for name in bounds if name in _ESSENTIAL]
+    essential = [
+        f"{name} went as far as it may: the vehicle is not of this type, or the flight does not show it"
+        for name in bounds
+        if name in _ESSENTIAL
+    ]
     remarks = tuple(_doubtful(name) for name in bounds if name not in _ESSENTIAL)
     problems = (*_too_little(numbers), *_worse(before, after), *essential)
     found = _finished(candidate.model, model, numbers, hover)
@@ -290,14 +298,6 @@ def _horizontal_fit(start: Candidate, with_tilt: bool, logged: bool) -> _Fit:
     return _Fit(parameters, _horizontal, far_plane_errors if logged else plane_innovations, begin_at)
 
 
-def _vertical_fit(logged: bool) -> _Fit:
-    return _Fit(vertical_parameters(logged), _vertical, far_axis_errors if logged else axis_innovations)
-
-
-def _heading_fit(model: Model) -> _Fit:
-    return _Fit(heading_parameters(model), _heading, far_axis_errors)
-
-
 def _finished(model: Model, before: Model, numbers: Sequence[FittedParameter], hover: float) -> Model:
     """Fitted model with derived values: uncertainty, hover thrust, equivalent lags."""
     certain = {number.name: number.deviation / number.value for number in numbers if number.value > 0.0}
@@ -364,7 +364,3 @@ def _doubtful(name: str) -> str:
         f"{name} went as far as it may, so the model stays as uncertain as before: the vehicle differs in "
         "something else, or sticks were at their ends; identify again with a lower --strength"
     )
-
-
-def _at_bound(name: str) -> str:
-    return f"{name} went as far as it may: the vehicle is not of this type, or the flight does not show it"

@@ -14,14 +14,6 @@ def _line(count: int, spacing_m: float) -> list[Place]:
     return [(0.0, spacing_m * side, 0.0) for side in sides]
 
 
-def _column(count: int, spacing_m: float) -> list[Place]:
-    return [(-spacing_m * (index + 1), 0.0, 0.0) for index in range(count)]
-
-
-def _wedge(count: int, spacing_m: float) -> list[Place]:
-    return [(-abs(y), y, 0.0) for _, y, _ in _line(count, spacing_m / math.sqrt(2.0))]
-
-
 def _ring(count: int, spacing_m: float) -> list[Place]:
     """Leader in the middle, followers around it, neighbours and leader at least `spacing_m` apart."""
     radius_m = max(spacing_m, spacing_m / (2.0 * math.sin(math.pi / count))) if count > 1 else spacing_m
@@ -31,8 +23,10 @@ def _ring(count: int, spacing_m: float) -> list[Place]:
 
 SHAPES: Final[Mapping[str, Callable[[int, float], list[Place]]]] = {
     "line": _line,
-    "column": _column,
-    "wedge": _wedge,
+    "column": lambda count, spacing_m: [(-spacing_m * (index + 1), 0.0, 0.0) for index in range(count)],
+    "wedge": lambda count, spacing_m: [
+        (-abs(y), y, 0.0) for _, y, _ in _line(count, spacing_m / math.sqrt(2.0))
+    ],
     "ring": _ring,
 }
 

@@ -126,9 +126,5 @@ def kept_key(path: Path) -> str:
     return path.read_text()
 
 
-def _no_failed_handshake(record: logging.LogRecord) -> bool:
-    """Strangers must not fill the terminal of the page with tracebacks."""
-    return "handshake failed" not in record.getMessage()
-
-
-logging.getLogger("websockets.server").addFilter(_no_failed_handshake)
+# Strangers must not fill the terminal of the page with tracebacks.
+logging.getLogger("websockets.server").addFilter(lambda record: "handshake failed" not in record.getMessage())

@@ -85,7 +85,8 @@ def fly(
         if faults:
             list_faults()
         else:
-            _list_manoeuvres()
+            for row in _chosen((), every=True):
+                typer.echo(f"{row.name:24} {row.title}")
         return
     chaos = names == [CHAOS] and not faults
     rows = [] if faults or chaos else _chosen(names or [], every)
@@ -97,11 +98,6 @@ def fly(
         fly_chaos(seconds, seed, busy, options)
     else:
         _fly_manoeuvres(rows, options, several=every or len(rows) > 1)
-
-
-def _list_manoeuvres() -> None:
-    for row in _chosen((), every=True):
-        typer.echo(f"{row.name:24} {row.title}")
 
 
 def _fly_manoeuvres(rows: Sequence["Manoeuvre"], options: FlightOptions, several: bool) -> None:

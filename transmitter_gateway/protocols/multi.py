@@ -290,12 +290,10 @@ class MultiProtocol(RadioProtocol):
         gateway, and shortly after one.
         """
         for status in self._parser.feed(data):
-            if status.has_input or self._has_frames(now_s):
+            has_frames = self._frames_since_s + FIRST_FRAME_S <= now_s <= self._last_frame_s + LONGEST_GAP_S
+            if status.has_input or has_frames:
                 self._answered = status.judged(self.settings.radio)
                 self._answered_s = now_s
-
-    def _has_frames(self, now_s: float) -> bool:
-        return self._frames_since_s + FIRST_FRAME_S <= now_s <= self._last_frame_s + LONGEST_GAP_S
 
     def status(self, now_s: float) -> ModuleStatus:
         """Ready when the module reports it and its last answer is at most 2 s old."""
