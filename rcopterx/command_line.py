@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands import (
+    arena,
     bench,
     certs,
     deploy,
@@ -58,7 +59,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Prepare vehicles": (types.types, identify.identify, margins.margins),
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
     "Try out faults": (laboratory.inject, laboratory.replay_tracker),
-    "Experiment": (experiment.experiment,),
+    "Experiment": (experiment.experiment, arena.arena),
     "Extend": (new_plugin.new_plugin,),
     "Run one process": (
         roles.router, roles.recorder, roles.simulator, roles.tracker, roles.transmitters, roles.agent,

@@ -1,0 +1,14 @@
+"""pytest examples/own_scheme: the scheme flies a task of the arena."""
+
+from dataclasses import replace
+
+from rcopterx.experiments.arena.flying import arena_scheme, fly_task
+from rcopterx.experiments.arena.tasks import TASKS
+from rcopterx.simulator.conditions import PRESETS
+
+
+def test_followers_keep_their_places() -> None:
+    task = replace(TASKS["three"], duration_s=7.0)
+    flown = fly_task(arena_scheme("courier"), task, PRESETS["helicopters"], seed=100)
+    assert not flown.lost
+    assert flown.rms_mm < 120.0

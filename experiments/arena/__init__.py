@@ -1,0 +1,1 @@
+"""The arena: schemes of distributed control on the same tasks."""

@@ -1,0 +1,58 @@
+"""The arena as an experiment: every chosen scheme flies every chosen task."""
+
+import hashlib
+import inspect
+import json
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from rcopterx.control.plugins import flying
+from rcopterx.experiments.arena.flying import TIMES, Flown, arena_scheme, figures, fly_task
+from rcopterx.experiments.arena.tasks import TASKS, quick
+from rcopterx.experiments.runner import Cases, Experiment, Options
+
+Document = Mapping[str, Mapping[str, Mapping[str, Any]]]
+"""Figures by task and scheme."""
+DEFAULT_SCHEMES: Final = (
+    "cascade", "paper", "admm", "on_demand", "event_triggered", "consensus", "distributed_lqr"
+)  # fmt: skip
+
+
+def arena(schemes: Sequence[str], tasks: Sequence[str]) -> Experiment[Flown]:
+    """The experiment for schemes and tasks by name."""
+
+    def cases(options: Options) -> Cases[Flown]:
+        chosen = [TASKS[name] for name in tasks]
+        chosen = [quick(task) for task in chosen] if options.quick else chosen
+        return {
+            f"{task.name} / {name}": partial(fly_task, arena_scheme(name), task)
+            for task in chosen
+            for name in schemes
+        }
+
+    return Experiment("arena", "Schemes on the same tasks", {"helicopters": 1}, cases, figures)
+
+
+def digest(document: Document) -> str:
+    """Digest of all figures that do not depend on the computer."""
+    plain = {
+        task: {
+            scheme: {name: value for name, value in row.items() if name not in TIMES}
+            for scheme, row in rows.items()
+        }
+        for task, rows in document.items()
+    }
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def foreign_digests(schemes: Sequence[str]) -> dict[str, str]:
+    """Digests of the sources of schemes from other packages, whose kept flights are valid for these only."""
+    found = {}
+    for name in schemes:
+        registry = flying(name)
+        if registry.built_in_module(name) is None:
+            source = Path(inspect.getfile(registry.load(name)))
+            found[name] = hashlib.sha256(source.read_bytes()).hexdigest()[:16]
+    return found

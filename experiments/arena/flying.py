@@ -1,0 +1,183 @@
+"""Flying a task with a scheme, and the figures of the flight."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import combinations
+from typing import Any, Final
+
+import numpy as np
+
+from rcopterx.bus.codec import encode
+from rcopterx.bus.messages import Plan
+from rcopterx.bus.trajectory_array import TrajectoryArray
+from rcopterx.control.plugins import CONTROLLERS, SCHEMES
+from rcopterx.experiments.arena.tasks import Task
+from rcopterx.experiments.record import FlightRecord, rms
+from rcopterx.experiments.rig import PERIOD_S, Progress, Rig
+from rcopterx.experiments.schemes import TUNED_LQR, TUNED_PAPER, TUNED_PID, Scheme
+from rcopterx.simulator.conditions import Conditions
+from rcopterx.simulator.plant import Pose
+from rcopterx.vehicles.state import XD_BODY, Array, four
+
+ROOM_M: Final = 3.0
+CLOSE_M: Final = 0.3
+LOST_M: Final = 0.5
+FAST: Final = 1.1
+"""Closer vehicles, and velocities beyond their bounds by this factor, violate constraints; further from its
+place at the end, a vehicle is lost."""
+DRAWN_S: Final = 0.2
+
+_TUNED: Final = {"paper": TUNED_PAPER, "lqr": TUNED_LQR, "pid": TUNED_PID}
+
+
+def arena_scheme(name: str) -> Scheme:
+    """Scheme or controller of this name, with the settings that the experiments use for helicopters."""
+    return replace(_TUNED.get(name, Scheme(name, name, name)), name=name)
+
+
+def arena_schemes() -> list[str]:
+    """Names of all schemes, and of the controllers that take part with the plans of their leaders."""
+    return sorted({*SCHEMES.available(), *CONTROLLERS.available()})
+
+
+@dataclass(frozen=True)
+class Flown:
+    """Figures of one flight.
+
+    Attributes
+    ----------
+    rms_mm, max_mm
+        Distance of followers from where their leaders truly are plus the offset.
+    task_rms_mm, task_max_mm
+        Distance of vehicles without leaders from their reference.
+    closest_mm
+        Smallest distance between two vehicles.
+    violated_s
+        Time in which vehicles were too close or a velocity was beyond its bounds.
+    messages_per_s, bytes_per_s
+        Messages of schemes, or plans, per vehicle.
+    step_mean_ms, step_p99_ms
+        Processor time of an agent per control period.
+    lost
+        Vehicles that left the room, touched the floor or ended far from their places.
+    tracks_m
+        x and y of each vehicle every 0.2 s, shape (vehicles, K, 2).
+    """
+
+    rms_mm: float
+    max_mm: float
+    task_rms_mm: float
+    task_max_mm: float
+    closest_mm: float
+    violated_s: float
+    messages_per_s: float
+    bytes_per_s: float
+    step_mean_ms: float
+    step_p99_ms: float
+    fallbacks: int
+    lost: list[str]
+    tracks_m: Array
+
+
+def fly_task(
+    scheme: Scheme, task: Task, conditions: Conditions, seed: int, progress: Progress | None = None
+) -> Flown:
+    """Fly a task once."""
+    room_m = (-ROOM_M, -ROOM_M, 0.0), (ROOM_M, ROOM_M, ROOM_M)
+    rough = four(task.turbulence * np.array(conditions.turbulence_rms))
+    conditions = replace(conditions, turbulence_rms=rough)
+    vehicles = []
+    for name, place in task.starts_m.items():
+        vehicle = scheme.vehicle(name, Pose(place), conditions, seed, task.links.get(name, ()))
+        # All schemes get the same references.
+        vehicles.append(replace(vehicle, model=vehicle.model.within(*room_m), as_published=False))
+    rig = Rig(vehicles, conditions, seed, task.options)
+    return _figures(rig, rig.fly(task.duration_s, task.events, progress), task.errors_from_s)
+
+
+def _figures(rig: Rig, record: FlightRecord, from_s: float) -> Flown:
+    flown = record.vehicles
+    errors = {name: vehicle.formation_error_m(from_s) for name, vehicle in flown.items()}
+    on_task = {}
+    for name, vehicle in flown.items():
+        alone = np.isnan(vehicle.station[vehicle.time_s >= from_s, 0])
+        on_task[name] = np.linalg.norm(vehicle.reference_error(from_s)[alone, :3], axis=1)
+    duration_s = PERIOD_S * len(next(iter(flown.values())).time_s)
+    steps_ms = 1000.0 * np.concatenate([rig.step_times_s[name] for name in flown])
+    distances = _distances(record)
+    fast = np.zeros(distances.shape[1], dtype=bool)
+    for name, vehicle in flown.items():
+        bounds = FAST * np.array(rig.pilots[name].model.state_max)[3:6]
+        fast |= (np.abs(vehicle.motion[:, XD_BODY : XD_BODY + 3]) > bounds).any(axis=1)
+    messages, size = _traffic(rig)
+    return Flown(
+        *_rms_and_max_mm(list(errors.values())),
+        *_rms_and_max_mm(list(on_task.values())),
+        round(1000.0 * float(distances.min()), 1),
+        round(PERIOD_S * int((fast | (distances < CLOSE_M).any(axis=0)).sum()), 2),
+        round(messages / duration_s / len(flown), 2),
+        round(size / duration_s / len(flown), 1),
+        round(float(steps_ms.mean()), 3),
+        round(float(np.percentile(steps_ms, 99)), 3),
+        sum(record.fallbacks().values()),
+        [name for name in flown if _lost(record, name, (*errors[name][-1:], *on_task[name][-1:]))],
+        np.stack([vehicle.motion[:: round(DRAWN_S / PERIOD_S), :2] for vehicle in flown.values()]).round(3),
+    )
+
+
+def _rms_and_max_mm(errors_m: Sequence[Array]) -> tuple[float, float]:
+    together = np.concatenate(errors_m)
+    if not len(together):
+        return 0.0, 0.0
+    return round(1000.0 * rms(together), 2), round(1000.0 * float(together.max()), 2)
+
+
+def _distances(record: FlightRecord) -> Array:
+    """Distances of all pairs in all control periods, shape (pairs, K) [m]."""
+    places = [vehicle.motion[:, :3] for vehicle in record.vehicles.values()]
+    return np.array([np.linalg.norm(one - other, axis=1) for one, other in combinations(places, 2)])
+
+
+def _lost(record: FlightRecord, name: str, errors_m: Sequence[float]) -> bool:
+    vehicle = record[name]
+    return vehicle.left_volume or vehicle.touchdowns > 0 or max(errors_m, default=0.0) > LOST_M
+
+
+def _traffic(rig: Rig) -> tuple[int, int]:
+    """Number and bytes of all messages: those of schemes, else the plans."""
+    if sum(rig.message_network.sent.values()):
+        return sum(rig.message_network.sent.values()), sum(rig.message_network.bytes.values())
+    count = sum(rig.plan_network.sent.values())
+    return count, count * _plan_bytes(rig)
+
+
+def _plan_bytes(rig: Rig) -> int:
+    """Size of a plan on the bus, which hardly changes."""
+    name, pilot = next(iter(rig.pilots.items()))
+    assert pilot.plan is not None
+    samples = TrajectoryArray.of(pilot.plan.samples)
+    plan = Plan(
+        epoch=1, frame=1, source=name, ancestors=(), period_s=PERIOD_S, start_s=pilot.model.delay_s,
+        trajectory=samples, nominal=samples,
+    )  # fmt: skip
+    return len(encode(plan))
+
+
+TIMES: Final = ("step_mean_ms", "step_p99_ms")
+"""Figures that depend on the computer, and are no part of the digest."""
+_WORST: Final[Mapping[str, Callable[[Array], float]]] = {
+    "max_mm": np.max, "task_max_mm": np.max, "closest_mm": np.min, "step_p99_ms": np.max,
+    "rms_mm": rms, "task_rms_mm": rms,
+}  # fmt: skip
+"""How flights are summarised; the others by their means."""
+
+
+def figures(_: str, flights: Mapping[int, Flown]) -> dict[str, Any]:
+    """Figures of the flights of one scheme and task together, over the seeds."""
+    rows = [asdict(flown) for flown in flights.values()]
+    table = {
+        name: round(float(_WORST.get(name, np.mean)(np.array([row[name] for row in rows]))), 3)
+        for name in rows[0]
+        if name not in ("lost", "tracks_m")
+    }
+    return {**table, "lost": {str(seed): flown.lost for seed, flown in flights.items() if flown.lost}}

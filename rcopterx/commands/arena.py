@@ -1,0 +1,95 @@
+"""Comparing schemes: `arena`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rcopterx.commands.output import JsonOption, Progress, print_document
+from rcopterx.commands.parsing import check_known, different_numbers
+from rcopterx.simulator.conditions import PRESETS
+
+
+def arena(
+    schemes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...", help="Schemes and controllers, see --list. Default: the usual ones."
+        ),
+    ] = None,
+    tasks: Annotated[str | None, typer.Option(metavar="NAME,...", help="Default: all.")] = None,
+    as_json: JsonOption = False,
+    page: Annotated[
+        Path | None, typer.Option(metavar="DIRECTORY", help="Write a page with pictures there.")
+    ] = None,
+    seeds: Annotated[
+        str, typer.Option(metavar="N,N,...", help="Seeds of vehicles, weather and losses, one flight each.")
+    ] = "100",
+    conditions: Annotated[
+        str, typer.Option(metavar="PRESET", help=f"Conditions: {', '.join(PRESETS)}.")
+    ] = "helicopters",
+    processes: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Processor cores to use; flights do not depend on it.")
+    ] = 1,
+    resume: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Store finished flights there, and skip those it has.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Short flights, as a test.")] = False,
+    show_list: Annotated[bool, typer.Option("--list", help="List schemes and tasks.")] = False,
+) -> None:
+    """Fly schemes of distributed control on the same tasks, faster than real time, and compare them."""
+    from rcopterx.control.plugins import SettingsError
+    from rcopterx.experiments.arena.arena import DEFAULT_SCHEMES, arena, digest, foreign_digests
+    from rcopterx.experiments.arena.flying import arena_schemes
+    from rcopterx.experiments.arena.page import write_arena
+    from rcopterx.experiments.arena.tasks import TASKS
+    from rcopterx.experiments.kept import KeptFlights, KeptFlightsError
+    from rcopterx.experiments.runner import Options
+
+    if show_list:
+        typer.echo(f"schemes: {', '.join(arena_schemes())}")
+        for task in TASKS.values():
+            typer.echo(f"{task.name:14} {task.title}")
+        return
+    chosen = _names(schemes, DEFAULT_SCHEMES)
+    flown = _names(tasks, tuple(TASKS))
+    check_known(chosen, arena_schemes(), "scheme", "--schemes")
+    check_known(flown, TASKS, "task", "--tasks")
+    check_known([conditions], PRESETS, "preset", "--conditions")
+    numbers, progress = different_numbers(seeds, "--seeds"), Progress("arena")
+    try:
+        context = {"conditions": conditions, "quick": quick, "packages": foreign_digests(chosen)}
+        kept = None if resume is None else KeptFlights(resume, context)
+        options = Options(numbers, quick, processes, conditions, kept)
+        result = arena(chosen, flown).fly(
+            options, lambda label, done: progress.show(label, f", {100 * done:.0f} %")
+        )
+    except SettingsError as error:
+        raise typer.BadParameter(str(error), param_hint="--schemes") from None
+    except KeptFlightsError as error:
+        raise typer.BadParameter(str(error), param_hint="--resume") from None
+    document = {"digest": digest(result.document), "tasks": result.document}
+    if page is not None:
+        typer.echo(f"page: {write_arena(page, result)}", err=True)
+    print_document(document, as_json, _text)
+
+
+def _names(given: str | None, default: tuple[str, ...]) -> tuple[str, ...]:
+    return default if given is None else tuple(name.strip() for name in given.split(","))
+
+
+def _text(document: dict[str, Any]) -> str:
+    """A line for each flight, best first, and the digest."""
+    from rcopterx.experiments.arena.page import ranked
+
+    columns = ("rms", "max", "task rms", "closest", "violated", "messages", "kB/s")
+    lines = [f"{'task':14} {'scheme':16}" + "".join(f" {column:>9}" for column in columns) + " lost"]
+    for task, rows in document["tasks"].items():
+        for scheme, row in ranked(rows):
+            numbers = (
+                row["rms_mm"], row["max_mm"], row["task_rms_mm"], row["closest_mm"], row["violated_s"],
+                row["messages_per_s"], row["bytes_per_s"] / 1000.0,
+            )  # fmt: skip
+            lost = sum(map(len, row["lost"].values()))
+            lines.append(f"{task:14} {scheme:16}" + "".join(f" {one:9.1f}" for one in numbers) + f" {lost:4}")
+    return "\n".join([*lines, f"digest {document['digest']}"])
