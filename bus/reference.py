@@ -264,25 +264,16 @@ def _length(kind: types.VarTupleType | types.ListType | types.FrozenSetType) -> 
 
 
 def meanings_of(kind: type) -> dict[str, str]:
-    """Return the documentation of the fields of a type: strings below them, or its parameter section."""
+    """Return the documentation of the fields of a type: the strings below them.
+
+    A string that begins with several names, "`low`, `high`: limits of it.", is that of all these fields.
+    """
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__[:-1]):
         if base.__module__.partition(".")[0] != "msgspec":
             node = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
-            found |= dict(_parameters(inspect.cleandoc(base.__doc__ or "")))
             found |= dict(_documented(node))
     return found
-
-
-_PARAMETER: Final = re.compile(r"^(\w+(?:, \w+)*)(?: : [^\n]*)?\n((?: {4}[^\n]*\n?)+)", re.MULTILINE)
-
-
-def _parameters(text: str) -> Iterator[tuple[str, str]]:
-    """Yield the entries of the section Parameters or Attributes of a docstring."""
-    _, _, entries = text.partition("----\n")
-    for names, meaning in _PARAMETER.findall(entries.partition("\n\n")[0] + "\n"):
-        for name in names.split(", "):
-            yield name, one_line(meaning)
 
 
 def _documented(node: ast.stmt) -> Iterator[tuple[str, str]]:
@@ -295,7 +286,12 @@ def _documented(node: ast.stmt) -> Iterator[tuple[str, str]]:
             and isinstance(below, ast.Expr)
             and isinstance(below.value, ast.Constant)
         ):
-            yield field.target.id, one_line(str(below.value.value))
+            text = one_line(str(below.value.value))
+            names, _, shared = text.partition(": ")
+            if re.fullmatch(r"`\w+`(, `\w+`)+", names):
+                yield from ((name.strip("`"), shared[:1].upper() + shared[1:]) for name in names.split(", "))
+            else:
+                yield field.target.id, text
 
 
 def one_line(text: str) -> str:

@@ -33,32 +33,22 @@ def _check_index_and_slew(index: int, slew_per_s: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ChannelCalibration:
-    """Pulse width of a cyclic or yaw channel: ``clamp(center + trim + sign gain u, lo, hi)``.
-
-    Parameters
-    ----------
-    index
-        Channel, 0 throttle, 1 aileron, 2 elevator, 3 rudder, ...
-    sign
-        Direction of the channel.
-    center_us, trim_us
-        Neutral pulse width and its correction.
-    gain_us
-        Pulse width per unit of input.
-    lo_us, hi_us
-        Limits of the pulse width.
-    slew_per_s
-        Fastest change of the input.
-    """
+    """Pulse width of a cyclic or yaw channel: ``clamp(center + trim + sign gain u, lo, hi)``."""
 
     index: int
+    """Channel, 0 throttle, 1 aileron, 2 elevator, 3 rudder, ..."""
     sign: int = 1
+    """Direction of the channel."""
     center_us: float = base.CENTER_US
     trim_us: float = 0.0
+    """`center_us`, `trim_us`: neutral pulse width and its correction."""
     gain_us: float = 400.0
+    """Pulse width per unit of input."""
     lo_us: float = 1100.0
     hi_us: float = 1900.0
+    """`lo_us`, `hi_us`: limits of the pulse width."""
     slew_per_s: float = 20.0
+    """Fastest change of the input."""
 
     def __post_init__(self) -> None:
         _check_index_and_slew(self.index, self.slew_per_s)
@@ -89,27 +79,19 @@ class ChannelCalibration:
 
 @dataclass(frozen=True, slots=True)
 class ThrottleCalibration:
-    """Pulse width of the throttle, linear between three measured points.
-
-    Parameters
-    ----------
-    us0, us_hover, us1
-        Pulse widths [us] at thrust 0, `u_hover` and 1.
-    u_hover
-        Thrust at which the model hovers.
-    low_us
-        Throttle low, sent when the motors must stop; free of any trim, so not above `us0`.
-    index, slew_per_s
-        As for the other channels.
-    """
+    """Pulse width of the throttle, linear between three measured points."""
 
     index: int = base.THROTTLE
     us0: float = 1100.0
     us_hover: float = 1540.0
     us1: float = 1900.0
+    """`us0`, `us_hover`, `us1`: pulse widths [us] at thrust 0, `u_hover` and 1."""
     u_hover: float = 0.55
+    """Thrust at which the model hovers."""
     low_us: float = 1100.0
+    """Throttle low, sent when the motors must stop; free of any trim, so not above `us0`."""
     slew_per_s: float = 4.0
+    """`index`, `slew_per_s`: as for the other channels."""
 
     def __post_init__(self) -> None:
         _check_index_and_slew(self.index, self.slew_per_s)
@@ -137,19 +119,13 @@ class ThrottleCalibration:
 
 @dataclass(frozen=True, slots=True)
 class SwitchChannel:
-    """A channel with two positions.
-
-    Parameters
-    ----------
-    index
-        Channel, 0 throttle, 1 aileron, 2 elevator, 3 rudder, 4 gear, ...
-    on_us, off_us
-        Pulse widths of the positions.
-    """
+    """A channel with two positions."""
 
     index: int
+    """Channel, 0 throttle, 1 aileron, 2 elevator, 3 rudder, 4 gear, ..."""
     on_us: float = 1900.0
     off_us: float = 1100.0
+    """`on_us`, `off_us`: pulse widths of the positions."""
 
     def __post_init__(self) -> None:
         _check(0 <= self.index <= LARGEST_INDEX, "index", self.index, f"0 to {LARGEST_INDEX} is")
@@ -166,17 +142,10 @@ class SwitchChannel:
 
 @dataclass(frozen=True, slots=True)
 class ArmingChannel(SwitchChannel):
-    """The channel that arms: on while the vehicle is flown.
-
-    Parameters
-    ----------
-    index, on_us, off_us
-        As for the emergency channel.
-    low_s
-        For so long the throttle is low before it comes on, and afterwards.
-    """
+    """The channel that arms: on while the vehicle is flown."""
 
     low_s: float = 0.1
+    """For so long the throttle is low before it comes on, and afterwards."""
 
     def __post_init__(self) -> None:
         # A class with slots is made anew, so that super() without arguments would not find it.

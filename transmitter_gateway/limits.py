@@ -22,26 +22,18 @@ def _positive(name: str, value: float | None) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Fence:
-    """Box the vehicle must stay in.
-
-    Parameters
-    ----------
-    lower_m, upper_m
-        Corners in the inertial frame.
-    margin_m
-        Distance outside the box at which the vehicle is brought down.
-    cut_m
-        Distance outside the box at which the motors of a vehicle are cut that the arbiter lands and that does
-        not obey its sticks.
-    braking_m_s2
-        Deceleration a healthy vehicle reaches on each axis: one too fast to stop inside the box is held.
-    """
+    """Box the vehicle must stay in."""
 
     lower_m: Position
     upper_m: Position
+    """`lower_m`, `upper_m`: corners in the inertial frame."""
     margin_m: float = 0.1
+    """Distance outside the box at which the vehicle is brought down."""
     cut_m: float = 5.0
+    """Distance outside the box at which the motors of a vehicle are cut that the arbiter lands and that does
+    not obey its sticks."""
     braking_m_s2: Position = (2.0, 2.0, 2.0)
+    """Deceleration a healthy vehicle reaches on each axis: one too fast to stop inside the box is held."""
 
     def __post_init__(self) -> None:
         for axis, lower, upper in zip("xyz", self.lower_m, self.upper_m, strict=True):
@@ -64,47 +56,32 @@ class Fence:
 
 @dataclass(frozen=True, slots=True)
 class SurveillanceLimits:
-    """Limits judged from raw poses; None switches a judgement off.
-
-    Parameters
-    ----------
-    tracking_hold_s, tracking_descend_s
-        Time without a usable own pose before HOLD and DESCEND.
-    fence
-        Box to stay in. It depends on the laboratory, so there is none by default.
-    minimum_distance_m
-        Smallest distance between two vehicles; below it HOLD.
-    distance_hysteresis_m
-        Additional distance before the vehicles count as apart again.
-    other_pose_s
-        Time for which the last position of another vehicle is used.
-    maximum_thrust_s
-        Longest time with thrust between arming and disarming; then DESCEND.
-    maximum_jump_m
-        A position further than this from where the vehicle can be is rejected.
-    maximum_speed_m_s
-        Growth of that distance with the time since the last accepted position.
-    jump_descend_s
-        Time of rejection after which the vehicle comes down for good: it may be another body.
-    velocity_filter_s
-        Time constant of the low-pass on the finite-difference velocity.
-    trust_repeated_poses
-        Whether a position that equals the last one counts as seen. Measurements of a flying vehicle never
-        repeat themselves exactly. On the floor they always count.
-    """
+    """Limits judged from raw poses; None switches a judgement off."""
 
     tracking_hold_s: float | None = 0.1
     tracking_descend_s: float | None = 0.3
+    """`tracking_hold_s`, `tracking_descend_s`: time without a usable own pose before HOLD and DESCEND."""
     fence: Fence | None = None
+    """Box to stay in. It depends on the laboratory, so there is none by default."""
     minimum_distance_m: float | None = 0.3
+    """Smallest distance between two vehicles; below it HOLD."""
     distance_hysteresis_m: float = 0.05
+    """Additional distance before the vehicles count as apart again."""
     other_pose_s: float = 0.5
+    """Time for which the last position of another vehicle is used."""
     maximum_thrust_s: float | None = None
+    """Longest time with thrust between arming and disarming; then DESCEND."""
     maximum_jump_m: float | None = 0.1
+    """A position further than this from where the vehicle can be is rejected."""
     maximum_speed_m_s: float = 2.5
+    """Growth of that distance with the time since the last accepted position."""
     jump_descend_s: float = 0.3
+    """Time of rejection after which the vehicle comes down for good: it may be another body."""
     velocity_filter_s: float = 0.05
+    """Time constant of the low-pass on the finite-difference velocity."""
     trust_repeated_poses: bool = True
+    """Whether a position that equals the last one counts as seen. Measurements of a flying vehicle never
+    repeat themselves exactly. On the floor they always count."""
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -117,40 +94,29 @@ class SurveillanceLimits:
 
 @dataclass(frozen=True, slots=True)
 class LandingLimits:
-    """Model of the vehicle for holding and landing, and limits of the law.
-
-    Parameters
-    ----------
-    input_gain
-        Nominal acceleration per unit of pitch, roll and thrust [m/s^2].
-    yaw_rate_gain_rad_s
-        Nominal yaw rate per unit of yaw.
-    cyclic, thrust, yaw
-        Largest pitch and roll, difference from the hover thrust, and yaw.
-    descent_m_s
-        Speed of the descent.
-    touchdown_m_s, flare_m
-        Slower speed just above the floor, and the height where it begins.
-    braked_m_s, braking_s
-        The descent begins when the vehicle is slower than this, or after this time.
-    pose_age_s
-        A vehicle whose last accepted pose is older is not seen.
-    longest_s
-        Longest landing; then the vehicle comes down open loop.
-    """
+    """Model of the vehicle for holding and landing, and limits of the law."""
 
     input_gain: Position = (2.0, 2.1, 18.0)
+    """Nominal acceleration per unit of pitch, roll and thrust [m/s^2]."""
     yaw_rate_gain_rad_s: float = 22.2
+    """Nominal yaw rate per unit of yaw."""
     cyclic: float = 0.8
     thrust: float = 0.2
     yaw: float = 0.1
+    """`cyclic`, `thrust`, `yaw`: largest pitch and roll, difference from the hover thrust, and yaw."""
     descent_m_s: float = 0.4
+    """Speed of the descent."""
     touchdown_m_s: float = 0.25
     flare_m: float = 0.2
+    """`touchdown_m_s`, `flare_m`: slower speed just above the floor, and the height where it begins."""
     braked_m_s: float = 0.3
     braking_s: float = 1.5
+    """`braked_m_s`, `braking_s`: the descent begins when the vehicle is slower than this, or after this time.
+    """
     pose_age_s: float = 0.1
+    """A vehicle whose last accepted pose is older is not seen."""
     longest_s: float = 20.0
+    """Longest landing; then the vehicle comes down open loop."""
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -161,65 +127,48 @@ class LandingLimits:
 
 @dataclass(frozen=True, slots=True)
 class ArbiterLimits:
-    """Times, input limits and rates of the arbiter.
-
-    Parameters
-    ----------
-    hold_after_s, descend_after_s, cut_after_s
-        Age of the last accepted command at which HOLD, LAND or DESCEND, and without poses CUT begin.
-    bridge_s
-        For how long planned inputs are played when commands are late.
-    command_age_s
-        A command computed from a pose that was captured longer ago is rejected.
-    hold_limit_s
-        Longest HOLD before LAND or DESCEND.
-    arm_low_s, low_thrust
-        Commanded thrust must be at most `low_thrust` for `arm_low_s` before arming; the same applied thrust
-        for the same time means that the vehicle stands on the floor.
-    disarm_after_s
-        How long an armed vehicle may stand on the floor before it is disarmed.
-    lower, upper, tolerance
-        Input limits; a command further outside than `tolerance` is rejected.
-    descend_below_hover, descend_rate_per_s
-        DESCEND lowers the thrust at this rate to this share below hover.
-    hover_correction
-        Largest correction of the calibrated hover thrust from the flight; 0 for none.
-    take_over_s
-        Longest silence on the serial line after which a restarted gateway takes over a flying vehicle; well
-        under the time for which receivers hold their outputs.
-    floor_m
-        Height at which vehicles stand, for one that was not seen standing.
-    airborne_m
-        How far above that height a vehicle certainly flies.
-    operators
-        Names whose requests count as an operator's.
-    surveillance
-        Limits judged from raw poses.
-    landing
-        How the vehicle is held and landed while it is seen.
-    """
+    """Times, input limits and rates of the arbiter."""
 
     hold_after_s: float = 0.06
     descend_after_s: float = 0.2
     cut_after_s: float = 2.0
+    """`hold_after_s`, `descend_after_s`, `cut_after_s`: age of the last accepted command at which HOLD, LAND
+    or DESCEND, and without poses CUT begin."""
     bridge_s: float = 0.18
+    """For how long planned inputs are played when commands are late."""
     command_age_s: float = 0.2
+    """A command computed from a pose that was captured longer ago is rejected."""
     hold_limit_s: float = 0.5
+    """Longest HOLD before LAND or DESCEND."""
     arm_low_s: float = 0.5
     low_thrust: float = 0.05
+    """`arm_low_s`, `low_thrust`: commanded thrust must be at most `low_thrust` for `arm_low_s` before arming;
+    the same applied thrust for the same time means that the vehicle stands on the floor."""
     disarm_after_s: float = 60.0
+    """How long an armed vehicle may stand on the floor before it is disarmed."""
     lower: Input = (-1.0, -1.0, 0.0, -0.4)
     upper: Input = (1.0, 1.0, 1.0, 0.4)
     tolerance: float = 0.02
+    """`lower`, `upper`, `tolerance`: input limits; a command further outside than `tolerance` is rejected."""
     descend_below_hover: float = 0.11
     descend_rate_per_s: float = 0.5
+    """`descend_below_hover`, `descend_rate_per_s`: DESCEND lowers the thrust at this rate to this share below
+    hover."""
     hover_correction: float = 0.35
+    """Largest correction of the calibrated hover thrust from the flight; 0 for none."""
     take_over_s: float = 0.7
+    """Longest silence on the serial line after which a restarted gateway takes over a flying vehicle; well
+    under the time for which receivers hold their outputs."""
     floor_m: float = 0.0
+    """Height at which vehicles stand, for one that was not seen standing."""
     airborne_m: float = 0.1
+    """How far above that height a vehicle certainly flies."""
     operators: frozenset[str] = frozenset({"operator"})
+    """Names whose requests count as an operator's."""
     surveillance: SurveillanceLimits = SurveillanceLimits()
+    """Limits judged from raw poses."""
     landing: LandingLimits = LandingLimits()
+    """How the vehicle is held and landed while it is seen."""
 
     @property
     def descent_s(self) -> float:

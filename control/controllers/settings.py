@@ -35,20 +35,14 @@ BOUNDED_STATE_NAMES = ("x", "y", "z", "xd_B", "yd_B", "zd_B", "psid")
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Bounds a controller plans with.
-
-    Attributes
-    ----------
-    input_min, input_max
-        Hard input limits, shape (4,).
-    state_min, state_max
-        Bounds of x, y, z, xd_B, yd_B, zd_B, psid, shape (7,).
-    """
+    """Bounds a controller plans with."""
 
     input_min: Array
     input_max: Array
+    """`input_min`, `input_max`: hard input limits, shape (4,)."""
     state_min: Array
     state_max: Array
+    """`state_min`, `state_max`: bounds of x, y, z, xd_B, yd_B, zd_B, psid, shape (7,)."""
 
 
 class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

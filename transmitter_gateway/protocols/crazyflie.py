@@ -23,16 +23,11 @@ REQUESTS_REMEMBERED = 20  # for the quality of the link: those of the last 4 to 
 
 @dataclass(frozen=True, slots=True)
 class CrazyflieSettings(FullStick):
-    """How channels become set points.
-
-    Parameters
-    ----------
-    watchdog
-        Feed the firmware's watchdog from the first flight on: it stops the motors 1 s after the last frame,
-        until a restart of the vehicle. Without it set points stop them after 2 s.
-    """
+    """How channels become set points."""
 
     watchdog: bool = True
+    """Feed the firmware's watchdog from the first flight on: it stops the motors 1 s after the last frame,
+    until a restart of the vehicle. Without it set points stop them after 2 s."""
 
 
 class CrazyflieProtocol(SetPointRadio):

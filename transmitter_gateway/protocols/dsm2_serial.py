@@ -19,18 +19,12 @@ RANGE_CHECK = 0x20
 
 @dataclass(frozen=True, slots=True)
 class Dsm2Settings:
-    """Settings of the frames.
-
-    Parameters
-    ----------
-    model
-        Model match number, 0..63.
-    family
-        Radio board: DSM2 only, DSMX/DSM2, or a LP4DSM/LP5DSM board.
-    """
+    """Settings of the frames."""
 
     model: int = 0
+    """Model match number, 0..63."""
     family: str = "dsm2"
+    """Radio board: DSM2 only, DSMX/DSM2, or a LP4DSM/LP5DSM board."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.model <= 63:

@@ -34,23 +34,17 @@ VERSION, ANSWER_LENGTH = 0xFF, 18
 
 @dataclass(frozen=True, slots=True)
 class DsmpSettings:
-    """Settings of the module.
-
-    Parameters
-    ----------
-    model
-        Model match number, 0..255; firmware 1 ignores it.
-    channels
-        Number of channels, 3..12.
-    dsmx, eleven_ms, eleven_bit
-        DSMX instead of DSM2, 11 ms instead of 22 ms, 2048 instead of 1024 steps.
-    """
+    """Settings of the module."""
 
     model: int = 0
+    """Model match number, 0..255; firmware 1 ignores it."""
     channels: int = 6
+    """Number of channels, 3..12."""
     dsmx: bool = False
     eleven_ms: bool = False
     eleven_bit: bool = False
+    """`dsmx`, `eleven_ms`, `eleven_bit`: DSMX instead of DSM2, 11 ms instead of 22 ms, 2048 instead of 1024
+    steps."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.model <= 255:

@@ -29,35 +29,24 @@ MISSING_LIBRARY = "the library pymavlink is not installed: pip install 'rcopterx
 
 @dataclass(frozen=True, slots=True)
 class MavlinkSettings(FullStick):
-    """How channels become set points of PX4 and ArduPilot.
-
-    Parameters
-    ----------
-    system
-        System id of the vehicle: `MAV_SYS_ID` of PX4, `SYSID_THISMAV` of ArduPilot.
-    own_system
-        System id of the gateway, which counts as the ground station of the vehicle.
-    baud
-        Speed of a serial line [1/s].
-    local_port
-        UDP port that the gateway sends from, 0 for any. PX4 answers the port that it got its first datagram
-        from until it restarts, also after a restart of the gateway.
-    mode
-        Mode that obeys set points: `offboard` of PX4; `guided_nogps` of ArduPilot, or `guided`, which needs a
-        position.
-    external_pose
-        Send the poses of motion capture as well, for its estimator: 130 bytes in each frame.
-    flight_termination
-        With a kill also request flight termination, which PX4 keeps until it restarts.
-    """
+    """How channels become set points of PX4 and ArduPilot."""
 
     system: int = 1
+    """System id of the vehicle: `MAV_SYS_ID` of PX4, `SYSID_THISMAV` of ArduPilot."""
     own_system: int = 255
+    """System id of the gateway, which counts as the ground station of the vehicle."""
     baud: int = LINE.baud
+    """Speed of a serial line [1/s]."""
     local_port: int = 0
+    """UDP port that the gateway sends from, 0 for any. PX4 answers the port that it got its first datagram
+    from until it restarts, also after a restart of the gateway."""
     mode: str = "offboard"
+    """Mode that obeys set points: `offboard` of PX4; `guided_nogps` of ArduPilot, or `guided`, which needs a
+    position."""
     external_pose: bool = False
+    """Send the poses of motion capture as well, for its estimator: 130 bytes in each frame."""
     flight_termination: bool = False
+    """With a kill also request flight termination, which PX4 keeps until it restarts."""
 
     def __post_init__(self) -> None:
         # A class with slots is made anew, so that super() without arguments would not find it.

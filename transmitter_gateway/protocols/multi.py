@@ -156,38 +156,26 @@ class MultiFrame(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class MultiSettings:
-    """Settings of the module.
-
-    Parameters
-    ----------
-    rx_num
-        Model match number, 0..63; each vehicle has its own.
-    radio
-        Radio protocol, by the name that the module reports: DSM, E129, OMP, ...
-    sub_protocol
-        Its sub-protocol; of DSM 0 DSM2_1F (22 ms, 1024), 1 DSM2_2F (2048), 2 DSMX_1F (22 ms, 2048), 3
-        DSMX_2F.
-    option
-        Option byte, such as the frequency tuning of radio protocols on a CC2500; DSM uses the next two.
-    channels
-        Number of channels on air with DSM, 3..12.
-    eleven_ms
-        Send data every 11 ms (sub-protocols 1 and 3 of DSM).
-    inverted_line
-        Polarity bit: True for a JR-bay module on an inverted line, False for an internal one. A wrong value
-        makes the module deaf until it is power cycled.
-    answers_wired
-        False when the module's return line is not connected; readiness is then assumed.
-    """
+    """Settings of the module."""
 
     rx_num: int = 0
+    """Model match number, 0..63; each vehicle has its own."""
     radio: str = "DSM"
+    """Radio protocol, by the name that the module reports: DSM, E129, OMP, ..."""
     sub_protocol: int = 0
+    """Its sub-protocol; of DSM 0 DSM2_1F (22 ms, 1024), 1 DSM2_2F (2048), 2 DSMX_1F (22 ms, 2048), 3 DSMX_2F.
+    """
     option: int = 0
+    """Option byte, such as the frequency tuning of radio protocols on a CC2500; DSM uses the next two."""
     channels: int = 6
+    """Number of channels on air with DSM, 3..12."""
     eleven_ms: bool = False
+    """Send data every 11 ms (sub-protocols 1 and 3 of DSM)."""
     inverted_line: bool = True
+    """Polarity bit: True for a JR-bay module on an inverted line, False for an internal one. A wrong value
+    makes the module deaf until it is power cycled."""
     answers_wired: bool = True
+    """False when the module's return line is not connected; readiness is then assumed."""
 
     def __post_init__(self) -> None:
         if self.radio not in RADIOS:

@@ -18,18 +18,12 @@ STX, ETX, SERVO_POSITIONS = 0x01, 0x04, 0x01
 
 @dataclass(frozen=True, slots=True)
 class PpmSettings:
-    """Settings of the transmitter's trainer port.
-
-    Parameters
-    ----------
-    channels
-        Number of trainer channels, 4..8.
-    order
-        Order in which the radio expects throttle, aileron, elevator and rudder, such as "TAER" or "AETR".
-    """
+    """Settings of the transmitter's trainer port."""
 
     channels: int = 6
+    """Number of trainer channels, 4..8."""
     order: str = "TAER"
+    """Order in which the radio expects throttle, aileron, elevator and rudder, such as "TAER" or "AETR"."""
 
     def __post_init__(self) -> None:
         if not 4 <= self.channels <= 8:
