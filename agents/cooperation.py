@@ -17,8 +17,7 @@ from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.schemes.interface import MAX_MESSAGE_BYTES, Neighbour, Scheme, Situation
 from rcopterx.vehicles.state import Array, turned_about_z
 
-SILENT_S: Final = 1.0
-"""A vehicle that was not heard for so long is unknown to the others."""
+SILENT_S: Final = 1.0  # a vehicle that was not heard for so long is unknown to the others
 
 
 class Heard(NamedTuple):
@@ -46,11 +45,9 @@ class Cooperation:
         self._guidance = guidance
         self._step_guard = step_guard
         self.clock = clock
-        self.vehicle = ""
-        """Name of the vehicle."""
+        self.vehicle = ""  # name of the vehicle
         self.scheme: Scheme | None = None
-        self.rejected: Counter[str] = Counter()
-        """Received messages that cannot be used, by reason."""
+        self.rejected: Counter[str] = Counter()  # received messages that cannot be used, by reason
         self._estimate: Estimate | None = None
         self._reference: Trajectory | None = None
 

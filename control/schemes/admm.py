@@ -49,8 +49,7 @@ class AdmmSettings(TrackedSettings, frozen=True, kw_only=True):
 class Iterate(Struct, frozen=True):
     """Average of the sender's positions, and its copies of its neighbours' positions with their duals."""
 
-    stage: int
-    """Number of the first stage on the fleet's clock."""
+    stage: int  # number of the first stage on the fleet's clock
     average: Samples
     copies: dict[str, Samples]
 

@@ -21,10 +21,8 @@ from rcopterx.control.schemes.tracked import Way
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
-NEAR: Final = 8.0
-"""Distance in ellipsoids up to which vehicles get planes, and have to be heard."""
-LISTENING: Final = 2
-"""Rounds in which a vehicle only listens at first."""
+NEAR: Final = 8.0  # distance in ellipsoids up to which vehicles get planes, and have to be heard
+LISTENING: Final = 2  # rounds in which a vehicle only listens at first
 
 
 class EventTriggeredSettings(ReplanningSettings, frozen=True, kw_only=True):
@@ -45,11 +43,9 @@ class EventTriggeredScheme(ReplanningScheme):
     def __init__(self, model: Model, period_s: float, settings: EventTriggeredSettings) -> None:
         super().__init__(model, period_s, settings)
         self._planning, self._trigger_m = settings.planning, settings.trigger_m
-        self._next: Announced | None = None
-        """Announced way that begins with the next round."""
+        self._next: Announced | None = None  # announced way that begins with the next round
         self._priority = 0.0
-        self._waited = 0
-        """Rounds since the vehicle planned, or since it began to listen."""
+        self._waited = 0  # rounds since the vehicle planned, or since it began to listen
         self._planned = False
 
     def reset(self, estimate: Estimate, last_input: Array) -> None:

@@ -18,8 +18,7 @@ from rcopterx.control.schemes.replanning import Announced, ReplanningScheme, Rep
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import XD_BODY, YAW, Array, turned_about_z
 
-NEAR: Final = 1.5
-"""Distance in ellipsoids up to which vehicles get a plane at a stage."""
+NEAR: Final = 1.5  # distance in ellipsoids up to which vehicles get a plane at a stage
 
 
 class OnDemandSettings(ReplanningSettings, frozen=True, kw_only=True):

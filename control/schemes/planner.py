@@ -13,8 +13,7 @@ from rcopterx.vehicles.state import Array
 
 SOFT: Final = 1e4
 """Weight of the squared excess over planes and speeds, against weights of positions of about one."""
-FAR: Final = 1e3
-"""Upper bounds of rows that have none: the solver's interior point needs finite ones."""
+FAR: Final = 1e3  # upper bounds of rows that have none: the solver's interior point needs finite ones
 _I: Final = np.eye(3)
 
 
@@ -29,32 +28,21 @@ class Plane(NamedTuple):
 class WayPlanner:
     """Solves one planning problem after another.
 
-        minimise sum_k position_weight / 2 |p_k - target_k|^2 + effort_weight / 2 |a_k|^2
-
-    Parameters
-    ----------
-    stages, stage_s
-        Number K and duration of the stages.
-    reach
-        Largest acceleration of each axis, shape (3,).
-    speed
-        Largest speed of each axis, shape (3,), a soft bound.
-    planes
-        Largest number of planes at one stage.
-    end
-        Cost of the end: that of the infinite horizon (`cost_to_go`), that of a stage (`stage`), or that of
-        the infinite horizon and a large one of velocities, so that ways end at rest (`rest`).
+    minimise sum_k position_weight / 2 |p_k - target_k|^2 + effort_weight / 2 |a_k|^2
     """
 
     def __init__(
         self,
+        # number K and duration of the stages
         stages: int,
         stage_s: float,
-        reach: Array,
-        speed: Array,
+        reach: Array,  # largest acceleration of each axis, shape (3,)
+        speed: Array,  # largest speed of each axis, shape (3,), a soft bound
         position_weight: float,
         effort_weight: float,
-        planes: int = 0,
+        planes: int = 0,  # largest number of planes at one stage
+        # cost of the end: that of the infinite horizon (`cost_to_go`), that of a stage (`stage`), or that of
+        # the infinite horizon and a large one of velocities, so that ways end at rest (`rest`)
         end: Literal["cost_to_go", "stage", "rest"] = "cost_to_go",
     ) -> None:
         h, zero = stage_s, np.zeros((3, 3))

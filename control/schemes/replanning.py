@@ -39,12 +39,10 @@ class ReplanningSettings(TrackedSettings, frozen=True, kw_only=True):
 class Announced(Struct, frozen=True):
     """Way of the sender."""
 
-    begins_s: float
-    """Time of the fleet's clock at which the way begins."""
+    begins_s: float  # time of the fleet's clock at which the way begins
     way: Samples
     stage_s: float
-    priority: float = 0.0
-    """How urgently the sender needs a new way."""
+    priority: float = 0.0  # how urgently the sender needs a new way
 
     def at(self, times_s: Array) -> Array:
         """Positions at some times of the fleet's clock, shape (n, 3)."""

@@ -23,8 +23,7 @@ ACCELERATION_SHARE: Final = 0.8
 """Share of the acceleration that the weakest vehicle of a type surely has, for plans."""
 BRAKING_STAGES: Final = 6
 BRAKING_STAGE_S: Final = 0.1
-SPEED_SHARE: Final = 0.8
-"""Share of the velocity bounds, for plans."""
+SPEED_SHARE: Final = 0.8  # share of the velocity bounds, for plans
 
 
 class Way(NamedTuple):
@@ -84,8 +83,7 @@ class TrackedScheme(ABC):
         self._speed: Array = SPEED_SHARE * np.array(model.state_max)[3:6]
         """Largest planned speeds, shape (3,)."""
         self._way: Way | None = None
-        self._began_s = self._time_s = 0.0
-        """When the way began, and the time of the last exchange."""
+        self._began_s = self._time_s = 0.0  # when the way began, and the time of the last exchange
         self._ages_s: Array = period_s * np.arange(float(settings.horizon))
 
     @property
