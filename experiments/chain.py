@@ -29,8 +29,7 @@ from rcopterx.vehicles.state import Array
 SLOT_S: Final = 5.0
 QUICK_HORIZON: Final = 20
 HEAD: Final = "h1"
-START: Final = (0.8, 0.0, 1.0, 0.5)
-"""Where the head hovers at first: x, y, z [m], yaw [rad]."""
+START: Final = (0.8, 0.0, 1.0, 0.5)  # where the head hovers at first: x, y, z [m], yaw [rad]
 STEPS_M: Final = ((0.0, 0.3, 0.2), (0.3, 0.0, 0.0), (-0.3, -0.2, -0.2), (0.0, 0.0, 0.3), (0.1, 0.1, -0.3))
 """Set points of the head relative to its start, one after the other."""
 
@@ -41,8 +40,7 @@ DEEP_HORIZON: Final = 30
 DEEP_START: Final = (1.0, 0.0, 1.0, 0.0)
 HOVER_FROM_S: Final = 4.0
 """Horizon of chains of helicopters, where their head begins, and from when on their hovering counts."""
-APART_M: Final = 0.6
-"""Distance of the vehicles of such a chain; nearer ones are in each other's wake."""
+APART_M: Final = 0.6  # distance of the vehicles of such a chain; nearer ones are in each other's wake
 STEPPED_S: Final = 12.0
 STEP_S: Final = 8.0
 STEP_M: Final = 0.4
@@ -120,10 +118,8 @@ def fly_shape(
 class Absolute(NamedTuple):
     """Errors of the vehicles of a chain from the head on, shape (n,): not relative to their leaders [m]."""
 
-    hover_m: Array
-    """Rms per horizontal axis in hover."""
-    overshoot_m: Array
-    """Beyond the end of the step."""
+    hover_m: Array  # rms per horizontal axis in hover
+    overshoot_m: Array  # beyond the end of the step
 
 
 def fly_helicopters(

@@ -15,8 +15,7 @@ PERIOD_MS: Final = 20.0
 LEAST_M: Final = 0.3
 TOUCHDOWN_M_S: Final = 1.0
 HEADING_DEG: Final = 8.0
-HEIGHT_M: Final = 0.15
-"""Largest errors of headings and heights."""
+HEIGHT_M: Final = 0.15  # largest errors of headings and heights
 
 Tables = dict[str, dict[str, Any]]
 Result = tuple[bool, Any]
@@ -91,16 +90,13 @@ _FLYING: Final = (
     Check("no vehicle touched the floor", _not_on_floor),
     Check("no vehicle left the flight volume", _inside_volume),
 )
-IN_THE_AIR: Final = (_TICKED, *_FLYING)
-"""No vehicle fell or flew away."""
-ALWAYS: Final = (*CONTROLLED, *_FLYING)
-"""Checks of every manoeuvre without faults and landings."""
+IN_THE_AIR: Final = (_TICKED, *_FLYING)  # no vehicle fell or flew away
+ALWAYS: Final = (*CONTROLLED, *_FLYING)  # checks of every manoeuvre without faults and landings
 IN_TIME: Final = Check(f"frame to radio, p99 within a control period of {PERIOD_MS:g} ms", _in_time)
 """Commands reach the radio before the next frame."""
 DISTANCE_KEPT: Final = Check(f"distance at least {LEAST_M:g} m", _distance_kept)
 """No two vehicles came nearer than this."""
-AVOIDED: Final = Check("plans were held off each other", _avoided)
-"""Some vehicle avoided another one."""
+AVOIDED: Final = Check("plans were held off each other", _avoided)  # some vehicle avoided another one
 TOUCHED_DOWN_GENTLY: Final = Check(
     f"all stand on the floor, touched down at {TOUCHDOWN_M_S:g} m/s at most", _touched_down_gently
 )

@@ -17,8 +17,7 @@ from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 
 TURNS_PER_SEQUENCE = 3 * math.pi
 RECORDS_KEPT = 40_000
-KNOWN_S = 1.0
-"""By then a set point is in the leader's status, which is published at 5 Hz."""
+KNOWN_S = 1.0  # by then a set point is in the leader's status, which is published at 5 Hz
 POLL_S = 0.2
 HEADINGS = (
     "vehicle", "task", "error [mm]\nrms / max", "missed\nperiods", "solver [ms]\np50 / p99", "fallbacks",

@@ -17,18 +17,10 @@ from rcopterx.vehicles.tuples import Three
 
 @dataclass(frozen=True)
 class Scene:
-    """What a vehicle knows of the others at an event.
+    """What a vehicle knows of the others at an event."""
 
-    Attributes
-    ----------
-    plans
-        Newest plans of `Event.leaders`.
-    limits
-        Limits of its ways that followers impose, None without followers.
-    """
-
-    plans: Mapping[str, LeaderPlan]
-    limits: ProfileLimits | None = None
+    plans: Mapping[str, LeaderPlan]  # newest plans of `Event.leaders`
+    limits: ProfileLimits | None = None  # limits of its ways that followers impose, None without followers
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,7 @@ from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
 
 HOME_M: Final[Three] = (0.0, 0.0, 1.0)
-LOST_M: Final = 0.5
-"""Further from home at the end of the flight, a vehicle is lost."""
+LOST_M: Final = 0.5  # further from home at the end of the flight, a vehicle is lost
 LIMIT_CYCLE_STICK: Final = 0.4
 """Standard deviation of a stick from which its motion counts as a limit cycle; a sine from stop to stop has
 0.7."""

@@ -8,14 +8,8 @@ from typing import Any
 def save_figure(draw: Callable[[Any], None], path: Path) -> None:
     """Draw a figure into a file, whose ending chooses the format (png, svg, pdf).
 
-    Raises
-    ------
-    ImportError
-        matplotlib is not installed.
-    ValueError
-        An ending that matplotlib does not know.
-    OSError
-        The file cannot be written.
+    Raises `ImportError`: matplotlib is not installed. Raises `ValueError`: an ending that matplotlib does not
+    know. Raises `OSError`: the file cannot be written.
     """
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -16,8 +16,7 @@ from rcopterx.experiments.runner import Cases, Experiment, Options, median_and_w
 from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import Conditions
 
-LOST_M: Final = 0.5
-"""Further from its place at the end of the flight, a follower is lost."""
+LOST_M: Final = 0.5  # further from its place at the end of the flight, a follower is lost
 
 
 @dataclass(frozen=True)

@@ -20,54 +20,29 @@ from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
 
 DEFAULT_FLEET = "trio"
 REPORT_NAME = "report.json"
-SETTLE_S = 2.0
-"""From the end of the take-off to the beginning of the recording."""
+SETTLE_S = 2.0  # from the end of the take-off to the beginning of the recording
 
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """One row of the table.
-
-    Attributes
-    ----------
-    seconds
-        Approximate duration of the recorded part.
-    fly
-        Flies it on a fleet that is in the air.
-    checks
-        Conditions on the recorded flight.
-    fleet
-        Shipped fleet with which it can be flown.
-    from_floor
-        Take-off and landing are part of the manoeuvre and recorded.
-    """
+    """One row of the table."""
 
     name: str
     title: str
-    seconds: float
-    fly: Step
-    checks: tuple[Check, ...]
-    fleet: str = DEFAULT_FLEET
-    from_floor: bool = False
+    seconds: float  # approximate duration of the recorded part
+    fly: Step  # flies it on a fleet that is in the air
+    checks: tuple[Check, ...]  # conditions on the recorded flight
+    fleet: str = DEFAULT_FLEET  # shipped fleet with which it can be flown
+    from_floor: bool = False  # take-off and landing are part of the manoeuvre and recorded
 
 
 @dataclass(frozen=True)
 class Flown:
-    """A flown manoeuvre.
+    """A flown manoeuvre."""
 
-    Attributes
-    ----------
-    recording
-        Messages on the bus.
-    journal
-        Steps with the time since the recording began [s].
-    problem
-        Why the manoeuvre ended early, None if it did not.
-    """
-
-    recording: Recording
-    journal: tuple[tuple[float, str], ...] = ()
-    problem: str | None = None
+    recording: Recording  # messages on the bus
+    journal: tuple[tuple[float, str], ...] = ()  # steps with the time since the recording began [s]
+    problem: str | None = None  # why the manoeuvre ended early, None if it did not
 
 
 class _Journal:
@@ -93,12 +68,8 @@ def fly(
 ) -> Flown:
     """Take off, fly and land; records the part in between.
 
-    `wait` waits in the time of the fleet, by default as `Fleet.wait`.
-
-    Raises
-    ------
-    StoppedError
-        `stop` was set; its owner lands the fleet.
+    `wait` waits in the time of the fleet, by default as `Fleet.wait`. Raises `StoppedError`: `stop` was set;
+    its owner lands the fleet.
     """
     recorder, journal = Recorder(fleet.session), _Journal(say, fleet.session.clock)
     wait, stop = wait or fleet.wait, stop or threading.Event()

@@ -71,13 +71,11 @@ SLOTS: Final[tuple[Slot, ...]] = (
 """One round. The second one is its mirror image: y and headings change sign, h2 and h3 change roles."""
 
 
-SHOWN: Final = (PAPER.name, CASCADE.name)
-"""Schemes whose first flight is drawn."""
+SHOWN: Final = (PAPER.name, CASCADE.name)  # schemes whose first flight is drawn
 DRAWN_S: Final = 0.1
 COLOURS: Final = {"x": "black", "y": "tab:red", "z": "tab:blue", "psi": "tab:green"}
 MILLIMETRES: Final = 1000.0
-YAW_MAGNIFICATION: Final = 100.0
-"""Headings are drawn in hundredths of a radian, as in the paper."""
+YAW_MAGNIFICATION: Final = 100.0  # headings are drawn in hundredths of a radian, as in the paper
 
 
 @dataclass(frozen=True)

@@ -27,12 +27,8 @@ class KeptFlightsError(ValueError):
 class KeptFlights:
     """Results of flights by label, in a file that each new flight is appended to.
 
-    `context` is what besides label and code a flight depends on, as JSON.
-
-    Raises
-    ------
-    KeptFlightsError
-        A line that is not a kept flight, or a file that cannot be read or written.
+    `context` is what besides label and code a flight depends on, as JSON. Raises `KeptFlightsError`: a line
+    that is not a kept flight, or a file that cannot be read or written.
     """
 
     def __init__(self, path: Path, context: Mapping[str, object]) -> None:
@@ -55,10 +51,7 @@ class KeptFlights:
     def result(self, label: str, flight: partial[Any]) -> Any:
         """Result of a kept flight, of the type that the function `flight` returns.
 
-        Raises
-        ------
-        KeptFlightsError
-            The kept result is not of this type.
+        Raises `KeptFlightsError`: the kept result is not of this type.
         """
         kind = get_type_hints(flight.func)["return"]
         try:

@@ -44,8 +44,7 @@ with a transport delay that is one period too short."""
 LEVELS: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
 """Levels of knowledge that a laboratory may have of its vehicles; the others are for comparisons."""
 LATE_S: Final = 0.02
-PROMPT_S: Final = 0.005
-"""Servo lag of a vehicle without servos."""
+PROMPT_S: Final = 0.005  # servo lag of a vehicle without servos
 EXCITED_S: Final = 70.0
 SETTLING_S: Final = 6.0
 REACH_M: Final = 0.4
@@ -74,15 +73,8 @@ def known_model(
 ) -> Model:
     """Model that a pilot gets of a vehicle of the conditions' type.
 
-    Parameters
-    ----------
-    measured_tilt
-        Whether an identification used roll and pitch.
-
-    Raises
-    ------
-    ValueError
-        Knowledge of first-order plants.
+    `measured_tilt`: whether an identification used roll and pitch. Raises `ValueError`: knowledge of first-
+    order plants.
     """
     nominal = plant_type(conditions)
     if nominal is COAXIAL_LAG:
@@ -185,10 +177,7 @@ def exact_crazyflie(vehicle: IdentifiedCrazyflie) -> Model:
 def excited_flight(conditions: Conditions, name: str, seed: int, measured_tilt: bool) -> FlightRecording:
     """Hover a vehicle of which only the type is known, and excite its sticks; returns the excited part.
 
-    Raises
-    ------
-    NotIdentifiedError
-        The excitation ended early.
+    Raises `NotIdentifiedError`: the excitation ended early.
     """
     estimator_settings, nominal = {"measured_tilt": measured_tilt}, plant_type(conditions)
     vehicle = RigVehicle(name, nominal, Pose(PLACE_M), "cascade", estimator_settings=estimator_settings)

@@ -56,8 +56,7 @@ def fly_paper_formation(fleet: Fleet, say: Say, wait: Wait) -> None:
 
 
 LEFT: Final = (-0.4, 0.5, 0.0)
-RIGHT: Final = (-0.4, -0.5, 0.0)
-"""Places of h2 and h3 in the trio."""
+RIGHT: Final = (-0.4, -0.5, 0.0)  # places of h2 and h3 in the trio
 
 
 def _place(second_m: Three, third_m: Three, frame: str = "inertial") -> Step:

@@ -9,8 +9,7 @@ from rcopterx.simulator.disturbance import random_stream
 
 T = TypeVar("T")
 
-_STREAMS: Final = 16
-"""Streams of randomness from here on are those of networks."""
+_STREAMS: Final = 16  # streams of randomness from here on are those of networks
 _TOLERANCE_S: Final = 1e-9
 
 
@@ -18,10 +17,8 @@ _TOLERANCE_S: Final = 1e-9
 class LinkQuality:
     """How messages between vehicles travel."""
 
-    loss: float = 0.0
-    """Fraction of the messages that a receiver does not get."""
-    delay_s: float = 0.0
-    """Time from sending to receiving."""
+    loss: float = 0.0  # fraction of the messages that a receiver does not get
+    delay_s: float = 0.0  # time from sending to receiving
 
 
 PERFECT: Final = LinkQuality()
@@ -35,19 +32,14 @@ class Received(NamedTuple, Generic[T]):
 
 
 class Network(Generic[T]):
-    """Carries messages of one kind; losses depend on seed and sender alone.
-
-    Attributes
-    ----------
-    sent, bytes
-        Number and size of the messages of each vehicle.
-    """
+    """Carries messages of one kind; losses depend on seed and sender alone."""
 
     def __init__(self, quality: LinkQuality, names: Iterable[str], seed: int, kind: int) -> None:
         self._quality = quality
         self._random = {name: random_stream(seed, name, _STREAMS + kind) for name in names}
         self._under_way: defaultdict[str, deque[tuple[str, Received[T]]]] = defaultdict(deque)
         self._newest: defaultdict[str, dict[str, Received[T]]] = defaultdict(dict)
+        # number and size of the messages of each vehicle
         self.sent = dict.fromkeys(self._random, 0)
         self.bytes = dict.fromkeys(self._random, 0)
 

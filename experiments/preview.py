@@ -32,8 +32,7 @@ from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array
 
 PERIOD_S: Final = 0.02
-START_S: Final = 3.0
-"""When the path begins; the estimator knows trim and turbulence by then."""
+START_S: Final = 3.0  # when the path begins; the estimator knows trim and turbulence by then
 TURNS: Final = 4.0
 QUICK_TURNS: Final = 1.0
 PATH: Final = partial(figure_eight, (0.0, 0.0, 1.0), (0.5, 0.25), 6.0, heading="along")

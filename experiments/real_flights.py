@@ -35,8 +35,7 @@ EVERY_S: Final = 0.1
 SMOOTHED_S: Final = 0.3
 CONSTANT, TYPE, HOVERING, FITTED = "constant velocity", "type", "type, hover thrust set", "fitted"
 
-Errors = Mapping[float, Array]
-"""Predicted less real positions by the time ahead, shape (n, 3)."""
+Errors = Mapping[float, Array]  # predicted less real positions by the time ahead, shape (n, 3)
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,7 @@ ShowProgress = Callable[[str, float], None]
 """Called with the label of a flight and the fraction of the experiment that is done."""
 Cases = Mapping[str, partial[T]]
 """Functions of `conditions`, `seed` and perhaps `progress` by name; ` / ` in a name groups its figures."""
-Flown = Mapping[str, Mapping[int, T]]
-"""Results of flights by case and seed."""
+Flown = Mapping[str, Mapping[int, T]]  # results of flights by case and seed
 
 FIRST_REPORTED_VEHICLE: Final = 100
 """Helicopters drawn with smaller seeds are for tuning; reported figures use those from here on."""
@@ -30,29 +29,15 @@ FIRST_REPORTED_VEHICLE: Final = 100
 
 @dataclass(frozen=True)
 class Options:
-    """How an experiment is run.
+    """How an experiment is run."""
 
-    Attributes
-    ----------
-    seeds
-        Seeds of the laboratory, one flight each.
-    quick
-        Short flights, to see that everything works; the figures mean little.
-    processes
-        Processor cores to use; flights do not depend on it.
-    preset
-        Name of the laboratory's conditions in `rcopterx.simulator.conditions.PRESETS`.
-    kept
-        Finished flights of an earlier run; new ones are added.
-    knowledge
-        What pilots know of their vehicles, for experiments that compare that.
-    """
-
-    seeds: tuple[int, ...]
-    quick: bool = False
-    processes: int = 1
+    seeds: tuple[int, ...]  # seeds of the laboratory, one flight each
+    quick: bool = False  # short flights, to see that everything works; the figures mean little
+    processes: int = 1  # processor cores to use; flights do not depend on it
+    # name of the laboratory's conditions in `rcopterx.simulator.conditions.PRESETS`
     preset: str = "laboratory"
-    kept: KeptFlights | None = None
+    kept: KeptFlights | None = None  # finished flights of an earlier run; new ones are added
+    # what pilots know of their vehicles, for experiments that compare that
     knowledge: tuple[Knowledge, ...] = LEVELS
 
     @property
@@ -77,32 +62,19 @@ class Result(Generic[T]):
 
 @dataclass(frozen=True)
 class Experiment(Generic[T]):
-    """One experiment.
-
-    Attributes
-    ----------
-    flights
-        Number of seeds for each preset that is flown by default; other presets take as many as the first.
-    cases
-        What is flown with the given options.
-    figures
-        Part of the JSON document about the flights of one case, by seed.
-    draw
-        Draws a result into an empty `matplotlib` figure.
-    beside_ideal
-        First-order plants also fly the first seed in ideal conditions; the document is then by preset.
-    compares_knowledge
-        Whether it flies at every level of `Options.knowledge`.
-    """
+    """One experiment."""
 
     name: str
     title: str
+    # number of seeds for each preset that is flown by default; other presets take as many as the first
     flights: Mapping[str, int]
-    cases: Callable[[Options], Cases[T]]
+    cases: Callable[[Options], Cases[T]]  # what is flown with the given options
+    # part of the JSON document about the flights of one case, by seed
     figures: Callable[[str, Mapping[int, T]], dict[str, Any]]
-    draw: Callable[[Result[T], Any], None] | None = None
+    draw: Callable[[Result[T], Any], None] | None = None  # draws a result into an empty `matplotlib` figure
+    # first-order plants also fly the first seed in ideal conditions; the document is then by preset
     beside_ideal: bool = False
-    compares_knowledge: bool = False
+    compares_knowledge: bool = False  # whether it flies at every level of `Options.knowledge`
 
     def seeds(self, preset: str) -> tuple[int, ...]:
         """Consecutive seeds for a preset."""
@@ -121,10 +93,7 @@ class Experiment(Generic[T]):
     def fly(self, options: Options, show: ShowProgress) -> Result[T]:
         """Fly every case on every seed.
 
-        Raises
-        ------
-        KeptFlightsError
-            A kept flight has a result of another type.
+        Raises `KeptFlightsError`: a kept flight has a result of another type.
         """
         cases, presets = self.cases(options), self.presets(options)
         flights = {

@@ -174,10 +174,7 @@ def formed(fleet: Fleet, say: Say, _wait: Wait) -> None:
 def refused(fleet: Fleet, say: Say, _wait: Wait, what: str, request: Callable[[Fleet], object]) -> None:
     """Make a request that must be refused.
 
-    Raises
-    ------
-    NotReachedError
-        The request was accepted.
+    Raises `NotReachedError`: the request was accepted.
     """
     try:
         request(fleet)

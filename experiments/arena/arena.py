@@ -13,8 +13,7 @@ from rcopterx.experiments.arena.flying import TIMES, Flown, arena_scheme, figure
 from rcopterx.experiments.arena.tasks import TASKS, quick
 from rcopterx.experiments.runner import Cases, Experiment, Options
 
-Document = Mapping[str, Mapping[str, Mapping[str, Any]]]
-"""Figures by task and scheme."""
+Document = Mapping[str, Mapping[str, Mapping[str, Any]]]  # figures by task and scheme
 DEFAULT_SCHEMES: Final = (
     "cascade", "paper", "admm", "on_demand", "event_triggered", "consensus", "distributed_lqr"
 )  # fmt: skip

@@ -42,41 +42,25 @@ def arena_schemes() -> list[str]:
 
 @dataclass(frozen=True)
 class Flown:
-    """Figures of one flight.
+    """Figures of one flight."""
 
-    Attributes
-    ----------
-    rms_mm, max_mm
-        Distance of followers from where their leaders truly are plus the offset.
-    task_rms_mm, task_max_mm
-        Distance of vehicles without leaders from their reference.
-    closest_mm
-        Smallest distance between two vehicles.
-    violated_s
-        Time in which vehicles were too close or a velocity was beyond its bounds.
-    messages_per_s, bytes_per_s
-        Messages of schemes, or plans, per vehicle.
-    step_mean_ms, step_p99_ms
-        Processor time of an agent per control period.
-    lost
-        Vehicles that left the room, touched the floor or ended far from their places.
-    tracks_m
-        x and y of each vehicle every 0.2 s, shape (vehicles, K, 2).
-    """
-
+    # distance of followers from where their leaders truly are plus the offset
     rms_mm: float
     max_mm: float
+    # distance of vehicles without leaders from their reference
     task_rms_mm: float
     task_max_mm: float
-    closest_mm: float
-    violated_s: float
+    closest_mm: float  # smallest distance between two vehicles
+    violated_s: float  # time in which vehicles were too close or a velocity was beyond its bounds
+    # messages of schemes, or plans, per vehicle
     messages_per_s: float
     bytes_per_s: float
+    # processor time of an agent per control period
     step_mean_ms: float
     step_p99_ms: float
     fallbacks: int
-    lost: list[str]
-    tracks_m: Array
+    lost: list[str]  # vehicles that left the room, touched the floor or ended far from their places
+    tracks_m: Array  # x and y of each vehicle every 0.2 s, shape (vehicles, K, 2)
 
 
 def fly_task(

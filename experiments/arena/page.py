@@ -16,8 +16,7 @@ from rcopterx.experiments.pages import link, write_page
 from rcopterx.experiments.runner import Result
 from rcopterx.ground_station.report.document import Html, table
 
-Rows = Mapping[str, Mapping[str, Any]]
-"""Figures by scheme."""
+Rows = Mapping[str, Mapping[str, Any]]  # figures by scheme
 HEAD: Final = (
     "scheme", "formation error rms / max [mm]", "task error rms / max [mm]", "closest [mm]", "violated [s]",
     "messages / s", "kB / s", "processor time mean / p99 [ms]", "fallbacks", "lost",

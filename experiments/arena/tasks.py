@@ -17,8 +17,7 @@ from rcopterx.experiments.rig import RigOptions
 from rcopterx.vehicles.tuples import Three
 
 HEAD: Final = "h1"
-SETTLED_S: Final = 4.0
-"""From here on errors usually count."""
+SETTLED_S: Final = 4.0  # from here on errors usually count
 CROSSED_S: Final = 13.0
 ROW_M: Final = 0.6
 COLUMN_M: Final = 0.7
@@ -28,29 +27,17 @@ START_M: Final[Three] = (0.6, 0.0, 1.2)
 
 @dataclass(frozen=True)
 class Task:
-    """One row.
-
-    Attributes
-    ----------
-    starts_m
-        Where the vehicles hover at first, by name.
-    links
-        Leaders of the vehicles that have any.
-    turbulence
-        Factor of the turbulence of the conditions.
-    errors_from_s
-        Time from which errors count.
-    """
+    """One row."""
 
     name: str
     title: str
-    starts_m: Mapping[str, Three]
-    links: Mapping[str, tuple[LeaderLink, ...]]
+    starts_m: Mapping[str, Three]  # where the vehicles hover at first, by name
+    links: Mapping[str, tuple[LeaderLink, ...]]  # leaders of the vehicles that have any
     events: tuple[Event, ...]
     duration_s: float
     options: RigOptions = field(default_factory=RigOptions)
-    turbulence: float = 1.0
-    errors_from_s: float = SETTLED_S
+    turbulence: float = 1.0  # factor of the turbulence of the conditions
+    errors_from_s: float = SETTLED_S  # time from which errors count
 
 
 def link(offset_m: Three, leader: str = HEAD) -> tuple[LeaderLink, ...]:
@@ -201,8 +188,7 @@ _ROWS: Final = (
     _task("eight", "8 vehicles, two set points of the head", 8, MOVES, 10.0),
     _task("twenty", "20 vehicles, two set points of the head", 20, MOVES, 10.0),
 )
-TASKS: Final[Mapping[str, Task]] = {task.name: task for task in _ROWS}
-"""Tasks by name."""
+TASKS: Final[Mapping[str, Task]] = {task.name: task for task in _ROWS}  # tasks by name
 
 
 def quick(task: Task) -> Task:

@@ -17,21 +17,12 @@ POLL_S = 0.01
 
 @dataclass(frozen=True)
 class Bench:
-    """A running fleet in the simulated laboratory.
-
-    Attributes
-    ----------
-    say
-        Shows a line about what happens.
-    wait
-        Waits in the time of the fleet [s].
-    fleet_file
-        File it was started from, which faults may damage; None for a fleet that was up before.
-    """
+    """A running fleet in the simulated laboratory."""
 
     fleet: Fleet
-    say: Callable[[str], None]
-    wait: Callable[[float], None]
+    say: Callable[[str], None]  # shows a line about what happens
+    wait: Callable[[float], None]  # waits in the time of the fleet [s]
+    # file it was started from, which faults may damage; None for a fleet that was up before
     fleet_file: Path | None = None
 
     def real_s(self, seconds: float) -> float:
@@ -42,10 +33,7 @@ class Bench:
     def launcher(self) -> Launcher:
         """Launcher of the fleet.
 
-        Raises
-        ------
-        NotReachedError
-            This program has not started the fleet.
+        Raises `NotReachedError`: this program has not started the fleet.
         """
         if self.fleet.launcher is None:
             raise NotReachedError("this program did not start the fleet; add --up")
@@ -59,10 +47,7 @@ class Bench:
     def pid(self, process: str) -> int:
         """Process id.
 
-        Raises
-        ------
-        NotReachedError
-            The process does not run.
+        Raises `NotReachedError`: the process does not run.
         """
         known = process in self.supervisor.children
         pid = self.supervisor.pid(process) if known else None
@@ -82,8 +67,7 @@ class Bench:
 class Injector(ABC):
     """A fault that can be injected into a flight."""
 
-    launched: ClassVar[bool] = True
-    """Whether it needs a fleet that this program has started."""
+    launched: ClassVar[bool] = True  # whether it needs a fleet that this program has started
 
     def active(self, bench: Bench) -> AbstractContextManager[None]:
         """Inject the fault until the context is left."""

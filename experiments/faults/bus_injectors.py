@@ -12,8 +12,7 @@ from rcopterx.bus.channels import Channel
 from rcopterx.experiments.faults.bench import Bench, PassingFault
 from rcopterx.experiments.faults.orders import give_order
 
-FLYING_ROLES: Final = ("agent", "tracker", "transmitters")
-"""Roles whose messages control the vehicles."""
+FLYING_ROLES: Final = ("agent", "tracker", "transmitters")  # roles whose messages control the vehicles
 OLD_CHANNELS: Final[tuple[Channel[Any], ...]] = (channels.POSE, channels.COMMAND, channels.PLAN)
 PERIOD_S: Final = 0.02
 SEED: Final = 1

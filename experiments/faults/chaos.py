@@ -17,8 +17,7 @@ from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 from rcopterx.ground_station.terminal.scenario import FaultRefusedError
 
-PAUSE_S: Final = (2.0, 4.0)
-"""From the beginning of one fault to that of the next one, at least and at most."""
+PAUSE_S: Final = (2.0, 4.0)  # from the beginning of one fault to that of the next one, at least and at most
 LAST_FAULTS: Final = 4
 SURVIVABLE: Final = tuple(row for row in FAULT_FLIGHTS.values() if row.chaos)
 
@@ -32,23 +31,15 @@ def chances(seed: int, rows: Sequence[FaultFlight] = SURVIVABLE) -> Iterator[tup
 
 @dataclass
 class Chaos:
-    """A flight with chaos.
-
-    Attributes
-    ----------
-    busy
-        Busy processes beside it; with any, bursts take all processors as well.
-    happened
-        Faults with the time since the beginning [s].
-    missed
-        Faults that were not possible, for example because the process was just being replaced.
-    """
+    """A flight with chaos."""
 
     place: FaultRange
     seed: int
     seconds: float
-    busy: int = 0
+    busy: int = 0  # busy processes beside it; with any, bursts take all processors as well
+    # faults with the time since the beginning [s]
     happened: list[tuple[float, str]] = field(default_factory=list)
+    # faults that were not possible, for example because the process was just being replaced
     missed: Counter[str] = field(default_factory=Counter)
 
     @property

@@ -8,34 +8,18 @@ from rcopterx.experiments.faults.promise import LIMITS, Limits, Promise
 
 @dataclass(frozen=True)
 class FaultFlight:
-    """A named flight with a fault.
-
-    Attributes
-    ----------
-    title
-        What happens, for reports.
-    faults
-        Injected one after the other; all of them until the flight is over.
-    down
-        Vehicles that come down.
-    limits
-        None for those of the promise.
-    page_row
-        Name and title of the row of the page that shows the worst of all flights that have it.
-    chaos
-        Whether it may happen at any time in `rcopterx fly chaos`.
-    on_floor
-        The vehicles stand on the floor when the fault begins, and get a command to take off then.
-    """
+    """A named flight with a fault."""
 
     name: str
-    title: str
-    faults: tuple[Injector, ...]
+    title: str  # what happens, for reports
+    faults: tuple[Injector, ...]  # injected one after the other; all of them until the flight is over
     promise: Promise = Promise.FLIES_ON
-    down: tuple[str, ...] = ()
-    limits: Limits | None = None
+    down: tuple[str, ...] = ()  # vehicles that come down
+    limits: Limits | None = None  # None for those of the promise
+    # name and title of the row of the page that shows the worst of all flights that have it
     page_row: tuple[str, str] | None = None
-    chaos: bool = False
+    chaos: bool = False  # whether it may happen at any time in `rcopterx fly chaos`
+    # the vehicles stand on the floor when the fault begins, and get a command to take off then
     on_floor: bool = False
 
     @property

@@ -22,20 +22,16 @@ from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 from rcopterx.vehicles.tuples import Three
 
-HOME_M: Final = (0.0, 0.0, 1.0)
-"""Where the leader hovers."""
+HOME_M: Final = (0.0, 0.0, 1.0)  # where the leader hovers
 AT_HOME_M: Final = 0.06
 REST_S: Final = 0.5
-BEFORE_S: Final = 0.2
-"""Recorded time before the first fault."""
-AFTERWARDS_S: Final = 1.5
-"""Recorded time after the last fault."""
+BEFORE_S: Final = 0.2  # recorded time before the first fault
+AFTERWARDS_S: Final = 1.5  # recorded time after the last fault
 FLOWN_AGAIN_S: Final = 20.0
 LANDED_S: Final = 30.0
 RECOVERED_S: Final = max(STABLE_AFTER_S, AGAIN_S)
 """Time after the last start of a process until the next fault."""
-CALM_S: Final = 60.0
-"""Limit for processes and spares to be ready, on a busy computer as well."""
+CALM_S: Final = 60.0  # limit for processes and spares to be ready, on a busy computer as well
 
 
 class FaultRange:
@@ -110,10 +106,7 @@ class FaultRange:
     def truth(self, name: str) -> LaboratoryVehicle:
         """Newest true state of a vehicle.
 
-        Raises
-        ------
-        NotReachedError
-            No state of it has arrived.
+        Raises `NotReachedError`: no state of it has arrived.
         """
         received = self._truth.latest()
         if received is None or name not in received.message.vehicles:
@@ -154,10 +147,7 @@ class FaultRange:
     def wait_until_flown(self) -> None:
         """Wait until every agent flies its vehicle and every arbiter lets it.
 
-        Raises
-        ------
-        NotReachedError
-            They do not in time.
+        Raises `NotReachedError`: they do not in time.
         """
 
         def flown(name: str) -> bool:

@@ -10,21 +10,14 @@ from typing import Any, Final
 
 from rcopterx.bus.session import Session
 
-OVERTAKEN_S: Final = 0.03
-"""Delay of a message that later ones overtake: more than a frame of 50 Hz."""
+OVERTAKEN_S: Final = 0.03  # delay of a message that later ones overtake: more than a frame of 50 Hz
 
 
 class Impairment:
     """Random delays of messages.
 
-    Parameters
-    ----------
-    delay_s
-        Delay of all messages.
-    loss, duplicates, reordering
-        Shares of the messages that are lost, sent twice, and overtaken by later ones.
-    speed
-        How fast the time of the fleet passes.
+    `delay_s`: delay of all messages. `loss`, `duplicates` and `reordering`: shares of the messages that are
+    lost, sent twice, and overtaken by later ones. `speed`: how fast the time of the fleet passes.
     """
 
     def __init__(

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Final
 
-PRIORITY: Final = 50
-"""SCHED_FIFO priority above all of a fleet."""
+PRIORITY: Final = 50  # SCHED_FIFO priority above all of a fleet
 BURST_S: Final = 0.3
 BURST_EVERY_S: Final = 4.0
 CHECK_S: Final = 0.1

@@ -30,10 +30,7 @@ HEADINGS: Final = (
 def read_reports(directory: Path) -> dict[str, Report]:
     """Reports of the rows flown so far, in the order of the table.
 
-    Raises
-    ------
-    ValueError
-        The file is not a report of fault flights.
+    Raises `ValueError`: the file is not a report of fault flights.
     """
     path = directory / REPORT_NAME
     if not path.exists():

@@ -21,12 +21,7 @@ WATCHED: Final[tuple[Channel[Any], ...]] = (channels.LABORATORY, channels.AGENT_
 def seen_of(recording: Recording, places_m: Mapping[str, Three]) -> dict[str, Seen]:
     """Figures of each vehicle.
 
-    Parameters
-    ----------
-    recording
-        At least the channels `WATCHED`.
-    places_m
-        Where each vehicle was at the beginning [m].
+    `recording`: at least the channels `WATCHED`. `places_m`: where each vehicle was at the beginning [m].
     """
     laboratory = [state for state, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
     return {

@@ -36,15 +36,9 @@ def obedient_processes() -> Iterator[None]:
 def give_order(pid: int, order: str, **values: object) -> None:
     """Order a process to misbehave.
 
-    Parameters
-    ----------
-    order, values
-        One of `ORDERS` of `inside/sitecustomize.py`, and its arguments.
-
-    Raises
-    ------
-    NotReachedError
-        The process was not started within `obedient_processes`, and a signal would end it; or it has ended.
+    `order` and `values`: one of `ORDERS` of `inside/sitecustomize.py`, and its arguments. Raises
+    `NotReachedError`: the process was not started within `obedient_processes`, and a signal would end it; or
+    it has ended.
     """
     path = Path(os.environ.get(VARIABLE, "/nowhere"), str(pid))
     if not path.exists():

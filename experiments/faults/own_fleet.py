@@ -11,20 +11,15 @@ import tomlkit
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetError
 
-ENDURANCE_S: Final = 36_000.0
-"""Of the simulated batteries, because one fleet flies many faults."""
+ENDURANCE_S: Final = 36_000.0  # of the simulated batteries, because one fleet flies many faults
 
 
 @contextmanager
 def copied_fleet(name: str, vehicles: int | None = None) -> Iterator[Path]:
     """Path of a copy of a fleet file, or of a shipped one, that is deleted afterwards.
 
-    With `vehicles` it has only the first ones of the fleet.
-
-    Raises
-    ------
-    FleetError
-        It cannot be used, or has no simulated laboratory.
+    With `vehicles` it has only the first ones of the fleet. Raises `FleetError`: it cannot be used, or has no
+    simulated laboratory.
     """
     path = fleet_path(name)
     if load_fleet(path).simulator is None:

@@ -13,8 +13,7 @@ from rcopterx.experiments.faults.bench import Bench, Injector, PassingFault
 from rcopterx.experiments.faults.load import spinning_once
 from rcopterx.experiments.faults.orders import give_order
 
-REPLACED_S = 20.0
-"""By then the watchdog has replaced a process."""
+REPLACED_S = 20.0  # by then the watchdog has replaced a process
 POLL_S = 0.005
 SUCCESSOR_S = 1.0
 

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final
 
-CHECKED_AT_LEAST: Final = 10
-"""With fewer recorded states of a vehicle its flight is unknown."""
-REASON: Final = "it lands: "
-"""Begins the remark of an agent that lands its vehicle by itself."""
+CHECKED_AT_LEAST: Final = 10  # with fewer recorded states of a vehicle its flight is unknown
+REASON: Final = "it lands: "  # begins the remark of an agent that lands its vehicle by itself
 
 
 class Promise(Enum):

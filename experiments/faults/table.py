@@ -345,5 +345,4 @@ HOST_ROWS: Final = (
 
 ROWS: Final = (*PROCESS_ROWS, *PAIR_ROWS, *BUS_ROWS, *POSE_ROWS, *RADIO_ROWS, *VEHICLE_ROWS, *HOST_ROWS)
 
-FAULT_FLIGHTS: Final = MappingProxyType({row.name: row for row in ROWS})
-"""Every fault flight by name."""
+FAULT_FLIGHTS: Final = MappingProxyType({row.name: row for row in ROWS})  # every fault flight by name
