@@ -167,7 +167,7 @@ class Agent:
     def _longest_wait_s(self) -> float:
         """Return how long the period may wait for plans: every leader above this vehicle needs its time."""
         guidance, settings = self._pilot.guidance, self._settings
-        level = self.parts.plans.level(guidance.leaders) if guidance.follows else 0
+        level = self.parts.plans.level(guidance.awaited) if guidance.follows else 0
         return min(level * settings.leader_wait_s, LARGEST_WAITING_SHARE * settings.period_s)
 
     def _control_is_due(self) -> bool:
@@ -177,7 +177,7 @@ class Agent:
     def _plans_are_here(self) -> bool:
         clock = self._pilot.clock
         frame = self.parts.pacing.plan_frame(clock.current_frame)
-        return self.parts.plans.complete(clock.epoch, frame, self._pilot.guidance.leaders)
+        return self.parts.plans.complete(clock.epoch, frame, self._pilot.guidance.awaited)
 
     def _control(self) -> tuple[ControlOutput, list[float], CommandTiming | None]:
         """Fly the present control period; return also the estimate before it and the stages it passed."""

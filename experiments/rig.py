@@ -157,7 +157,7 @@ class Rig:
         self.guards: dict[str, OscillationGuard] = {}
         for name in self._vehicles:
             self._start_agent(name)
-        flying_order({name: self._leaders(pilot) for name, pilot in self.pilots.items()})
+        flying_order({name: pilot.guidance.awaited for name, pilot in self.pilots.items()})
         self._applied = {name: vehicle.model.hover_input for name, vehicle in self._vehicles.items()}
 
     def _start_agent(self, name: str) -> None:
@@ -248,7 +248,7 @@ class Rig:
             raise RigError(f"{event.vehicle} refused {event}: {refusal}")
 
     def _control(self, now_s: float, recorders: Mapping[str, Recorder]) -> None:
-        order = flying_order({name: self._leaders(pilot) for name, pilot in self.pilots.items()})
+        order = flying_order({name: pilot.guidance.awaited for name, pilot in self.pilots.items()})
         messages = {}
         for name in order:
             flight = self._flight(name, now_s)
@@ -283,7 +283,7 @@ class Rig:
         avoids = self._options.avoid and not pilot.guidance.coordinated
         near = self._leader_plans(name, known, list(known)) if avoids else {}
         neighbours = {other: Neighbour(plan, 1.0) for other, plan in near.items()}
-        plans = self._leader_plans(name, known, self._leaders(pilot))
+        plans = self._leader_plans(name, known, pilot.guidance.awaited)
         flight = pilot.control(plans, neighbours, self._heard(name, now_s))
         if self._options.guard:
             self.guards[name].watch(flight)
@@ -338,11 +338,6 @@ class Rig:
         if log is not None and measurement is not None:
             log.add_pose(self._frame, measurement)
             log.add_input(self._frame, applied)
-
-    @staticmethod
-    def _leaders(pilot: Pilot) -> list[str]:
-        """Leaders whose plans the pilot needs; schemes need none."""
-        return [] if pilot.guidance.coordinated else pilot.guidance.leaders
 
     def _links(self) -> dict[str, tuple[LeaderLink, ...]]:
         """Present links of each vehicle, with offsets at rest."""

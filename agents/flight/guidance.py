@@ -78,6 +78,11 @@ class Guidance:
         """Names of the leaders followed now."""
         return [link.leader for link in self.followed]
 
+    @property
+    def awaited(self) -> list[str]:
+        """Leaders whose plans the reference needs; a scheme has messages of its own."""
+        return [] if self.coordinated else self.leaders
+
     def resume_interrupted(self, estimate: Estimate, time_s: float) -> None:
         """Resume what the transmitter gateway has interrupted, once that is over, but for a trajectory."""
         if self.phase is not Phase.FLYING:
