@@ -99,9 +99,9 @@ def nearest_heading(yaw_rad: float, near_rad: float) -> float:
 
 def on_turn_of(reference: Trajectory, yaw_rad: float) -> Trajectory:
     """Return the trajectory with the turns that bring its first heading closest to another one."""
-    turns = whole_turns(yaw_rad - float(reference.samples[0, YAW]))
+    turns = whole_turns(yaw_rad - float(reference.yaw_rad[0]))
     if turns == 0:
         return reference
-    samples = reference.samples.copy()
-    samples[:, YAW] += math.tau * turns
-    return Trajectory(samples, reference.period_s)
+    turned = Trajectory(reference.samples.copy(), reference.period_s)
+    turned.yaw_rad[:] += math.tau * turns
+    return turned
