@@ -17,10 +17,10 @@ from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.schemes.interface import MAX_MESSAGE_BYTES, Neighbour, Scheme, Situation
 from rcopterx.vehicles.state import Array, turned_about_z
 
-SILENT_S: Final = 1.0  # a vehicle that was not heard for so long is unknown to the others
+SILENT_S: Final = 1.0  # vehicles whose messages are older are unknown to the others
 
 
-class Heard(NamedTuple):
+class Received(NamedTuple):
     """Newest message of another vehicle's scheme."""
 
     message: Struct
@@ -56,7 +56,7 @@ class Cooperation:
         self.scheme = controller if isinstance(controller, Scheme) else None
         self._guidance.coordinated = self.scheme is not None
 
-    def heard(self, scheme: str, payload: bytes, offset_m: Array | None, age_s: float) -> Heard | None:
+    def received(self, scheme: str, payload: bytes, offset_m: Array | None, age_s: float) -> Received | None:
         """Unpack a message; None if it is of another scheme, or rejected and counted."""
         if self.scheme is None or scheme != _name(self.scheme):
             return None
@@ -64,7 +64,7 @@ class Cooperation:
             plain = msgspec.msgpack.decode(payload)
             if not _finite(plain):
                 raise ValueError("a number is not finite")
-            return Heard(msgspec.convert(plain, self.scheme.Message), age_s, offset_m)
+            return Received(msgspec.convert(plain, self.scheme.Message), age_s, offset_m)
         except (ValueError, RecursionError):
             self.rejected["scheme.payload"] += 1
             return None
@@ -73,7 +73,7 @@ class Cooperation:
         """Set what the exchanges of a control period start from."""
         self._estimate, self._reference = estimate, reference
 
-    def exchange(self, heard: Mapping[str, Heard], ahead_s: float = 0.0) -> Sent | None:
+    def exchange(self, received: Mapping[str, Received], ahead_s: float = 0.0) -> Sent | None:
         """Exchange messages some time after the present frame; return what to send, None for nothing.
 
         A message that is too large is a failure of the scheme.
@@ -84,7 +84,7 @@ class Cooperation:
         clock = self.clock
         offsets = self._offsets(float(reference.yaw_rad[0]), clock.time_s + ahead_s)
         time_s = clock.current_frame * clock.period_s + ahead_s
-        neighbours = _neighbours(heard, offsets)
+        neighbours = _neighbours(received, offsets)
         situation = Situation(self.vehicle, time_s, estimate, reference, neighbours)
         payloads: list[bytes] = []
 
@@ -124,9 +124,9 @@ def _finite(value: object) -> bool:
     return not isinstance(value, list) or all(map(_finite, value))
 
 
-def _neighbours(heard: Mapping[str, Heard], offsets: Mapping[str, Array]) -> dict[str, Neighbour]:
+def _neighbours(received: Mapping[str, Received], offsets: Mapping[str, Array]) -> dict[str, Neighbour]:
     found = {name: Neighbour(None, np.inf, offset, True) for name, offset in offsets.items()}
-    for name, (message, age_s, offset) in heard.items():
+    for name, (message, age_s, offset) in received.items():
         own = offsets.get(name)
         wanted = own if own is not None or offset is None else -offset
         known = message if age_s < SILENT_S else None

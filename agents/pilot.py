@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rcopterx.agents.cooperation import Cooperation, Heard, Sent
+from rcopterx.agents.cooperation import Cooperation, Received, Sent
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.inputs import BumplessTransfer, InputHistory, as_sent
@@ -41,7 +41,7 @@ CONTROLLER_REPLACED: Final = "controller_replaced"  # counted when the default o
 
 _INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)  # phases that show whether it follows its sticks
 _NO_NEIGHBOURS: Mapping[str, Neighbour] = MappingProxyType({})
-_SILENCE: Mapping[str, Heard] = MappingProxyType({})
+_SILENCE: Mapping[str, Received] = MappingProxyType({})
 
 
 class StampedMeasurement(Struct, frozen=True):
@@ -281,7 +281,7 @@ class Pilot:
         self,
         plans: Mapping[str, LeaderPlan],
         neighbours: Mapping[str, Neighbour] = _NO_NEIGHBOURS,
-        heard: Mapping[str, Heard] = _SILENCE,
+        received: Mapping[str, Received] = _SILENCE,
     ) -> ControlOutput:
         """Compute command and plan of the present control period, always finite and within the limits."""
         self.sequence += 1
@@ -309,7 +309,7 @@ class Pilot:
         if not self.avoidance.update(controller, neighbours, self.plan, guidance.followable, delay_s):
             self.fallbacks["cannot_avoid"] += 1
         self.cooperation.begin_period(estimate, reference)
-        sent = self.cooperation.exchange(heard)
+        sent = self.cooperation.exchange(received)
         step = self.step_guard.step(controller, estimate, reference, last_input)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1

@@ -193,8 +193,8 @@ class Agent:
         motion, actuator, disturbance, _ = pilot.estimate
         estimate = [*motion.tolist(), *actuator.tolist(), *disturbance.tolist()]
         began_s = self._stopwatch()
-        heard = newest_messages(parts.scheme_messages.inboxes, pilot.cooperation)
-        output = pilot.control(plans, parts.traffic.neighbours(pilot.clock, plans), heard)
+        received = newest_messages(parts.scheme_messages.inboxes, pilot.cooperation)
+        output = pilot.control(plans, parts.traffic.neighbours(pilot.clock, plans), received)
         ready_s = self._stopwatch()
         parts.solve.add(ready_s - began_s)
         return output, estimate, timing_of(self._settings, pilot, parts.observation.seen, began_s, ready_s)

@@ -16,13 +16,13 @@ import numpy as np
 from msgspec.structs import replace
 
 from rcopterx.agents.assembly import build_pilot
-from rcopterx.agents.cooperation import Heard, Sent
+from rcopterx.agents.cooperation import Received, Sent
 from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import target_link
 from rcopterx.agents.formation.profile_limits import profile_limits_of
 from rcopterx.agents.guards.step_guard import hovering_input
 from rcopterx.agents.pilot import OCCLUDED, ControlOutput, Pilot, StampedMeasurement
-from rcopterx.agents.scheme_messages import heard, scheme_message
+from rcopterx.agents.scheme_messages import received, scheme_message
 from rcopterx.agents.separation.avoidance import Neighbour
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
@@ -284,7 +284,7 @@ class Rig:
         near = self._leader_plans(name, known, list(known)) if avoids else {}
         neighbours = {other: Neighbour(plan, 1.0) for other, plan in near.items()}
         plans = self._leader_plans(name, known, pilot.guidance.awaited)
-        flight = pilot.control(plans, neighbours, self._heard(name, now_s))
+        flight = pilot.control(plans, neighbours, self._received(name, now_s))
         if self._options.guard:
             self.guards[name].watch(flight)
             self.tunings[name].wait()
@@ -305,11 +305,11 @@ class Rig:
         place = last.plan.samples[len(last.next_inputs), :4]
         return replace(last, input=np.clip(hovering_input(model, motion, place), model.u_min, model.u_max))
 
-    def _heard(self, name: str, now_s: float) -> dict[str, Heard]:
+    def _received(self, name: str, now_s: float) -> dict[str, Received]:
         """Messages of the schemes of other vehicles."""
         cooperation = self.pilots[name].cooperation
         received = {
-            other: heard(message, cooperation, now_s - sent_s)
+            other: received(message, cooperation, now_s - sent_s)
             for other, (message, sent_s) in self.message_network.newest(name, now_s).items()
         }
         return {other: each for other, each in received.items() if each is not None}
@@ -323,7 +323,7 @@ class Rig:
             ahead_s, sent = number * PERIOD_S / max(rounds.values()), {}
             for name in (name for name, count in rounds.items() if number < count):
                 pilot, began_s = self.pilots[name], time.thread_time()
-                sent[name] = pilot.cooperation.exchange(self._heard(name, now_s + ahead_s), ahead_s)
+                sent[name] = pilot.cooperation.exchange(self._received(name, now_s + ahead_s), ahead_s)
                 self.step_times_s[name][-1] += time.thread_time() - began_s
             self._send(now_s + ahead_s, sent)
 

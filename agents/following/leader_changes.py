@@ -187,7 +187,7 @@ class LeaderChanges:
     def _absence(self, name: str) -> str:
         status = self._peers.statuses().get(name)
         if status is None:
-            return f"no plan from {name}: nothing is heard from its agent"
+            return f"no plan from {name}: its agent sends nothing"
         return f"no plan from {name}: its phase is {status.phase}"
 
     def _foreseen(self, following: tuple[LeaderLink, ...]) -> tuple[str | None, str]:

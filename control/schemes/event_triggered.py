@@ -2,9 +2,9 @@
 
 In each round every vehicle announces its way and how urgently it needs another one. The few most urgent
 vehicles plan one that begins with the next round, within planes between all ways at all stages, of which each
-side keeps a half; the others fly on, so that messages and computing stay few. A vehicle plans only if it has
-heard all vehicles near it in the last round: otherwise its way stays, which the others have respected. So a
-lost message costs time and no separation (arXiv 2508.20553).
+side keeps a half; the others fly on, so that messages and computing stay few. A vehicle plans only if the
+messages of all vehicles near it arrived in the last round: otherwise its way stays, which the others have
+respected. So a lost message costs time and no separation (arXiv 2508.20553).
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from rcopterx.control.schemes.tracked import Way
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
-NEAR: Final = 8.0  # distance in ellipsoids up to which vehicles get planes, and have to be heard
+NEAR: Final = 8.0  # distance in ellipsoids up to which vehicles get planes, and have to be received
 LISTENING: Final = 2  # rounds in which a vehicle only listens at first
 
 
@@ -81,7 +81,7 @@ class EventTriggeredScheme(ReplanningScheme):
         return replace(self._next or self._announce(), priority=self._priority)
 
     def _has_turn(self, situation: Situation, priority: float, near: Sequence[str]) -> bool:
-        """Whether all near vehicles were heard in the last round, and few are more urgent."""
+        """Whether all near vehicles were received in the last round, and few are more urgent."""
         neighbours = situation.neighbours
         if any(neighbours[name].age_s > 1.5 * self._settings.round_s for name in near):
             return False

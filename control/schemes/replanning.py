@@ -84,8 +84,8 @@ class ReplanningScheme(TrackedScheme):
 
     def _others(self, situation: Situation, times_s: Array) -> dict[str, Array]:
         """Announced positions of other vehicles at some times, shape (n, 3) each."""
-        heard = sorted(situation.neighbours.items())
-        messages = {name: neighbour.message for name, neighbour in heard}
+        received = sorted(situation.neighbours.items())
+        messages = {name: neighbour.message for name, neighbour in received}
         return {name: each.at(times_s) for name, each in messages.items() if isinstance(each, Announced)}
 
     def _targets(self, situation: Situation, others: Mapping[str, Array], start_s: float) -> Array:

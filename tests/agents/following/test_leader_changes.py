@@ -61,7 +61,7 @@ def test_a_leader_without_a_plan_is_refused_after_a_moment_and_the_old_one_stays
     assert second.answers == []
     bench.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
     bench.changes.decide()
-    assert second.refusal == "no plan from h2: nothing is heard from its agent"
+    assert second.refusal == "no plan from h2: its agent sends nothing"
     assert [link.leader for link in bench.pilot.guidance.followed] == ["h1"]
     assert bench.plan_bus.open_names() == ["h1"]
 
@@ -189,7 +189,7 @@ def test_an_absent_leader_is_told_from_one_that_sees_nothing(bench: HandlerBench
     say(bench, "h2", hovering((0.0, 0.0, 0.0), phase="ground"))
     bench.clock.advance(FIRST_PLAN_LIMIT_S + 0.01)
     bench.changes.decide()
-    words = "no plan from h1: nothing is heard from its agent; no plan from h2: its phase is ground"
+    words = "no plan from h1: its agent sends nothing; no plan from h2: its phase is ground"
     assert asked.refusal == words
 
 

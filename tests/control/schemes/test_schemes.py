@@ -223,10 +223,10 @@ class LossySwarm(Swarm):
         self.inboxes: dict[str, dict[str, tuple[Any, float]]] = {vehicle: {} for vehicle in places_m}
 
     def situation(self, vehicle: str, time_s: float) -> Situation:
-        heard = self.inboxes[vehicle].items()
+        received = self.inboxes[vehicle].items()
         neighbours = {
             other: Neighbour(message if time_s - at_s < 1.0 else None, time_s - at_s, None, False)
-            for other, (message, at_s) in heard
+            for other, (message, at_s) in received
         }
         return super().situation(vehicle, time_s)._replace(neighbours=neighbours)
 
