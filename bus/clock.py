@@ -16,10 +16,8 @@ from rcopterx.bus.rounding import TIME_BITS, monotonic_s
 
 NANO: Final = 1_000_000_000
 """Nanoseconds of a second."""
-SLOWEST: Final = 0.01
-"""Least speed of a fleet; that of limits in real time in lockstep, where nothing has to be in time."""
-NAP_S: Final = 0.01
-"""Real time between two readings of a clock in lockstep."""
+SLOWEST: Final = 0.01  # least speed; in lockstep that of limits in real time, as nothing has to be in time
+NAP_S: Final = 0.01  # real time between two readings of a clock in lockstep
 _TICKS: Final = 2.0**TIME_BITS
 
 

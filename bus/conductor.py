@@ -10,10 +10,8 @@ from typing import Final
 from rcopterx.bus.rounding import TIME_BITS
 from rcopterx.bus.turns import Turns
 
-STEP_S: Final = 2.0**-11
-"""Least time between two turns; so long messages travel."""
-RETURN_S: Final = 0.3
-"""Time from the death of a process to the first turn of its successor."""
+STEP_S: Final = 2.0**-11  # least time between two turns; so long messages travel
+RETURN_S: Final = 0.3  # time from the death of a process to the first turn of its successor
 _TICKS: Final = 2.0**TIME_BITS
 
 

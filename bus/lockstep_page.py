@@ -13,8 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-FIRST_S: Final = 1000.0
-"""Time of a fleet at its start."""
+FIRST_S: Final = 1000.0  # time of a fleet at its start
 PROCESSES: Final = 512
 COUNTERS: Final = 16_384
 

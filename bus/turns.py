@@ -13,31 +13,20 @@ from contextlib import suppress
 from functools import partial
 from itertools import count
 from math import inf
+from operator import itemgetter
 from struct import Struct
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from zenoh import ZBytes
 
 from rcopterx.bus.lockstep_page import Counter, LockstepPage
 
-POLL_S: Final = 0.1
-"""Real time between two checks for what rings no bell."""
-CONDUCTOR: Final = "simulator"
-"""Name of the process that advances the time; its index is 0."""
-SCRIPT: Final = "script"
-"""Name of the program that started the fleet, if time stands still while it does not wait."""
-STAMP: Final = Struct("<IIId")
-"""Attachment of what is sent: number on this key, counter, index of the sender, time of sending [s]."""
-
-
-class _Held(NamedTuple):
-    """Something that has arrived, and waits for the turn in which it counts."""
-
-    sent_s: float
-    key: str
-    number: int
-    reception: int
-    deliver: Callable[[], object]
+POLL_S: Final = 0.1  # real time between two checks for what rings no bell
+CONDUCTOR: Final = "simulator"  # process that advances the time; its index is 0
+SCRIPT: Final = "script"  # program that started the fleet, if time stands still while it does not wait
+STAMP: Final = Struct("<IIId")  # number on this key, counter, index of the sender, time of sending [s]
+Held = tuple[float, str, int, int, Callable[[], object]]
+"""What has arrived: time of sending [s], key, number, number of the reception; delivers it in its turn."""
 
 
 class Reception:
@@ -46,31 +35,26 @@ class Reception:
     def __init__(self, turns: "Turns", number: int, key: str) -> None:
         self._turns, self._number, self._since_s = turns, number, turns.page.now()
         self._before, self._any, self._after = key.partition("*")
+        self._slashes = key.count("/")
         self._received: dict[int, int] = {}
         self._counters: dict[int, Counter] = {}
 
     def hold(self, on_arrival: Callable[[Any], object], arrived: Any) -> None:
-        """Keep a sample or query for its turn; receive threads call this.
-
-        What processes send that take no turns counts in the next turn.
-        """
+        """Keep a sample or query for its turn, the next one if its sender takes no turns; any thread."""
         attachment, key = attached(arrived.attachment), str(arrived.key_expr)
-        number, counter, _, sent_s = (
-            STAMP.unpack(attachment) if len(attachment) == STAMP.size else (0, -1, 0, -inf)
-        )
+        stamped = len(attachment) == STAMP.size
+        number, counter, _, sent_s = STAMP.unpack(attachment) if stamped else (0, -1, 0, -inf)
         if not -inf < sent_s <= self._since_s:
-            self._turns.keep(_Held(sent_s, key, number, self._number, partial(on_arrival, arrived)))
+            self._turns.held.append((sent_s, key, number, self._number, partial(on_arrival, arrived)))
         self._received[counter] = number
         self._turns.arrived.set()
 
     def await_counter(self, index: int, counter: Counter, *, beyond: bool) -> None:
         """Wait for what another process sends, only beyond what it has sent if so requested."""
         name, before, after = counter.name.decode(), self._before, self._after
+        matches = name == before
         if self._any:
-            unit = name[len(before) : -len(after)]
-            matches = name.startswith(before) and name.endswith(after) and "/" not in unit
-        else:
-            matches = name == before
+            matches = name.startswith(before) and name.endswith(after) and name.count("/") == self._slashes
         if matches and counter.owner != self._turns.index:
             self._received.setdefault(index, counter.count if beyond else 0)
             self._counters[index] = counter
@@ -86,37 +70,29 @@ class Reception:
 
 
 class Turns:
-    """The turns of this process; the first one has begun when the constructor returns.
+    """The turns of this process; the first one has begun when the constructor returns."""
 
-    Parameters
-    ----------
-    page
-        The page of the fleet.
-    name
-        Name of the process.
-    fence
-        Returns when the router has taken notice of all subscriptions.
-    """
-
-    def __init__(self, page: LockstepPage, name: str, fence: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        page: LockstepPage,
+        name: str,  # of the process
+        fence: Callable[[], None],  # returns when the router has taken notice of all subscriptions
+    ) -> None:
         self.page, self.index = page, page.player(name)
         self._own, self._fence = page.players[self.index], fence
         self._bell, self._conductor = (
             os.open(page.bell(index), os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC) for index in (self.index, 0)
         )
         self.arrived = threading.Event()
-        self.interrupted: Callable[[], bool] = lambda: False
-        """Whether this process shall end instead of waiting for a turn."""
+        self.interrupted: Callable[[], bool] = lambda: False  # whether to end instead of waiting for a turn
+        self.held: deque[Held] = deque()
         self._counters: dict[str, int] = {}
-        self._held: deque[_Held] = deque()
         self._woken = self._sent = False
         self._numbers = count()
         self._receptions: list[Reception] = []
-        self._new_receptions: list[Reception] = []
-        """Of which the router may not have taken notice yet."""
+        self._new_receptions: list[Reception] = []  # of which the router may not have taken notice yet
         self._found = 0
-        self.replies = self.receive(f"reply {self.index}")
-        """Replies to requests of this process."""
+        self.replies = self.receive(f"reply {self.index}")  # to requests of this process
         self._taken = page.turn - 1
         with suppress(BlockingIOError):
             os.read(self._bell, 4096)
@@ -158,10 +134,6 @@ class Turns:
             if reception in receptions:
                 receptions.remove(reception)
 
-    def keep(self, held: _Held) -> None:
-        """Keep what has arrived for its turn."""
-        self._held.append(held)
-
     def serve(self, key: str) -> Reception:
         """Answer requests on a key from now on."""
         self.stamp(f"serve {key}")
@@ -176,21 +148,9 @@ class Turns:
         self._woken = True
 
     def wait(self, timeout_s: float, descriptors: Collection[int] = ()) -> set[int]:
-        """Finish the turn, and take further ones until there is something to do.
+        """Finish the turn, and take others until a message, data or time-out [s]; return what is readable.
 
         What was written to a pseudo-terminal or a socket of this computer before a turn can be read in it.
-
-        Parameters
-        ----------
-        timeout_s
-            Wait no longer, in the time of the fleet.
-        descriptors
-            Wait for data on them, too.
-
-        Returns
-        -------
-        set of int
-            Readable descriptors.
         """
         due_s = self.page.now() + timeout_s
         while True:
@@ -237,12 +197,10 @@ class Turns:
             if all(reception.complete for reception in self._receptions):
                 break
             self.arrived.wait(POLL_S)
-        held = [self._held.popleft() for _ in range(len(self._held))]
-        self._held.extendleft(item for item in held if item.sent_s >= self.page.time_s)
-        for item in sorted(
-            (item for item in held if item.sent_s < self.page.time_s), key=lambda item: item[:4]
-        ):
-            item.deliver()
+        now_s, held = self.page.time_s, [self.held.popleft() for _ in range(len(self.held))]
+        self.held.extendleft(item for item in held if item[0] >= now_s)
+        for *_, deliver in sorted((item for item in held if item[0] < now_s), key=itemgetter(0, 1, 2, 3)):
+            deliver()
 
     def _ring(self, bell: int) -> None:
         with suppress(BlockingIOError):

@@ -8,8 +8,7 @@ from typing import Final, NamedTuple
 from rcopterx.bus.channels import ANSWERED, APPLIED, COMMAND, LABORATORY, PLAN, POSE
 from rcopterx.flights.mcap_reading import messages_of
 
-DIGESTED: Final = (POSE, PLAN, COMMAND, APPLIED, LABORATORY)
-"""Channels without process ids, processor times and wall clocks."""
+DIGESTED: Final = (POSE, PLAN, COMMAND, APPLIED, LABORATORY)  # without process ids and times of a computer
 
 
 class FlightDigest(NamedTuple):
@@ -20,12 +19,7 @@ class FlightDigest(NamedTuple):
 
 
 def digest_of(parts: Iterable[Path]) -> FlightDigest:
-    """Return the digest of a flight: of the content of `DIGESTED`, in order of topics and numbers.
-
-    It ends with the last answered request: how soon a fleet stops afterwards depends on the computer.
-
-    Raises `FlightLogError`: a file cannot be read.
-    """
+    """Return the digest of `DIGESTED` until the last answered request; raises `FlightLogError`."""
     topics = {channel.topic for channel in DIGESTED}
     kept, end_ns = [], 0
     for part in parts:
