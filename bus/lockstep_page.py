@@ -90,6 +90,11 @@ class LockstepPage(ctypes.Structure):
         counters = self.counters[: self.used_counters]
         return any(counter.count and counter.name == name.encode() for counter in counters)
 
+    def want(self, name: str, wanted: bool) -> None:
+        """Let the time wait for a process that is started, or end one."""
+        player = self.players[self.player(name)]
+        player.wanted, player.doomed = wanted, not wanted and player.process > 0
+
     def want_none(self) -> None:
         """Let the time pass without processes that are missing."""
         for player in self.players[1 : self.used_players]:

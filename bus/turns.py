@@ -143,6 +143,14 @@ class Turns:
         """Return whether a process that takes turns answers requests on a key."""
         return self.page.counts(f"serve {key}")
 
+    def kill(self, name: str) -> None:
+        """Let the conductor kill a process after the next turn; time waits for its successor after 0.3 s."""
+        self.page.players[self.page.player(name)].doomed = 1
+
+    def stop(self, name: str, seconds: float) -> None:
+        """Let a process take no turns for a time, as if it were stopped."""
+        self.page.players[self.page.player(name)].return_s = self.page.now() + seconds
+
     def wake(self) -> None:
         """End the present wait with its next turn, else the next one; any thread may call this."""
         self._woken = True

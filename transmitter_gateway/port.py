@@ -39,11 +39,6 @@ class Port(ABC):
         """When `service` has something to do again [s]; infinite while open."""
         return math.inf if self.is_open else self._next_attempt_s
 
-    @property
-    def is_opening(self) -> bool:
-        """True while an attempt to open the port is under way."""
-        return False
-
     @abstractmethod
     def fileno(self) -> int | None:
         """File descriptor to wait for answers on, None while closed."""

@@ -3,7 +3,6 @@
 import logging
 import os
 import select
-import time
 import traceback
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -18,21 +17,23 @@ from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.port import Port
 from rcopterx.transmitter_gateway.protocols.crtp import RADIO, RadioAddress
 from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
-from rcopterx.transmitter_gateway.serial_port import SerialPort
+from rcopterx.transmitter_gateway.serial_port import SerialPort, in_thread
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import StatePage, open_page, page_of_process
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 from rcopterx.transmitter_gateway.udp_port import UDP, UdpPort
 
 
-def port_for(settings: TransmitterSettings) -> Port:
+def port_for(settings: TransmitterSettings, *, at_once: bool = False) -> Port:
     """Return a port for a transmitter, not yet opened."""
     if settings.port.startswith(UDP) and isinstance(settings.protocol, SetPointRadio):
         return UdpPort(settings.port, settings.protocol)
     if settings.port.startswith(RADIO):
         address = RadioAddress.of(settings.port)
         return CrazyradioPort(settings.port, address, crazyradio(address.dongle))
-    return SerialPort(settings.port, settings.protocol.line)
+    # In lockstep no time passes while a port opens.
+    start = (lambda work: work()) if at_once else in_thread
+    return SerialPort(settings.port, settings.protocol.line, start)
 
 
 class Wakeup:
@@ -67,7 +68,6 @@ class Wakeup:
 
 _LOG = logging.getLogger(__name__)
 
-OPENING_S = 0.001  # between two checks whether a port is open
 TURN_S = 0.005
 """Longest time between two turns of the loop. Poses do not wake it: agents need the processor when a frame
 has arrived, and the limits of surveillance are tenths of a second."""
@@ -88,7 +88,8 @@ class Radios:
         self._wakeup, self._keys, self._heartbeat = wakeup, keys, heartbeat
         self._clock = clock
         self.transmitters = {
-            each.vehicle: Transmitter(each, port_for(each)) for each in settings.transmitters
+            each.vehicle: Transmitter(each, port_for(each, at_once=settings.bus.clock.lockstep))
+            for each in settings.transmitters
         }
         self._pages = {name: _page(settings.states / name) for name in self.transmitters}
         for name, page in self._pages.items():
@@ -97,9 +98,6 @@ class Radios:
     def wait(self, due_s: float) -> None:
         """Wait for a message, an answer of a module, a deadline or `due_s`, at most a turn."""
         transmitters = self.transmitters.values()
-        while self._wakeup.turns is not None and any(each.port.is_opening for each in transmitters):
-            # In lockstep no time passes meanwhile.
-            time.sleep(OPENING_S)
         self._heartbeat.beat(_flying(transmitters))
         deadlines_s = [due_s, *(transmitter.next_deadline_s() for transmitter in transmitters)]
         ports = {transmitter.port.fileno(): transmitter for transmitter in transmitters}

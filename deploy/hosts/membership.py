@@ -11,6 +11,7 @@ from rcopterx.agents.load.overload import LATE_SHARE
 from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus
+from rcopterx.bus.lockstep_page import opened_page
 from rcopterx.bus.log_messages import LauncherEvent
 from rcopterx.bus.messages import AgentStatus
 from rcopterx.bus.requests import (
@@ -160,7 +161,7 @@ class MembershipService:
         vehicle = request.vehicle
         if isinstance(request, StartVehicle):
             reason = f"{vehicle} takes part already" if child.wanted else f"{vehicle} is started"
-            child.wanted = True
+            self._want(child, True)
             return Reply(accepted=True, reason=reason)
         if isinstance(request, StopVehicle):
             phase = self._phase(vehicle)
@@ -168,12 +169,18 @@ class MembershipService:
                 return Reply(
                     accepted=False, reason=f"{vehicle} is in the air, its phase is {phase}; land it first"
                 )
-            child.wanted = False
+            self._want(child, False)
             return Reply(accepted=True, reason=f"{vehicle} leaves")
         if child.wanted:
             return Reply(accepted=True, reason=f"the agent of {vehicle} runs on {self._host} already")
         child.take_over = child.wanted = True
         return Reply(accepted=True, reason=f"the agent of {vehicle} starts on {self._host}")
+
+    def _want(self, child: Child, wanted: bool) -> None:
+        """Start or stop a process; in lockstep at the present time."""
+        page, child.wanted = self._session.address.clock.page, wanted
+        if page is not None:
+            opened_page(page).want(child.spec.name, wanted)
 
     @property
     def agents_are_late(self) -> bool:

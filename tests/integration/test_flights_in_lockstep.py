@@ -1,6 +1,7 @@
 """In lockstep a fleet flies the same flight on every run."""
 
 import os
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import pytest
@@ -8,34 +9,62 @@ from integration_support import fleet_text, free_port
 
 from rcopterx.flights.digest import FlightDigest, digest_of
 from rcopterx.flights.flights import flights_in
+from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(240)]
 
 
-def test_flights_of_one_seed_are_identical(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., FlightDigest]:
+    """Fly a fleet of its own, and return the digest of the flight log."""
     monkeypatch.setenv("RCOPTERX_FLIGHTS", str(tmp_path))
-    assert flown(tmp_path, monkeypatch) == flown(tmp_path, monkeypatch)
-
-
-def flown(directory: Path, monkeypatch: pytest.MonkeyPatch) -> FlightDigest:
-    """Fly in formation and return the digest of the flight log."""
-    run = directory / "run"
-    run.mkdir(exist_ok=True)
+    run = tmp_path / "run"
+    run.mkdir()
     monkeypatch.setenv("RCOPTERX_RUN", os.path.relpath(run))
-    path = directory / "lab.toml"
-    path.write_text(fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}))
-    with launched(path, lockstep=True) as fleet:
-        fleet.take_off()
-        fleet["h1"].go_to((0.3, 0.2, 1.2))
-        fleet.wait_for_arrival(["h1"])
-        fleet.wait_for_formation()
-        assert all(
-            vehicle.state.agent.diagnostics.missed_ticks == 0 for vehicle in fleet if vehicle.state.agent
-        )
-        fleet.land()
-    flight = flights_in(directory)[-1]
-    found = digest_of(flight.parts)
-    for part in flight.parts:
-        part.unlink()
-    return found
+
+    def fly(flight: Callable[[Fleet], None], without: Collection[str] = ()) -> FlightDigest:
+        path = tmp_path / "lab.toml"
+        path.write_text(fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}))
+        with launched(path, without=without, lockstep=True) as fleet:
+            flight(fleet)
+            states = [vehicle.state for vehicle in fleet]
+            assert not any(
+                state.agent.diagnostics.missed_ticks for state in states if state.agent is not None
+            )
+            fleet.land()
+        found = flights_in(tmp_path)[-1]
+        digest = digest_of(found.parts)
+        for part in found.parts:
+            part.unlink()
+        return digest
+
+    return fly
+
+
+def formation(fleet: Fleet) -> None:
+    fleet.take_off()
+    fleet["h1"].go_to((0.3, 0.2, 1.2))
+    fleet.wait_for_arrival(["h1"])
+    fleet.wait_for_formation()
+
+
+def faults(fleet: Fleet) -> None:
+    """A controller is killed, the transmitter gateway stops, and a vehicle joins."""
+    fleet.take_off()
+    turns = fleet.session.turns
+    assert turns is not None
+    turns.kill("agent-h2")
+    fleet.wait(1.5)
+    turns.stop("transmitters", 0.1)
+    fleet.wait(1.0)
+    fleet.join("h3")
+    assert all(vehicle.state.phase == "flying" for vehicle in fleet)
+
+
+def test_flights_of_one_seed_are_identical(flown: Callable[..., FlightDigest]) -> None:
+    assert flown(formation) == flown(formation)
+
+
+def test_a_fleet_survives_faults_at_stated_times(flown: Callable[..., FlightDigest]) -> None:
+    assert flown(faults, without=["h3"]).messages > 0
