@@ -308,11 +308,11 @@ class Rig:
     def _received(self, name: str, now_s: float) -> dict[str, Received]:
         """Messages of the schemes of other vehicles."""
         cooperation = self.pilots[name].cooperation
-        received = {
+        messages = {
             other: received(message, cooperation, now_s - sent_s)
             for other, (message, sent_s) in self.message_network.newest(name, now_s).items()
         }
-        return {other: each for other, each in received.items() if each is not None}
+        return {other: each for other, each in messages.items() if each is not None}
 
     def _exchange(self, now_s: float, messages: Mapping[str, Sent | None]) -> None:
         """Send the messages of this period, and make the exchanges between this period and the next one."""

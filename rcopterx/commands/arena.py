@@ -7,7 +7,6 @@ import typer
 
 from rcopterx.commands.output import JsonOption, Progress, print_document
 from rcopterx.commands.parsing import check_known, different_numbers
-from rcopterx.simulator.conditions import PRESETS
 
 
 def arena(
@@ -26,7 +25,7 @@ def arena(
         str, typer.Option(metavar="N,N,...", help="Seeds of vehicles, weather and losses, one flight each.")
     ] = "100",
     conditions: Annotated[
-        str, typer.Option(metavar="PRESET", help=f"Conditions: {', '.join(PRESETS)}.")
+        str, typer.Option(metavar="PRESET", help="Conditions, as of experiments.")
     ] = "helicopters",
     processes: Annotated[
         int, typer.Option(metavar="N", min=1, help="Processor cores to use; flights do not depend on it.")
@@ -45,6 +44,7 @@ def arena(
     from rcopterx.experiments.arena.tasks import TASKS
     from rcopterx.experiments.kept import KeptFlights, KeptFlightsError
     from rcopterx.experiments.runner import Options
+    from rcopterx.simulator.conditions import PRESETS
 
     if show_list:
         typer.echo(f"schemes: {', '.join(arena_schemes())}")

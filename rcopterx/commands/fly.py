@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcopterx.bus.turns import SCRIPT
 from rcopterx.commands.fault_flights import FlightOptions, fly_chaos, fly_faults, list_faults
 from rcopterx.commands.fleet_option import (
     EXIT_FAILED,
@@ -138,6 +137,8 @@ def _make_directory(path: Path) -> None:
 
 def _fly_rows(rows: Sequence["Manoeuvre"], options: FlightOptions, results: "Results") -> None:
     """Fly manoeuvres one after the other; with --up each has a fleet of its own."""
+    from rcopterx.bus.turns import SCRIPT
+
     if options.start:
         for number, row in enumerate(rows, 1):
             file = fleet_file(options.fleet or row.fleet, options.speed, options.lockstep)

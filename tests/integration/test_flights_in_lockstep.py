@@ -45,8 +45,7 @@ def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Flig
 def formation(fleet: Fleet) -> None:
     fleet.take_off()
     fleet["h1"].go_to((0.3, 0.2, 1.2))
-    fleet.wait_for_arrival(["h1"])
-    fleet.wait_for_formation()
+    fleet.wait(1.0)
 
 
 def faults(fleet: Fleet) -> None:

@@ -66,8 +66,8 @@ def test_the_help_names_all_commands() -> None:
 
 
 FLEETLESS = (
-    "experiment", "export", "flights", "new-plugin", "recover", "replay", "replay-tracker", "report", "types",
-    "udev-rules",
+    "arena", "experiment", "export", "flights", "new-plugin", "recover", "replay", "replay-tracker", "report",
+    "types", "udev-rules",
 )  # fmt: skip
 
 
