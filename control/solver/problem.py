@@ -32,7 +32,7 @@ class OptimalControlProblem(NamedTuple):
     r: Array  # shape (N, ny)
     low: Array  # shape (N, ny)
     high: Array  # shape (N, ny)
-    s: Array  # shape (N, ny): 0 for rows without bounds
+    s: Array  # shape (N, ny): 0 for rows without bounds; bounds of all others are finite when it is solved
     P: Array  # shape (nx, nx)
     x_end: Array  # shape (nx,)
     x_0: Array  # shape (nx,)
