@@ -11,7 +11,7 @@ from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recorder
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout(120)]
 
 Launch = Callable[..., Flying]
 NAMES = ("h1", "q1", "h2")

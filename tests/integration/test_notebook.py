@@ -23,6 +23,7 @@ def test_the_stored_notebook_shows_a_figure_and_no_error() -> None:
 
 
 @pytest.mark.integration
+@pytest.mark.campaign
 @pytest.mark.timeout(240)
 def test_the_notebook_flies_a_formation_and_draws_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "lab.toml"
