@@ -28,7 +28,7 @@ from rcopterx.transmitter_gateway.inputs import (
     State,
 )
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
-from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ProtocolError
+from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, ProtocolError
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.snapshot import TransmitterSnapshot, Write
 from rcopterx.transmitter_gateway.state_page import StatePage
@@ -238,9 +238,13 @@ class Transmitter:
         return Answer(True, "shown")
 
     def busy(self, now_s: float) -> bool:
-        """Whether binding, a range check, a calibration or the search of the receiver blocks arming."""
-        shown = self._range_check or now_s < self._shown_until_s
-        return shown or self._binding.busy(now_s) or self._searched(now_s)
+        """Whether binding, a range check or a calibration blocks arming."""
+        return self._binding.busy(now_s) or self._range_check or now_s < self._shown_until_s
+
+    def _link(self, module: ModuleStatus, now_s: float) -> LinkState:
+        """Way to the vehicle while the port is open."""
+        waits = self.busy(now_s) or self._searched(now_s)
+        return LinkState.READY if module.ready and not waits else LinkState.UP
 
     def _searched(self, now_s: float) -> bool:
         """Whether a receiver still searches: its board has to see the arming channel off."""
@@ -338,11 +342,9 @@ class Transmitter:
 
     def _open_link(self, now_s: float) -> None:
         """Go on with a module that was ready in flight, else begin anew."""
-        if self._ready:
-            self.protocol.link_resumed(now_s)
-        else:
-            self._opened_s = now_s
-            self.protocol.link_opened(now_s)
+        self._opened_s = -math.inf if self._ready else now_s
+        open_link = self.protocol.link_resumed if self._ready else self.protocol.link_opened
+        open_link(now_s)
 
     def _judge_flight(self, now_s: float) -> None:
         """End a flight whose port has returned as that of an earlier process is refused, or go on."""
@@ -368,25 +370,25 @@ class Transmitter:
         doubtful = state is State.ARMED and now_s < self._returned_s + REPOWERED_S
         if doubtful and seen_on_floor(self.arbiter.surveillance.own_track, self.arbiter.limits):
             problem = "it may stand on the floor"
-        self._ready = problem is None and module.ready and not self.busy(now_s)
-        link = LinkState.READY if self._ready else LinkState.UP
-        self.arbiter.link(link if problem is None else LinkState.LOST, problem)
+        link = self._link(module, now_s) if problem is None else LinkState.LOST
+        self._ready = link is LinkState.READY
+        self.arbiter.link(link, problem)
 
-    def _module_text(self, reported: str, now_s: float) -> str:
+    def _module_text(self, module: ModuleStatus, now_s: float) -> str:
         if self.undecided:
             return "waiting for the own pose"
-        searched = self.port.problem is None and self._searched(now_s)
-        return "waiting until the receiver has found the radio" if searched else self.port.problem or reported
+        if self.port.problem is None and module.ready and self._searched(now_s):
+            return "waiting until the receiver has found the radio"
+        return self.port.problem or module.text
 
     def snapshot(self, now_s: float) -> TransmitterSnapshot:
         """Everything a status message needs, at `now_s`."""
         module = self.protocol.status(now_s)
-        link = LinkState.READY if module.ready and not self.busy(now_s) else LinkState.UP
         return TransmitterSnapshot(
             state=self.arbiter.state,
             reason=self.arbiter.reason,
-            link=link if self.port.is_open else LinkState.LOST,
-            module=self._module_text(module.text, now_s),
+            link=self._link(module, now_s) if self.port.is_open else LinkState.LOST,
+            module=self._module_text(module, now_s),
             lease=self.arbiter.leases.commanding,
             binding=self._binding.active,
             bridging_step=self._output.bridging_step,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 
 from rcopterx.transmitter_gateway.binding import AFTER_BIND_S, LONGEST_BIND_S, POWER_UP_LIMIT_S
-from rcopterx.transmitter_gateway.inputs import Answer, LinkState
+from rcopterx.transmitter_gateway.inputs import Answer
 from rcopterx.transmitter_gateway.radios import port_for
 from rcopterx.transmitter_gateway.serial_port import IN_USE
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
@@ -73,10 +73,12 @@ class Workbench(AbstractContextManager["Workbench"]):
                 "; if it is a gateway, land the fleet and stop it first" if IN_USE in snapshot.module else ""
             )
             raise WorkbenchError(f"{self.vehicle}: {snapshot.module}{hint}")
-        return self.transmitter.snapshot(self._clock()).module
+        return self.transmitter.protocol.status(self._clock()).text
 
     def _ready(self) -> bool:
-        return self.transmitter.snapshot(self._clock()).link is LinkState.READY
+        now_s, transmitter = self._clock(), self.transmitter
+        module = transmitter.protocol.status(now_s)
+        return transmitter.port.is_open and module.ready and not transmitter.busy(now_s)
 
     def bind(self) -> None:
         """Bind: flagged frames until the module is done, then the neutral frames receivers store as failsafe.
