@@ -30,7 +30,7 @@ from rcopterx.bus.rounding import all_rounded, rounded
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Received
 from rcopterx.bus.trajectory_array import TrajectoryArray
-from rcopterx.vehicles.state import YAW, three, turned_about_z
+from rcopterx.vehicles.state import YAW, inertial_velocity, three
 
 REFERENCE_BITS: Final = 14  # references are rounded to a sixteenth of a millimetre
 
@@ -116,7 +116,7 @@ def status_message(pilot: Pilot, following_mode: str, diagnostics: Diagnostics) 
         assigned=tuple(target_link(link) for link in pilot.guidance.assigned),
         following_mode=following_mode,
         position_m=None if motion is None else three(motion[:3]),
-        velocity_m_s=None if motion is None else three(turned_about_z(motion[4:7], float(motion[YAW]))),
+        velocity_m_s=None if motion is None else three(inertial_velocity(motion)),
         yaw_rad=None if motion is None else float(motion[YAW]),
         error_m=_error_m(pilot),
         path_left_s=pilot.guidance.path_left_s(pilot.clock.time_s),

@@ -25,7 +25,7 @@ from rcopterx.experiments.record import rms
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
 from rcopterx.transmitter_gateway.protocols.crtp import FULL_THRUST
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import GRAVITY_M_S2, XD_BODY, YAW, Array, turned_about_z
+from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array, inertial_velocity
 
 FIRMWARE_THRUST: Final = 65535.0
 """Full stick here: the firmware's position control asks for more than a radio may, `FULL_THRUST`."""
@@ -79,7 +79,7 @@ def follow(flight: FlightRecording, model: Model, estimator_name: str, constant:
 def _places(model: Model | None, estimate: Estimate, sticks: Array, period_s: float) -> list[Array]:
     """Positions now and after each of some sticks, at a constant velocity without a model."""
     places = [estimate.motion[:YAW]]
-    velocity_m_s = turned_about_z(estimate.motion[XD_BODY : XD_BODY + 4], float(estimate.motion[YAW]))[:YAW]
+    velocity_m_s = inertial_velocity(estimate.motion)
     for stick in sticks:
         if model is None:
             places.append(places[-1] + period_s * velocity_m_s)

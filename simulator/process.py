@@ -17,7 +17,7 @@ from rcopterx.simulator.room import Room
 from rcopterx.simulator.settings import SimulatedVehicle, SimulatorSettings
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.simulator.vehicle_faults import VehicleFaults
-from rcopterx.vehicles.state import XD_BODY, YAW, ZD_BODY, turned_about_z
+from rcopterx.vehicles.state import YAW, inertial_velocity
 
 TRUTH_BITS = 17  # true motion is published to 2^-17 m, rad and m/s, for small flight logs
 LONGEST_STEP_S = 0.02  # after which requests, timed faults and modules' answers are served at least
@@ -109,7 +109,7 @@ class Simulator:
     def _vehicle(self, vehicle: SimulatedVehicle) -> LaboratoryVehicle:
         plant = self._room.laboratory.plants[vehicle.name]
         motion = plant.motion
-        velocity_m_s = turned_about_z(np.array(motion[XD_BODY : ZD_BODY + 1]), motion[YAW])
+        velocity_m_s = inertial_velocity(np.array(motion))
         frames = self._room.radios[vehicle.name].reception.take_frames()
         x, y, z = all_rounded(plant.position_m, TRUTH_BITS)
         speed_x, speed_y, speed_z = all_rounded(velocity_m_s.tolist(), TRUTH_BITS)

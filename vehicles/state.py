@@ -54,6 +54,11 @@ def heading_matrix(yaw_rad: float) -> Array:
     return np.array(((c, -s), (s, c)))
 
 
+def inertial_velocity(motion: Array) -> Array:
+    """Return the velocity of a motion state in the inertial frame, shape (3,)."""
+    return turned_about_z(motion[XD_BODY:YAW_RATE], float(motion[YAW]))
+
+
 def turned_about_z(vector: Array, yaw_rad: float) -> Array:
     """Return a vector whose first two components are turned by R(psi), the others kept."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)

@@ -19,7 +19,7 @@ from scipy.linalg import solve_discrete_are
 from rcopterx.control.schemes.interface import Situation
 from rcopterx.control.schemes.tracked import Gain, TrackedScheme, TrackedSettings, Way
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import XD_BODY, YAW, Array, three, turned_about_z
+from rcopterx.vehicles.state import Array, inertial_velocity, three
 from rcopterx.vehicles.tuples import Three
 
 
@@ -58,7 +58,7 @@ class DistributedLqrScheme(TrackedScheme):
 
     def _exchange(self, situation: Situation) -> State:
         motion, reference = situation.estimate.motion, situation.reference
-        velocity = turned_about_z(motion[XD_BODY : XD_BODY + 3], float(motion[YAW]))
+        velocity = inertial_velocity(motion)
         state = np.stack((motion[:3], velocity))
         acceleration = np.zeros(3)
         for _, other, age_s, offset_m, _ in situation.linked(State):

@@ -16,7 +16,7 @@ from rcopterx.control.schemes.interface import Situation
 from rcopterx.control.schemes.planner import Plane
 from rcopterx.control.schemes.replanning import Announced, ReplanningScheme, ReplanningSettings
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import XD_BODY, YAW, Array, turned_about_z
+from rcopterx.vehicles.state import Array, inertial_velocity
 
 NEAR: Final = 1.5  # distance in ellipsoids up to which vehicles get a plane at a stage
 
@@ -44,7 +44,7 @@ class OnDemandScheme(ReplanningScheme):
         position, velocity = self._state()
         if np.linalg.norm(motion[:3] - position) > self._deviation_m:
             position = motion[:3].copy()
-            velocity = turned_about_z(motion[XD_BODY : XD_BODY + 3], float(motion[YAW]))
+            velocity = inertial_velocity(motion)
         targets = self._targets(situation, others, now_s)
         self._fly(self._plan(position, velocity, targets, self._planes(own, others)))
         return self._announce()

@@ -16,7 +16,7 @@ from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.references.trajectory import ACCELERATION, POSITION, VELOCITY, Trajectory
 from rcopterx.control.schemes.interface import Samples, Situation
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import XD_BODY, YAW, Array, turned_about_z
+from rcopterx.vehicles.state import Array, inertial_velocity
 
 Gain = Annotated[float, Meta(gt=0.0, le=1e6)]
 ACCELERATION_SHARE: Final = 0.8
@@ -110,7 +110,7 @@ class TrackedScheme(ABC):
         self._time_s = situation.time_s
         if self._way is None:
             motion = situation.estimate.motion
-            velocity = turned_about_z(motion[XD_BODY : XD_BODY + 3], float(motion[YAW]))
+            velocity = inertial_velocity(motion)
             self._fly(Way(motion[:3].copy(), velocity, np.zeros((0, 3)), BRAKING_STAGE_S).braked(velocity))
         return self._exchange(situation)
 

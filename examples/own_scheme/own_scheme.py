@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from rcopterx.control.schemes.interface import Situation
 from rcopterx.control.schemes.tracked import TrackedScheme, TrackedSettings, Way
-from rcopterx.vehicles.state import XD_BODY, YAW, three, turned_about_z
+from rcopterx.vehicles.state import inertial_velocity, three
 from rcopterx.vehicles.tuples import Three
 
 
@@ -43,5 +43,5 @@ class CourierScheme(TrackedScheme):
             start = reference.position_m[0], reference.velocity_m_s[0]
             changes = np.diff(reference.velocity_m_s, axis=0) / self.period_s
             self._fly(Way(*start, changes, self.period_s))
-        velocity = turned_about_z(motion[XD_BODY : XD_BODY + 3], float(motion[YAW]))
+        velocity = inertial_velocity(motion)
         return Position(three(motion[:3]), three(velocity))
