@@ -26,11 +26,9 @@ from msgspec import Meta, Struct
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.schemes.interface import Linked, Samples, Situation
 from rcopterx.control.schemes.planner import WayPlanner
-from rcopterx.control.schemes.tracked import Gain, TrackedScheme, TrackedSettings, Way
+from rcopterx.control.schemes.tracked import INSTANT_S, Gain, TrackedScheme, TrackedSettings, Way
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
-
-INSTANT_S = 1e-6
 
 
 class AdmmSettings(TrackedSettings, frozen=True, kw_only=True):

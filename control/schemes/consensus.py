@@ -7,13 +7,11 @@ s^2 + lambda damping s + lambda stiffness.
 """
 
 import numpy as np
-from msgspec import Struct
 
 from rcopterx.control.schemes.interface import Situation
-from rcopterx.control.schemes.tracked import Gain, TrackedScheme, TrackedSettings, Way
+from rcopterx.control.schemes.tracked import Gain, Moving, TrackedScheme, TrackedSettings, Way
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array, three
-from rcopterx.vehicles.tuples import Three
+from rcopterx.vehicles.state import Array
 
 
 class ConsensusSettings(TrackedSettings, frozen=True, kw_only=True):
@@ -27,36 +25,29 @@ class ConsensusSettings(TrackedSettings, frozen=True, kw_only=True):
     """How much more a vehicle is drawn to its own task than to a neighbour."""
 
 
-class Place(Struct, frozen=True):
-    """Virtual place of the sender."""
-
-    position_m: Three
-    velocity_m_s: Three
-
-
 class ConsensusScheme(TrackedScheme):
-    """Second-order consensus; the cascade tracks the virtual place."""
+    """Second-order consensus; vehicles send their virtual places, which the cascade tracks."""
 
     Settings = ConsensusSettings
-    Message = Place
+    Message = Moving
 
     def __init__(self, model: Model, period_s: float, settings: ConsensusSettings) -> None:
         super().__init__(model, period_s, settings)
         self._settings = settings
 
-    def _exchange(self, situation: Situation) -> Place:
+    def _exchange(self, situation: Situation) -> Moving:
         position, velocity = self._state()
         pull = np.zeros(3)
-        for _, place, age_s, offset_m, _ in situation.linked(Place):
-            other = np.array(place.position_m) + age_s * np.array(place.velocity_m_s)
-            pull += self._pull(position - other - offset_m, velocity - place.velocity_m_s)
+        for _, place, age_s, offset_m, _ in situation.linked(Moving):
+            other, other_velocity = place.after(age_s)
+            pull += self._pull(position - other - offset_m, velocity - other_velocity)
         if not situation.follows:
             task = situation.reference
             to_task = self._pull(position - task.position_m[0], velocity - task.velocity_m_s[0])
             pull += self._settings.task_weight * to_task
         acceleration = np.clip(pull, -self._reach, self._reach)
         self._fly(Way(position, velocity, acceleration[None], 2.0 * self.period_s))
-        return Place(three(position), three(velocity))
+        return Moving.of(position, velocity)
 
     def _pull(self, error_m: Array, error_m_s: Array) -> Array:
         return np.asarray(

@@ -13,14 +13,13 @@ accelerations.
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from scipy.linalg import solve_discrete_are
 
 from rcopterx.control.schemes.interface import Situation
-from rcopterx.control.schemes.tracked import Gain, TrackedScheme, TrackedSettings, Way
+from rcopterx.control.schemes.tracked import Gain, Moving, TrackedScheme, TrackedSettings, Way
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array, inertial_velocity, three
-from rcopterx.vehicles.tuples import Three
+from rcopterx.vehicles.state import Array, inertial_velocity
 
 
 class DistributedLqrSettings(TrackedSettings, frozen=True, kw_only=True):
@@ -35,18 +34,11 @@ class DistributedLqrSettings(TrackedSettings, frozen=True, kw_only=True):
     """Time for which an acceleration is planned."""
 
 
-class State(Struct, frozen=True):
-    """Estimated state of the sender, inertial frame."""
-
-    position_m: Three
-    velocity_m_s: Three
-
-
 class DistributedLqrScheme(TrackedScheme):
-    """LQR of own and relative errors."""
+    """LQR of own and relative errors; vehicles send their estimated states."""
 
     Settings = DistributedLqrSettings
-    Message = State
+    Message = Moving
 
     def __init__(self, model: Model, period_s: float, settings: DistributedLqrSettings) -> None:
         super().__init__(model, period_s, settings)
@@ -56,21 +48,21 @@ class DistributedLqrScheme(TrackedScheme):
         A, B = np.array([[1.0, period_s], [0.0, 1.0]]), np.array([[period_s**2 / 2], [period_s]])
         self._own_gain, self._relative_gain = distributed_gains(A, B, Q, Q_relative, R, settings.vehicles)
 
-    def _exchange(self, situation: Situation) -> State:
+    def _exchange(self, situation: Situation) -> Moving:
         motion, reference = situation.estimate.motion, situation.reference
         velocity = inertial_velocity(motion)
         state = np.stack((motion[:3], velocity))
         acceleration = np.zeros(3)
-        for _, other, age_s, offset_m, _ in situation.linked(State):
-            place = np.array(other.position_m) + age_s * np.array(other.velocity_m_s) + offset_m
-            aim = np.stack((place, np.array(other.velocity_m_s)))
+        for _, other, age_s, offset_m, _ in situation.linked(Moving):
+            place, other_velocity = other.after(age_s)
+            aim = np.stack((place + offset_m, other_velocity))
             acceleration -= (self._relative_gain @ (state - aim))[0]
         if not situation.follows:
             aim = np.stack((reference.position_m[0], reference.velocity_m_s[0]))
             acceleration -= (self._own_gain @ (state - aim))[0]
         acceleration = np.clip(acceleration, -self._reach, self._reach)
         self._fly(Way(motion[:3].copy(), velocity, acceleration[None], self._acting_s))
-        return State(three(motion[:3]), three(velocity))
+        return Moving.of(motion[:3], velocity)
 
 
 def distributed_gains(

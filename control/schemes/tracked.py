@@ -16,8 +16,10 @@ from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.references.trajectory import ACCELERATION, POSITION, VELOCITY, Trajectory
 from rcopterx.control.schemes.interface import Samples, Situation
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array, inertial_velocity
+from rcopterx.vehicles.state import Array, inertial_velocity, three
+from rcopterx.vehicles.tuples import Three
 
+INSTANT_S: Final = 1e-6  # tolerance of times that are multiples of a stage or a round
 Gain = Annotated[float, Meta(gt=0.0, le=1e6)]
 ACCELERATION_SHARE: Final = 0.8
 """Share of the acceleration that the weakest vehicle of a type surely has, for plans."""
@@ -60,6 +62,23 @@ class Way(NamedTuple):
         k = np.clip((times_s / h + 1e-9).astype(int), 0, len(a) - 1)
         t = (times_s - h * k)[:, None]
         return p[k] + t * v[k] + t**2 / 2 * a[k], v[k] + t * a[k], a[k]
+
+
+class Moving(Struct, frozen=True):
+    """Message: a place and its velocity, inertial frame."""
+
+    position_m: Three
+    velocity_m_s: Three
+
+    @classmethod
+    def of(cls, position_m: Array, velocity_m_s: Array) -> "Moving":
+        """Pack arrays of shape (3,)."""
+        return cls(three(position_m), three(velocity_m_s))
+
+    def after(self, age_s: float) -> tuple[Array, Array]:
+        """Return position and velocity after a time at constant velocity, shape (3,) each."""
+        velocity = np.array(self.velocity_m_s)
+        return np.array(self.position_m) + age_s * velocity, velocity
 
 
 class TrackedSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

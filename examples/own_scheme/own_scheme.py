@@ -2,46 +2,32 @@
 
 pip install -e examples/own_scheme
 rcopterx arena --schemes courier,cascade --tasks eight,loss_50,delay_100
+
+A message is a `msgspec.Struct` of plain fields; `Moving` has a place and its velocity.
 """
 
 import numpy as np
-from msgspec import Struct
 
 from rcopterx.control.schemes.interface import Situation
-from rcopterx.control.schemes.tracked import TrackedScheme, TrackedSettings, Way
-from rcopterx.vehicles.state import inertial_velocity, three
-from rcopterx.vehicles.tuples import Three
-
-
-class Position(Struct, frozen=True):
-    """Message: position and velocity of the sender, inertial frame."""
-
-    position_m: Three
-    velocity_m_s: Three
+from rcopterx.control.schemes.tracked import Moving, TrackedScheme, TrackedSettings, Way
+from rcopterx.vehicles.state import inertial_velocity
 
 
 class CourierScheme(TrackedScheme):
     """Followers fly beside the last known positions of their leaders; the cascade tracks that."""
 
     Settings = TrackedSettings
-    Message = Position
+    Message = Moving
 
-    def _exchange(self, situation: Situation) -> Position:
+    def _exchange(self, situation: Situation) -> Moving:
         motion, reference = situation.estimate.motion, situation.reference
-        places = [
-            (
-                np.array(leader.position_m) + age_s * np.array(leader.velocity_m_s) + offset_m,
-                leader.velocity_m_s,
-            )
-            for _, leader, age_s, offset_m, followed in situation.linked(Position)
-            if followed
-        ]
-        if situation.follows and places:
-            place, velocity = np.mean(places, axis=0)
+        leaders = [link for link in situation.linked(Moving) if link.followed]
+        if situation.follows and leaders:
+            place, velocity = np.mean([link.message.after(link.age_s) for link in leaders], axis=0)
+            place += np.mean([link.offset_m for link in leaders], axis=0)
             self._fly(Way(place, velocity, np.zeros((1, 3)), self.period_s))
         elif not situation.follows:
             start = reference.position_m[0], reference.velocity_m_s[0]
             changes = np.diff(reference.velocity_m_s, axis=0) / self.period_s
             self._fly(Way(*start, changes, self.period_s))
-        velocity = inertial_velocity(motion)
-        return Position(three(motion[:3]), three(velocity))
+        return Moving.of(motion[:3], inertial_velocity(motion))

@@ -10,9 +10,9 @@ from rcopterx.bus import channels
 from rcopterx.bus.scheme_message import SchemeMessage
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.plugins import SCHEMES
-from rcopterx.control.schemes.consensus import Place
+from rcopterx.control.schemes.tracked import Moving
 
-PLACE = Place((0.4, 0.1, 1.0), (0.0, 0.0, 0.0))
+PLACE = Moving((0.4, 0.1, 1.0), (0.0, 0.0, 0.0))
 
 
 def message(bench: Bench, payload: bytes, scheme: str = "ConsensusScheme") -> SchemeMessage:
@@ -41,7 +41,7 @@ def test_agent_publishes_the_messages_of_its_scheme_and_waits_for_no_plan(follow
     follower.see()
     follower.step_until(published, "no message of the scheme")
     assert sent[-1].offsets_m == {"h1": FOLLOWING[0].offset_m}
-    assert msgspec.msgpack.decode(sent[-1].payload, type=Place)
+    assert msgspec.msgpack.decode(sent[-1].payload, type=Moving)
     assert follower.agent.control_by_s is None
     assert "leader_plan_late" not in follower.pilot.fallbacks
     assert "leader_plan_missing" not in follower.pilot.events

@@ -17,8 +17,9 @@ from rcopterx.bus.scheme_message import MAX_PAYLOAD_BYTES, SchemeMessage
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.plugins import CONTROLLERS, SCHEMES
 from rcopterx.control.references.trajectory import hold
-from rcopterx.control.schemes.consensus import ConsensusScheme, ConsensusSettings, Place
+from rcopterx.control.schemes.consensus import ConsensusScheme, ConsensusSettings
 from rcopterx.control.schemes.interface import MAX_MESSAGE_BYTES, Situation
+from rcopterx.control.schemes.tracked import Moving
 
 PERIOD_S = 0.02
 
@@ -74,7 +75,7 @@ def test_follower_and_leader_get_offsets_of_opposite_signs() -> None:
         neighbour = one.scheme.situation.neighbours[other]
         assert np.allclose(neighbour.offset_m, offset_m)
         assert neighbour.followed is followed
-        assert isinstance(neighbour.message, Place)
+        assert isinstance(neighbour.message, Moving)
         assert neighbour.age_s == 0.04
 
 
@@ -87,7 +88,7 @@ def test_leader_that_was_not_heard_is_a_neighbour_without_message() -> None:
 
 def test_silent_vehicle_is_unknown_after_a_while() -> None:
     follower = cooperation("h2", "h1")
-    place = Place((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    place = Moving((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
     for age_s, known in ((SILENT_S - 0.1, True), (SILENT_S, False)):
         follower.exchange({"h1": Received(place, age_s, None)})
         assert (follower.scheme.situation.neighbours["h1"].message is not None) is known
