@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple, TypeVar
 import msgspec
 from msgspec import Meta, Struct, field
 
-from rcopterx.deploy.new_laboratory import NewVehicle, name_of
+from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
 from rcopterx.fleet.reading import text_of
 from rcopterx.fleet.schema import FleetError
 
@@ -57,23 +57,14 @@ def read_vehicles(path: Path) -> list[NewVehicle]:
     """Return the enabled vehicles of a `crazyflies.yaml`, in its order.
 
     The first one leads; the others keep the distances of the initial positions. A robot's name is that of its
-    rigid body; the vehicle's name has small letters. Raises `FleetError`: the file cannot be read, PyYAML is
-    not installed, or no vehicle can be used; says which file and why.
+    rigid body. Raises `FleetError`: the file cannot be read, PyYAML is not installed, or no vehicle can be
+    used; says which file and why.
     """
     robots = {name: robot for name, robot in _decoded(path, Robots).robots.items() if robot.enabled}
     if not robots:
         raise FleetError(f"{path}: no robot is enabled")
-    head = next(iter(robots.values()))
-    vehicles = []
-    for name, robot in robots.items():
-        ahead, left, up = (
-            round(own - of_head, 4)
-            for own, of_head in zip(robot.initial_position, head.initial_position, strict=True)
-        )
-        vehicles.append(NewVehicle(_vehicle_name(name), name, robot.uri, (ahead, left, up)))
-    if len({vehicle.name for vehicle in vehicles}) < len(vehicles):
-        raise FleetError(f"{path}: names of robots differ only in capital letters or signs")
-    return vehicles
+    placed = [PlacedVehicle(name, robot.uri, robot.initial_position) for name, robot in robots.items()]
+    return formation_of(path, placed, "cf")
 
 
 def read_tracker(path: Path) -> Tracker:
@@ -84,11 +75,6 @@ def read_tracker(path: Path) -> Tracker:
     if not parameters.hostname:
         raise FleetError(f"{path}: hostname: is missing")
     return Tracker(parameters.type, f"{parameters.hostname}:{_PORTS[parameters.type]}")
-
-
-def _vehicle_name(robot: str) -> str:
-    name = name_of(robot)
-    return name if name[:1].isalpha() else f"cf{name}"
 
 
 def _decoded(path: Path, kind: type[T]) -> T:

@@ -31,6 +31,34 @@ class NewVehicle(NamedTuple):
     """Offset to the first vehicle in formation; None for a place in rows behind it."""
 
 
+class PlacedVehicle(NamedTuple):
+    """A vehicle of other software."""
+
+    name: str  # which is its name in the Tracker, too
+    port: str | None  # address of its radio; None for a simulated radio
+    position_m: Sequence[float]
+
+
+def formation_of(source: Path, placed: Sequence[PlacedVehicle], prefix: str) -> list[NewVehicle]:
+    """Return vehicles that keep the distances of their positions to the first one, which leads.
+
+    Names get small letters, and the prefix if they do not begin with a letter. Raises `FleetError` if two are
+    the same then.
+    """
+    vehicles = []
+    for name, port, position_m in placed:
+        short = name_of(name)
+        short = short if short[:1].isalpha() else f"{prefix}{short}"
+        x, y, z = (
+            round(float(own - of_first), 4)
+            for own, of_first in zip(position_m, placed[0].position_m, strict=True)
+        )
+        vehicles.append(NewVehicle(short, name, port or f"radio-{short}", (x, y, z)))
+    if len({vehicle.name for vehicle in vehicles}) < len(vehicles):
+        raise FleetError(f"{source}: names of vehicles differ only in capital letters or signs")
+    return vehicles
+
+
 class NewLaboratory(NamedTuple):
     """The answers about a laboratory."""
 

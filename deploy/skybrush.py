@@ -10,13 +10,12 @@ import csv
 import json
 import math
 import zipfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.deploy.new_laboratory import NewVehicle, name_of
+from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
 from rcopterx.fleet.schema import FleetError
 from rcopterx.vehicles.state import Array
 
@@ -53,21 +52,10 @@ def read_show(path: Path) -> list[Drone]:
     return drones
 
 
-def vehicles_of(drones: Sequence[Drone]) -> list[NewVehicle]:
-    """Return a simulated vehicle for each drone, with its distances to the first one at the beginning.
-
-    Raises `ShowError`: names differ only in capital letters or signs.
-    """
-    first = drones[0].positions_m[0]
-    vehicles = []
-    for drone in drones:
-        name = name_of(drone.name)
-        name = name if name[:1].isalpha() else f"drone_{name}"
-        ahead, left, up = (round(float(part), 3) for part in drone.positions_m[0] - first)
-        vehicles.append(NewVehicle(name, drone.name, f"radio-{name}", (ahead, left, up)))
-    if len({vehicle.name for vehicle in vehicles}) < len(vehicles):
-        raise ShowError("names of drones differ only in capital letters or signs")
-    return vehicles
+def read_vehicles(path: Path) -> list[NewVehicle]:
+    """Return a simulated vehicle for each drone of a show file, at its first position; raises FleetError."""
+    placed = [PlacedVehicle(drone.name, None, drone.positions_m[0]) for drone in read_show(path)]
+    return formation_of(path, placed, "drone_")
 
 
 def _read(archive: zipfile.ZipFile, name: str) -> bytes:

@@ -80,10 +80,10 @@ def skybrush(
 ) -> None:
     """Write the fleet file of a simulated vehicle for each drone of a show of Skybrush."""
     from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
-    from rcopterx.deploy.skybrush import read_show, vehicles_of
+    from rcopterx.deploy.skybrush import read_vehicles
 
     with user_errors():
-        vehicles = vehicles_of(read_show(show))
+        vehicles = read_vehicles(show)
         laboratory = NewLaboratory(
             name=name_of(file.stem),
             tracker="127.0.0.1:18801",
