@@ -1,6 +1,5 @@
 """Messages of a vehicle's scheme: what it receives, with the offsets of the formation, and what it sends."""
 
-import math
 from collections import Counter
 from collections.abc import Mapping
 from typing import Final, NamedTuple
@@ -13,6 +12,7 @@ from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.control.interfaces import Controller, Estimate
+from rcopterx.control.plugins import all_finite
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.schemes.interface import MAX_MESSAGE_BYTES, Neighbour, Scheme, Situation
 from rcopterx.vehicles.state import Array, turned_about_z
@@ -62,7 +62,7 @@ class Cooperation:
             return None
         try:
             plain = msgspec.msgpack.decode(payload)
-            if not _finite(plain):
+            if not all_finite(plain):
                 raise ValueError("a number is not finite")
             return Received(msgspec.convert(plain, self.scheme.Message), age_s, offset_m)
         except (ValueError, RecursionError):
@@ -113,15 +113,6 @@ class Cooperation:
 def _name(scheme: Scheme) -> str:
     """Name by which messages of the same scheme are recognised."""
     return type(scheme).__name__[:60]
-
-
-def _finite(value: object) -> bool:
-    """Return whether every number in decoded MessagePack is finite."""
-    if isinstance(value, float):
-        return math.isfinite(value)
-    if isinstance(value, dict):
-        return all(map(_finite, value.values()))
-    return not isinstance(value, list) or all(map(_finite, value))
 
 
 def _neighbours(received: Mapping[str, Received], offsets: Mapping[str, Array]) -> dict[str, Neighbour]:

@@ -36,7 +36,7 @@ def parse_settings(kind: type[Settings], values: Mapping[str, object]) -> Settin
             f"unknown setting {unknown[0]!r}; allowed are {', '.join(kind.__struct_fields__)}"
         )
     for name, value in values.items():
-        if not _all_finite(value):
+        if not all_finite(value):
             raise SettingsError(f"{name}: every number must be finite, got {value}")
     try:
         return msgspec.convert(dict(values), kind)
@@ -44,12 +44,13 @@ def parse_settings(kind: type[Settings], values: Mapping[str, object]) -> Settin
         raise SettingsError(str(error)) from error
 
 
-def _all_finite(value: object) -> bool:
+def all_finite(value: object) -> bool:
+    """Return whether every number in nested lists, tuples and tables is finite."""
     if isinstance(value, float):
         return math.isfinite(value)
-    if isinstance(value, list | tuple):
-        return all(_all_finite(item) for item in value)
-    return True
+    if isinstance(value, dict):
+        return all(map(all_finite, value.values()))
+    return not isinstance(value, list | tuple) or all(map(all_finite, value))
 
 
 PERIOD_RANGE_S: Final = (0.002, 0.2)
