@@ -20,7 +20,7 @@ from rcopterx.vehicles.state import Array, turned_about_z
 SILENT_S: Final = 1.0  # vehicles whose messages are older are unknown to the others
 
 
-class Received(NamedTuple):
+class Unpacked(NamedTuple):
     """Newest message of another vehicle's scheme."""
 
     message: Struct
@@ -56,7 +56,7 @@ class Cooperation:
         self.scheme = controller if isinstance(controller, Scheme) else None
         self._guidance.coordinated = self.scheme is not None
 
-    def received(self, scheme: str, payload: bytes, offset_m: Array | None, age_s: float) -> Received | None:
+    def unpack(self, scheme: str, payload: bytes, offset_m: Array | None, age_s: float) -> Unpacked | None:
         """Unpack a message; None if it is of another scheme, or rejected and counted."""
         if self.scheme is None or scheme != _name(self.scheme):
             return None
@@ -64,7 +64,7 @@ class Cooperation:
             plain = msgspec.msgpack.decode(payload)
             if not all_finite(plain):
                 raise ValueError("a number is not finite")
-            return Received(msgspec.convert(plain, self.scheme.Message), age_s, offset_m)
+            return Unpacked(msgspec.convert(plain, self.scheme.Message), age_s, offset_m)
         except (ValueError, RecursionError):
             self.rejected["scheme.payload"] += 1
             return None
@@ -73,7 +73,7 @@ class Cooperation:
         """Set what the exchanges of a control period start from."""
         self._estimate, self._reference = estimate, reference
 
-    def exchange(self, received: Mapping[str, Received], ahead_s: float = 0.0) -> Sent | None:
+    def exchange(self, received: Mapping[str, Unpacked], ahead_s: float = 0.0) -> Sent | None:
         """Exchange messages some time after the present frame; return what to send, None for nothing.
 
         A message that is too large is a failure of the scheme.
@@ -115,7 +115,7 @@ def _name(scheme: Scheme) -> str:
     return type(scheme).__name__[:60]
 
 
-def _neighbours(received: Mapping[str, Received], offsets: Mapping[str, Array]) -> dict[str, Neighbour]:
+def _neighbours(received: Mapping[str, Unpacked], offsets: Mapping[str, Array]) -> dict[str, Neighbour]:
     found = {name: Neighbour(None, np.inf, offset, True) for name, offset in offsets.items()}
     for name, (message, age_s, offset) in received.items():
         own = offsets.get(name)

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rcopterx.agents.cooperation import Cooperation, Received, Sent
+from rcopterx.agents.cooperation import Cooperation, Sent, Unpacked
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.inputs import BumplessTransfer, InputHistory, as_sent
@@ -41,7 +41,7 @@ CONTROLLER_REPLACED: Final = "controller_replaced"  # counted when the default o
 
 _INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)  # phases that show whether it follows its sticks
 _NO_NEIGHBOURS: Mapping[str, Neighbour] = MappingProxyType({})
-_SILENCE: Mapping[str, Received] = MappingProxyType({})
+_SILENCE: Mapping[str, Unpacked] = MappingProxyType({})
 
 
 class StampedMeasurement(Struct, frozen=True):
@@ -281,7 +281,7 @@ class Pilot:
         self,
         plans: Mapping[str, LeaderPlan],
         neighbours: Mapping[str, Neighbour] = _NO_NEIGHBOURS,
-        received: Mapping[str, Received] = _SILENCE,
+        received: Mapping[str, Unpacked] = _SILENCE,
     ) -> ControlOutput:
         """Compute command and plan of the present control period, always finite and within the limits."""
         self.sequence += 1

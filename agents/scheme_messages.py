@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rcopterx.agents.cooperation import Cooperation, Received, Sent
+from rcopterx.agents.cooperation import Cooperation, Sent, Unpacked
 from rcopterx.bus.scheme_message import SchemeMessage
 from rcopterx.bus.subscription import Inbox
 from rcopterx.vehicles.state import three
@@ -22,16 +22,16 @@ def scheme_message(sent: Sent, source: str, epoch: int, frame: int) -> SchemeMes
     )
 
 
-def received(message: SchemeMessage, cooperation: Cooperation, age_s: float) -> Received | None:
+def unpacked(message: SchemeMessage, cooperation: Cooperation, age_s: float) -> Unpacked | None:
     """Unpack a message; None if it is of another scheme, or rejected and counted."""
     offset = message.offsets_m.get(cooperation.vehicle)
     offset_m = None if offset is None else np.array(offset)
-    return cooperation.received(message.scheme, message.payload, offset_m, age_s)
+    return cooperation.unpack(message.scheme, message.payload, offset_m, age_s)
 
 
 def newest_messages(
     inboxes: Mapping[str, Inbox[SchemeMessage]], cooperation: Cooperation
-) -> dict[str, Received]:
+) -> dict[str, Unpacked]:
     """Newest usable messages of other vehicles, of the present epoch."""
     if cooperation.scheme is None:
         return {}
@@ -40,7 +40,7 @@ def newest_messages(
         newest = None if name == cooperation.vehicle else inbox.latest()
         if newest is not None and newest.message.epoch == clock.epoch:
             age_s = (clock.current_frame - newest.message.frame) * clock.period_s
-            unpacked = received(newest.message, cooperation, max(age_s, 0.0))
-            if unpacked is not None:
-                found[name] = unpacked
+            message = unpacked(newest.message, cooperation, max(age_s, 0.0))
+            if message is not None:
+                found[name] = message
     return found

@@ -16,13 +16,13 @@ import numpy as np
 from msgspec.structs import replace
 
 from rcopterx.agents.assembly import build_pilot
-from rcopterx.agents.cooperation import Received, Sent
+from rcopterx.agents.cooperation import Sent, Unpacked
 from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import target_link
 from rcopterx.agents.formation.profile_limits import profile_limits_of
 from rcopterx.agents.guards.step_guard import hovering_input
 from rcopterx.agents.pilot import OCCLUDED, ControlOutput, Pilot, StampedMeasurement
-from rcopterx.agents.scheme_messages import received, scheme_message
+from rcopterx.agents.scheme_messages import scheme_message, unpacked
 from rcopterx.agents.separation.avoidance import Neighbour
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.changes import Tuning
@@ -305,11 +305,11 @@ class Rig:
         place = last.plan.samples[len(last.next_inputs), :4]
         return replace(last, input=np.clip(hovering_input(model, motion, place), model.u_min, model.u_max))
 
-    def _received(self, name: str, now_s: float) -> dict[str, Received]:
+    def _received(self, name: str, now_s: float) -> dict[str, Unpacked]:
         """Messages of the schemes of other vehicles."""
         cooperation = self.pilots[name].cooperation
         messages = {
-            other: received(message, cooperation, now_s - sent_s)
+            other: unpacked(message, cooperation, now_s - sent_s)
             for other, (message, sent_s) in self.message_network.newest(name, now_s).items()
         }
         return {other: each for other, each in messages.items() if each is not None}

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL_LAG
 
-from rcopterx.agents.cooperation import SILENT_S, Cooperation, Received
+from rcopterx.agents.cooperation import SILENT_S, Cooperation, Unpacked
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_plans import followed_leader
 from rcopterx.agents.guards.step_guard import StepGuard
-from rcopterx.agents.scheme_messages import received, scheme_message
+from rcopterx.agents.scheme_messages import scheme_message, unpacked
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.scheme_message import MAX_PAYLOAD_BYTES, SchemeMessage
@@ -69,7 +69,7 @@ def test_follower_and_leader_get_offsets_of_opposite_signs() -> None:
         (leader, "h2", [0.5, -0.2, 0.0], False),
         (follower, "h1", [-0.5, 0.2, 0.0], True),
     ):
-        arrived = received(messages[other], one, 0.04)
+        arrived = unpacked(messages[other], one, 0.04)
         assert arrived is not None
         one.exchange({other: arrived})
         neighbour = one.scheme.situation.neighbours[other]
@@ -90,7 +90,7 @@ def test_silent_vehicle_is_unknown_after_a_while() -> None:
     follower = cooperation("h2", "h1")
     place = Moving((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
     for age_s, known in ((SILENT_S - 0.1, True), (SILENT_S, False)):
-        follower.exchange({"h1": Received(place, age_s, None)})
+        follower.exchange({"h1": Unpacked(place, age_s, None)})
         assert (follower.scheme.situation.neighbours["h1"].message is not None) is known
 
 
@@ -104,13 +104,13 @@ def test_silent_vehicle_is_unknown_after_a_while() -> None:
 )
 def test_payload_that_is_no_message_of_the_scheme_is_rejected_and_counted(payload: bytes) -> None:
     one = cooperation("h1")
-    assert one.received("Curious", payload, None, 0.0) is None
+    assert one.unpack("Curious", payload, None, 0.0) is None
     assert one.rejected == {"scheme.payload": 1}
 
 
 def test_message_of_another_scheme_is_ignored() -> None:
     one = cooperation("h1")
-    assert one.received("Other", b"\xff", None, 0.0) is None
+    assert one.unpack("Other", b"\xff", None, 0.0) is None
     assert not one.rejected
 
 
