@@ -302,13 +302,12 @@ class Session:
         while True:
             sent_s = time.monotonic()
             try:
-                in_turns = self.turns is not None and self.turns.serves(key)
-                if self.turns is not None and in_turns:
-                    replies: Iterable[zenoh.Reply] = request_in_turns(
-                        self._zenoh, self.turns, key, payload, timeout_s
-                    )
-                else:
-                    replies = self._zenoh.get(key, payload=payload, timeout=limit_s)
+                turns = self.turns if self.turns is not None and self.turns.serves(key) else None
+                replies: Iterable[zenoh.Reply] = (
+                    self._zenoh.get(key, payload=payload, timeout=limit_s)
+                    if turns is None
+                    else request_in_turns(self._zenoh, turns, key, payload, timeout_s)
+                )
             except zenoh.ZError as error:
                 raise RequestFailedError(f"{verb.name} was not sent to {unit}: {error}") from error
             for reply in replies:
@@ -317,7 +316,7 @@ class Session:
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else ""
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: {text}")
             # Some time-outs come without an error; without a server Zenoh answers at once.
-            if in_turns or time.monotonic() - sent_s >= SILENT_SHARE * limit_s:
+            if turns is not None or time.monotonic() - sent_s >= SILENT_SHARE * limit_s:
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: Timeout")
             if self.clock() >= give_up_s:
                 raise NotServedError(f"no process serves {verb.name} for {unit}")

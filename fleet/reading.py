@@ -70,7 +70,7 @@ def at_speed(fleet: FleetFile, speed: float | None, lockstep: bool = False) -> F
             raise FleetError("lockstep: needs a fleet with one host, and tracker.brand 'vicon'")
         return structs.replace(fleet, simulator=structs.replace(simulator, lockstep=True))
     if lockstep:
-        raise FleetError(f"lockstep: {fleet.name} flies hardware, which waits for nobody; leave it out")
+        raise FleetError(f"lockstep: {fleet.name} flies hardware, which does not wait; leave it out")
     if speed is None or speed == fleet.clock.speed:
         return fleet
     if fleet.simulator is None:

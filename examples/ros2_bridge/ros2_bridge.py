@@ -19,13 +19,12 @@ import msgpack
 import numpy as np
 import zenoh
 from ros_commands import Commands
-from ros_messages import Header, Joy, Path, Point, Pose, PoseStamped, Quaternion, Time
+from ros_messages import FRAME_ID, Header, Joy, Path, Point, Pose, PoseStamped, Quaternion, Time
 from zenoh.ext import z_serialize
 
 from rcopterx import Fleet
 from rcopterx.deploy.hosts.running import running_fleets
 
-FRAME_ID = "world"
 TOPICS = {"pose": PoseStamped, "plan": Path, "command": Joy}
 """Topic of the fleet's bus and message of ROS 2; the topic in ROS 2 is /FLEET/VEHICLE/TOPIC."""
 NODE = "rcopterx"

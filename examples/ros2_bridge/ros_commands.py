@@ -8,11 +8,11 @@ import queue
 import struct
 import threading
 
-from ros_messages import PoseStamped
+from ros_messages import FRAME_ID, PoseStamped
 
+from rcopterx.control.interfaces import Measurement
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 
-FRAME_ID = "world"
 ALL = "all"
 """Name that stands for every vehicle of the fleet, except in `goal_pose`."""
 WAITING = 10
@@ -31,14 +31,12 @@ def goal_of(payload):
         raise CommandError(f"no PoseStamped: {error!r}") from None
     if message.header.frame_id not in ("", FRAME_ID):
         raise CommandError(f"frame {message.header.frame_id!r}: only {FRAME_ID!r} is known")
-    position, turn = message.pose.position, message.pose.orientation
-    yaw_rad = math.atan2(
-        2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y * turn.y + turn.z * turn.z)
-    )
-    goal = (position.x, position.y, position.z, yaw_rad)
-    if not all(map(math.isfinite, goal)):
+    place, turn = message.pose.position, message.pose.orientation
+    position_m = (place.x, place.y, place.z)
+    yaw_rad = Measurement.of_pose(position_m, (turn.x, turn.y, turn.z, turn.w)).yaw_rad
+    if not all(map(math.isfinite, (*position_m, yaw_rad))):
         raise CommandError("every number must be finite")
-    return goal[:3], yaw_rad
+    return position_m, yaw_rad
 
 
 class Commands:

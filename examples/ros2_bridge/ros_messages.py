@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from pycdr2 import IdlStruct
 from pycdr2.types import float32, float64, int32, sequence, uint32
 
+FRAME_ID = "world"
+"""Frame of all poses: the Tracker's world."""
+
 
 @dataclass
 class Time(IdlStruct):

@@ -91,7 +91,7 @@ def test_consensus_converges_with_the_eigenvalues_of_the_laplacian(edges: Sequen
     """Also on a cycle of leaders; the mode of an eigenvalue decays with s^2 + lambda d s + lambda k = 0."""
     places, _ = chain((0.0, 0.0, 1.0), (0.003, 0.0, 1.0), (-0.004, 0.0, 1.0))
     leaders = {name: [leader for leader, follower in edges if follower == name] for name in places}
-    # Nobody has a task: each follows some vehicle.
+    # No vehicle has a task: each follows another one.
     leaders["h1"] = leaders["h1"] or ["h2"]
     k, d = 2.0, 3.0
     swarm = Swarm("consensus", places, leaders, stiffness_per_s2=k, damping_per_s=d)
