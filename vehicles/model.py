@@ -213,6 +213,17 @@ class Model:
         hover[U_THRUST] = self.gravity_m_s2 / self.input_gain[U_THRUST]
         return hover
 
+    @cached_property
+    def stick_room(self) -> Array:
+        """Smaller way of each stick from hovering to its limits, shape (4,)."""
+        return np.minimum(self.u_max - self.hover_input, self.hover_input - self.u_min)
+
+    @cached_property
+    def reach(self) -> Array:
+        """Accelerations either way from hovering: horizontal at any heading, vertical, of the heading."""
+        reach = self.b * self.stick_room
+        return np.array([reach[:2].min(), *reach[2:]])
+
 
 FITTED: Final = (
     "input_gain",

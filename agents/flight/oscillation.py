@@ -14,8 +14,6 @@ from collections.abc import Iterable
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array
 
@@ -138,10 +136,10 @@ class OscillationDetector:
     """Counts half-waves of the sticks and of the tilt of one vehicle."""
 
     def __init__(self, model: Model) -> None:
-        reach = np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
-        tilt = float(model.b[:2].mean()) * float(reach[:2].mean()) / GRAVITY_M_S2
+        room = model.stick_room
+        tilt = float(model.b[:2].mean()) * float(room[:2].mean()) / GRAVITY_M_S2
         rests = (*model.hover_input.tolist(), 0.0, 0.0)
-        reaches = (*reach.tolist(), tilt, tilt)
+        reaches = (*room.tolist(), tilt, tilt)
 
         def channels(faint: bool) -> list[_Channel]:
             return [

@@ -31,7 +31,7 @@ def profile_limits_of(links: FormationGraph, models: Mapping[str, Model], name: 
         model = models.get(follower, models.get(name))
         if model is None:
             continue
-        speeds, reach = _speeds(model), _accelerations(model)
+        speeds, reach = _speeds(model), model.reach
         rate = np.minimum(rate, SPEED_SHARE * speeds)
         acceleration = np.minimum(acceleration, ACCELERATION_SHARE / model.uncertainty.gain_factor * reach)
         arm_m = arms.get(follower, 0.0)
@@ -55,12 +55,6 @@ def arms_of(links: FormationGraph, name: str) -> dict[str, float]:
         if other in ahead
     }
     return {other: arm_m for other, arm_m in arms.items() if arm_m > SHORTEST_ARM_M}
-
-
-def _accelerations(model: Model) -> Array:
-    """Accelerations either way from hovering: horizontal at any heading, vertical, of the heading."""
-    reach = model.b * np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
-    return np.array([reach[:2].min(), *reach[2:]])
 
 
 def _speeds(model: Model) -> Array:

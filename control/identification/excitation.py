@@ -104,8 +104,7 @@ def excitation_for(model: Model, duration_s: float, strength: float = 1.0, comb:
             YAW_RATE_RAD_S / yaw_rate_gain,
         ]
     )
-    room = np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
-    amplitude = np.minimum(strength * wanted, 0.25 * room)
+    amplitude = np.minimum(strength * wanted, 0.25 * model.stick_room)
     return Excitation(tuple(float(value) for value in amplitude), duration_s, comb)
 
 

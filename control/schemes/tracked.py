@@ -95,9 +95,8 @@ class TrackedScheme(ABC):
 
     def __init__(self, model: Model, period_s: float, settings: TrackedSettings) -> None:
         self._tracker = CascadeController(model, period_s, CascadeSettings(horizon=settings.horizon))
-        reach = model.b * np.minimum(model.u_max - model.hover_input, model.hover_input - model.u_min)
         share = ACCELERATION_SHARE / model.uncertainty.gain_factor
-        self._reach: Array = share * np.array([*np.repeat(reach[:2].min(), 2), reach[2]])
+        self._reach: Array = share * model.reach[[0, 0, 1]]
         """Largest planned accelerations, shape (3,)."""
         self._speed: Array = SPEED_SHARE * np.array(model.state_max)[3:6]
         """Largest planned speeds, shape (3,)."""
