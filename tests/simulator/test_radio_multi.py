@@ -2,61 +2,13 @@ import math
 from itertools import pairwise
 
 import pytest
+from radio_multi_bench import FRAME_S, Bench, booted, frame
 
-from rcopterx.simulator.radio import RadioLink
-from rcopterx.simulator.radio_module import AirPacket, SerialInput
-from rcopterx.simulator.radio_multi import MultiModule, air_value, killed_throttle, status_answer
-from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
-from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ten_bit_count
+from rcopterx.simulator.radio_module import SerialInput
+from rcopterx.simulator.radio_multi import air_value, killed_throttle, status_answer
+from rcopterx.transmitter_gateway.protocols.base import ten_bit_count
 from rcopterx.transmitter_gateway.protocols.multi import MultiFrame, MultiProtocol, MultiSettings
-from rcopterx.transmitter_gateway.protocols.multi_answers import AnswerParser, MultiStatus
 from rcopterx.transmitter_gateway.protocols.multi_radios import RADIOS
-
-FRAME_S = 27 * 120e-6
-HOVER = [1540.0]
-BOOTED_S = 1.0
-
-
-def frame(pulses: list[float] | None = None, **flags: bool) -> bytes:
-    protocol = MultiProtocol(MultiSettings(rx_num=3))
-    return protocol.encode(pulses or HOVER, FrameFlags(**flags), disarmed=True)
-
-
-class Bench:
-    """A module with virtual time, fed at 50 Hz."""
-
-    def __init__(self, receiver: Receiver | None = None, **module_options: bool) -> None:
-        self.module = MultiModule(0.0, **module_options)
-        self.link = RadioLink(self.module, receiver or Receiver(3, connect_s=0.0))
-        self.now_s = 0.0
-        self.packets: list[AirPacket] = []
-        self.answers = b""
-        receive = self.link.receiver.receive
-
-        def note(packet: AirPacket) -> bool:
-            self.packets.append(packet)
-            return receive(packet)
-
-        self.link.receiver.receive = note  # type: ignore[method-assign]  # listens in on the air
-
-    def run(self, seconds: float, data: bytes | None) -> list[AirPacket]:
-        first = len(self.packets)
-        for _ in range(round(seconds / 0.02)):
-            if data is not None:
-                self.link.feed(data, self.now_s)
-            self.now_s += 0.02
-            self.answers += self.link.advance(self.now_s)
-        return self.packets[first:]
-
-    def statuses(self) -> list[MultiStatus]:
-        answers, self.answers = self.answers, b""
-        return AnswerParser().feed(answers)
-
-
-def booted(receiver: Receiver | None = None) -> Bench:
-    bench = Bench(receiver)
-    bench.run(BOOTED_S, frame())
-    return bench
 
 
 @pytest.mark.parametrize(
@@ -253,11 +205,6 @@ def test_wrong_polarity_makes_the_module_deaf_until_power_cycled() -> None:
     assert bench.run(1.0, frame())
 
 
-def test_autobind_stops_the_radio() -> None:
-    bench = booted()
-    assert not bench.run(1.0, MultiFrame((1024,) * 16, rx_num=3, autobind=True).to_bytes())
-
-
 def test_mapping_on_reorders_the_channels() -> None:
     bench = booted()
     mapped = MultiFrame((1100, 1200, 1300, 1400, *([1024] * 12)), rx_num=3, mapping_off=False)
@@ -330,85 +277,6 @@ def test_eleven_ms_mode_sends_twice_as_often() -> None:
     assert math.isclose(times[-1] - times[-3], 0.011)
 
 
-def test_bind_sends_181_packets_listens_and_resumes_after_6_s() -> None:
-    receiver = Receiver(None, connect_s=0.0)
-    receiver.enter_bind_mode()
-    bench = booted(receiver)
-    bench.statuses()
-    start_s = bench.now_s
-    packets = bench.run(8.0, frame([1100], bind=True))
-    binds = [packet for packet in packets if packet.bind]
-    assert len(binds) == 181
-    assert math.isclose(binds[0].time_s - start_s, 0.13, abs_tol=0.01)
-    assert math.isclose(binds[1].time_s - binds[0].time_s, 0.01)
-    resumed = next(packet for packet in packets if not packet.bind and packet.time_s > start_s + 1)
-    assert math.isclose(resumed.time_s - start_s, 6.16, abs_tol=0.02)
-    assert any(status.binding for status in bench.statuses())
-    assert receiver.model_match == 3
-    assert receiver.output(bench.now_s).state is ReceiverState.LINKED
-
-
-def test_an_answering_receiver_ends_the_bind_early() -> None:
-    receiver = Receiver(None, connect_s=0.0, answers_bind=True)
-    receiver.enter_bind_mode()
-    bench = booted(receiver)
-    bench.answers = b""
-    bench.run(2.2, frame([1100], bind=True))
-    assert not bench.module.binding
-    assert b"MP\x05" in bench.answers
-
-
-def test_status_shows_the_end_of_a_bind_up_to_half_a_second_late() -> None:
-    bench = booted()
-    start_s = bench.now_s
-    ended_s = None
-    while ended_s is None:
-        bench.run(0.02, frame(bind=True))
-        statuses = bench.statuses()
-        if bench.now_s - start_s > 0.2 and statuses and not statuses[-1].binding:
-            ended_s = bench.now_s - start_s
-    assert 6.16 <= ended_s <= 6.7
-
-
-def test_a_bind_changes_the_radio_channels() -> None:
-    bench = booted()
-    before = bench.packets[-1].rf_channels
-    assert bench.run(8.0, frame(bind=True))[-1].rf_channels != before
-
-
-def test_clearing_the_bind_bit_early_leaves_three_packets_and_the_whole_time_of_listening() -> None:
-    bench = booted()
-    bench.run(0.5, frame(bind=True))
-    cleared_s = bench.now_s
-    packets = bench.run(6.0, frame())
-    assert sum(packet.bind for packet in packets) == 3
-    resumed = next(packet for packet in packets if not packet.bind)
-    assert math.isclose(resumed.time_s - cleared_s, 4.25, abs_tol=0.02)
-
-
-def test_clearing_the_bind_bit_while_the_module_listens_changes_nothing() -> None:
-    bench = booted()
-    start_s = bench.now_s
-    bench.run(3.0, frame(bind=True))
-    resumed = next(packet for packet in bench.run(6.0, frame()) if not packet.bind)
-    assert math.isclose(resumed.time_s - start_s, 6.16, abs_tol=0.02)
-
-
-def test_frames_that_stop_freeze_a_bind_until_they_return() -> None:
-    bench = booted()
-    before = sum(packet.bind for packet in bench.run(1.0, frame(bind=True)))
-    before += sum(packet.bind for packet in bench.run(0.1, None))
-    assert not bench.run(5.0, None)
-    after = bench.run(8.0, frame(bind=True))
-    assert before + sum(packet.bind for packet in after) == 181
-
-
-def test_keeping_the_bind_bit_set_does_not_bind_again() -> None:
-    bench = booted()
-    bench.run(7.0, frame(bind=True))
-    assert not any(packet.bind for packet in bench.run(2.0, frame(bind=True)))
-
-
 def test_bytes_of_one_read_are_back_to_back_after_those_before() -> None:
     line = SerialInput(120e-6, 250e-6)
     line.feed(bytes(27), 1.0)
@@ -430,15 +298,3 @@ def test_every_radio_of_the_driver_reaches_its_vehicle(radio: str) -> None:
     assert radio in protocol.status(bench.now_s).text
     assert bench.packets[-1].pulses_us[:4] == pytest.approx(sent, abs=1.5)
     assert len(bench.packets[-1].pulses_us) <= RADIOS[radio].channels
-
-
-def test_a_radio_that_binds_by_itself_is_ready_afterwards() -> None:
-    protocol = MultiProtocol(MultiSettings(rx_num=3, radio="E129", sub_protocol=1))
-    bench = Bench()
-    bench.run(2.0, protocol.encode(HOVER))
-    assert bench.statuses()[-1].binding
-    assert not bench.packets
-    bench.run(2.0, protocol.encode(HOVER))
-    status = bench.statuses()[-1]
-    assert (status.protocol, status.sub_protocol, status.binding) == ("E129", "C186", False)
-    assert bench.packets

@@ -7,6 +7,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 from restart_bench import Restart
+from transmitter_bench import Bench
 
 
 @pytest.fixture
@@ -16,3 +17,11 @@ def restart(tmp_path: Path) -> Iterator[Restart]:
     yield bench
     bench.transmitter.close()
     bench.radio.close()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    """A transmitter and its radio."""
+    bench = Bench(tmp_path / "h1")
+    yield bench
+    bench.close()

@@ -22,7 +22,6 @@ from rcopterx.transmitter_gateway.landing import (
     YAW_GAIN_PER_S,
     LandingLaw,
     Motion,
-    StickEffect,
     climb_rate_m_s,
 )
 from rcopterx.transmitter_gateway.limits import LandingLimits, LimitsError
@@ -164,22 +163,6 @@ def test_figures_of_the_law_are_those_it_was_flown_with() -> None:
     assert climb_rate_m_s(at((0.0, 0.0, 0.40)), 0.0, 0.0, LIMITS, brakes=False) == -0.4
 
 
-def test_effect_of_a_stick_is_expected_with_its_lag_and_forgotten_in_a_second() -> None:
-    """One step of 20 ms: 1 - exp(-0.02 / 0.15) of 1 m/s^2 is due, and 0.1 m/s are gained."""
-    found = StickEffect()
-    assert (found.sense, found.commanded_m_s2, found.work) == (1.0, 0.0, 0.0)
-    found.note(0.0, STEP_S)
-    assert (found.work, found.share) == (0.0, 0.0)
-    found.commanded_m_s2 = 1.0
-    found.note(0.1, STEP_S)
-    due = 1.0 - math.exp(-0.02 / 0.15)
-    assert found.work == pytest.approx(0.1 * due)
-    assert found.share == pytest.approx(0.1 / (due * STEP_S))
-    found.pause()
-    found.note(5.0, 1.0)
-    assert found.work == pytest.approx(0.1 * due * math.exp(-1.0))
-
-
 # A vehicle that does not obey -------------------------------------------------------------------------
 
 
@@ -315,65 +298,6 @@ def test_vehicle_that_does_not_obey_changes_its_climb_rate_faster() -> None:
     assert thrust == pytest.approx(
         HOVER - change * (CLIMB_GAIN_PER_S + CLIMB_INTEGRAL_PER_S2 * STEP_S) / 10.0
     )
-
-
-def effect(commanded_m_s2: float, gained_m_s2: float, seconds: float = 0.6) -> StickEffect:
-    """A stick that asks for an acceleration, and its vehicle, which has another one."""
-    found = StickEffect()
-    found.commanded_m_s2 = commanded_m_s2
-    for n in range(round(seconds / STEP_S)):
-        found.note(gained_m_s2 * n * STEP_S, STEP_S)
-    return found
-
-
-@pytest.mark.parametrize("commanded_m_s2", [-1.0, 1.0])
-@pytest.mark.parametrize("share", [-1.0, -0.5, 0.0, 0.5, 1.0])
-def test_effect_of_a_stick_is_the_share_of_what_was_asked_for_that_was_seen(
-    commanded_m_s2: float, share: float
-) -> None:
-    found = effect(commanded_m_s2, share * commanded_m_s2, seconds=3.0)
-    assert found.share == pytest.approx(share, abs=0.1)
-    assert found.work == pytest.approx(share * 0.88, abs=0.1)
-
-
-def test_effect_of_a_stick_that_was_not_moved_is_not_known() -> None:
-    found = effect(0.0, -1.0, seconds=5.0)
-    assert found.share == 0.0
-    assert not found.turn_round()
-    assert found.sense == 1.0
-
-
-@pytest.mark.parametrize(("share", "turned"), [(-0.2, False), (-0.45, True), (1.0, False)])
-def test_stick_is_turned_round_only_if_it_acts_the_wrong_way_round(share: float, turned: bool) -> None:
-    found = effect(1.0, share, seconds=3.0)
-    assert found.turn_round() == turned
-    assert found.sense == (-1.0 if turned else 1.0)
-    assert not found.turn_round()
-    assert (found.share == 0.0) == turned
-
-
-def test_effect_is_that_of_the_last_seconds() -> None:
-    found = effect(1.0, -1.0, seconds=3.0)
-    for n in range(round(4.0 / STEP_S)):
-        found.note(-3.0 + n * STEP_S, STEP_S)
-    assert found.share > 0.8
-
-
-@pytest.mark.parametrize(
-    ("commanded_m_s2", "share", "sense"),
-    [
-        (1.6, 0.0, 0.0),
-        (1.6, 0.15, 0.0),
-        (1.6, 0.25, 1.0),
-        (1.6, -1.0, -1.0),
-        (1.0, 0.0, 1.0),
-        (-1.6, 0.0, 0.0),
-    ],
-)
-def test_stick_that_has_asked_for_much_without_effect_is_given_up(
-    commanded_m_s2: float, share: float, sense: float
-) -> None:
-    assert effect(commanded_m_s2, share * commanded_m_s2, seconds=1.5).sense == sense
 
 
 def test_stick_without_effect_is_left_at_rest_and_the_other_one_goes_on() -> None:

@@ -1,156 +1,25 @@
-import select
-from collections.abc import Callable, Iterator
-from dataclasses import replace
 from itertools import pairwise
-from operator import call
 from pathlib import Path
 
 import pytest
+from transmitter_bench import FRAME_S, HOVER, IDLE, Bench, settings_of
 
-from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_module import SerialFrame
-from rcopterx.simulator.radio_multi import MultiModule
-from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.transmitter_gateway.calibration import (
     ArmingChannel,
     Calibration,
-    ChannelCalibration,
     SwitchChannel,
     ThrottleCalibration,
 )
 from rcopterx.transmitter_gateway.inputs import (
     Action,
-    ActionRequest,
-    Answer,
     CommandInput,
     LinkState,
     PoseInput,
     State,
 )
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.port import WriteOutcome
-from rcopterx.transmitter_gateway.protocols.base import (
-    ProtocolError,
-    PulseRangeError,
-    RadioProtocol,
-    SerialLine,
-)
-from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
-from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
-from rcopterx.transmitter_gateway.serial_port import SerialPort
-from rcopterx.transmitter_gateway.settings import TransmitterSettings
-from rcopterx.transmitter_gateway.snapshot import Write
 from rcopterx.transmitter_gateway.transmitter import Transmitter
-
-LINE = SerialLine(100_000, "N", 2)
-IDLE = (0.0, 0.0, 0.0, 0.0)
-HOVER = (0.1, -0.1, 0.55, 0.05)
-FRAME_S = 27 * 120e-6
-
-
-def settings_of(calibration: Calibration, protocol: RadioProtocol | None = None) -> TransmitterSettings:
-    protocol = protocol or MultiProtocol(MultiSettings(rx_num=3), LINE)
-    return TransmitterSettings("h1", "/nonexistent", protocol, calibration, ArbiterLimits())
-
-
-class Bench:
-    """Transmitter and emulated radio on a pseudo-terminal, driven in virtual time."""
-
-    def __init__(self, path: Path, calibration: Calibration | None = None) -> None:
-        self.now_s = 0.0
-        self.radio = RadioPty(path, RadioLink(MultiModule(0.0), Receiver(3, connect_s=0.0)))
-        self.port = SerialPort(str(path), LINE, call)
-        self.transmitter = Transmitter(settings_of(calibration or Calibration()), self.port)
-        self.transmitter.arbiter.bid(1, 0.0, take_over=False)
-        self.sequence = 0
-        self.next_command_s = 0.02
-        self.frames: list[SerialFrame] = []
-        self.writes: list[Write] = []
-
-    def close(self) -> None:
-        self.transmitter.close()
-        self.radio.close()
-
-    @property
-    def state(self) -> State:
-        return self.transmitter.arbiter.state
-
-    def exchange(self) -> None:
-        """Let what was written arrive and what is answered be read."""
-        self._tick()
-        self.radio.service(self.now_s)
-        self.frames += self.radio.link.take_frames()
-        descriptor = self.port.fileno()
-        if descriptor is not None and select.select([descriptor], [], [], 0)[0]:
-            self.transmitter.on_readable(self.now_s)
-            self._tick()
-
-    def _tick(self) -> None:
-        write = self.transmitter.tick(self.now_s)
-        if write is None or write.outcome is not WriteOutcome.WRITTEN:
-            return
-        self.writes.append(write)
-        if self.radio.is_open:
-            assert select.select([self.radio.fileno()], [], [], 5.0)[0]
-
-    def command(self, u: tuple[float, ...] = HOVER) -> Answer:
-        self.sequence += 1
-        pose = PoseInput("h1", 1, self.sequence, (0.0, 0.0, 1.0), 0.02)
-        self.transmitter.on_pose(pose, self.now_s)
-        self._tick()
-        answer = self.transmitter.on_command(CommandInput(1, 1, self.sequence, self.sequence, u), self.now_s)
-        self.exchange()
-        return answer
-
-    def tick(self) -> None:
-        self.exchange()
-
-    def run(self, seconds: float, u: tuple[float, ...] | None = HOVER, period_s: float = 0.02) -> None:
-        end_s = self.now_s + seconds
-        while True:
-            due_s = max(self.transmitter.next_deadline_s(), self.now_s)
-            command_s = max(self.next_command_s, self.now_s) if u is not None else end_s
-            if min(due_s, command_s) >= end_s:
-                break
-            if command_s <= due_s and u is not None:
-                self.now_s = command_s
-                self.next_command_s = command_s + period_s
-                self.command(u)
-            else:
-                self.now_s = due_s + 1e-9
-                self.tick()
-        self.now_s = end_s
-        self.exchange()
-
-    def settle(self) -> None:
-        """Let the last frame arrive."""
-        self.run(0.005, None)
-
-    def request(self, action: Action) -> Answer:
-        answer = self.transmitter.request(ActionRequest(action, "operator"), self.now_s)
-        self.exchange()
-        return answer
-
-    def fly(self, after_s: float = 1.2) -> "Bench":
-        self.run(after_s, IDLE)
-        assert self.request(Action.ARM).accepted
-        self.run(0.5)
-        assert self.state is State.ARMED
-        self.frames.clear()
-        return self
-
-    def received(self) -> list[float]:
-        """Throttle pulse widths of the frames accepted since the last call [us]."""
-        frames, self.frames = self.frames, []
-        return [round(frame.pulses_us[0]) for frame in frames]
-
-
-@pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    bench = Bench(tmp_path / "h1")
-    yield bench
-    bench.close()
 
 
 def intervals(frames: list[SerialFrame]) -> list[float]:
@@ -371,113 +240,6 @@ def test_long_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_a
     assert bench.request(Action.ARM).accepted
 
 
-def test_binding_ends_when_the_module_is_done_and_settles_for_5_s(bench: Bench) -> None:
-    receiver = bench.radio.link.receiver
-    receiver.enter_bind_mode()
-    bench.run(1.5, IDLE)
-    assert bench.transmitter.bind(bench.now_s).accepted
-    started_s = bench.now_s
-    bench.run(0.2, IDLE)
-    assert bench.frames[-1].bind
-    assert bench.transmitter.snapshot(bench.now_s).binding
-    while bench.transmitter.snapshot(bench.now_s).binding:
-        bench.run(0.1, IDLE)
-        assert bench.now_s < started_s + 7.5
-    assert bench.now_s - started_s == pytest.approx(6.03, abs=0.6)
-    assert receiver.model_match == 3
-    assert bench.transmitter.snapshot(bench.now_s).link is LinkState.UP
-    assert not bench.request(Action.ARM).accepted
-    bench.run(0.1, IDLE)
-    assert not bench.frames[-1].bind
-    bench.run(5.2, IDLE)
-    assert bench.request(Action.ARM).accepted
-
-
-def test_bind_is_given_up_after_7_s_when_the_module_never_says_it_is_done(bench: Bench) -> None:
-    bench.run(1.5, IDLE)
-    bench.transmitter.bind(bench.now_s)
-    bench.port.read_available = lambda now_s: b""  # type: ignore[method-assign]  # its answers stop
-    bench.run(6.9, IDLE)
-    assert bench.transmitter.snapshot(bench.now_s).binding
-    bench.run(0.2, IDLE)
-    assert not bench.transmitter.snapshot(bench.now_s).binding
-
-
-def test_binding_and_range_check_are_refused_in_flight_and_without_a_port(bench: Bench) -> None:
-    bench.fly()
-    transmitter = bench.transmitter
-    for what, refused in (
-        ("binding", transmitter.bind(bench.now_s)),
-        ("range check", transmitter.range_check(True)),
-        ("calibration", transmitter.show(IDLE)),
-    ):
-        assert refused == Answer(False, f"{what} is only possible while DISARMED, not ARMED")
-    assert not transmitter.busy(bench.now_s)
-    bench.radio.unplug()
-    bench.run(0.75)
-    assert transmitter.bind(bench.now_s) == Answer(False, f"binding is not possible: {bench.port.problem}")
-
-
-def test_what_is_requested_at_the_workbench_is_written_at_once(bench: Bench) -> None:
-    bench.run(1.5, IDLE)
-    for request, answer in (
-        (lambda: bench.transmitter.range_check(True), Answer(True, "range check on")),
-        (lambda: bench.transmitter.range_check(False), Answer(True, "range check off")),
-        (lambda: bench.transmitter.show(IDLE), Answer(True, "shown")),
-        (lambda: bench.transmitter.bind(bench.now_s), Answer(True, "binding")),
-    ):
-        bench.run(1.0, None)
-        last_s = bench.writes[-1].time_s
-        while bench.writes[-1].time_s == last_s:
-            bench.run(0.001, None)
-        # A frame has just been written; the next one waits for the receiver only, not for the keep-alive.
-        written = len(bench.writes)
-        assert request() == answer
-        bench.run(0.0075, None)
-        assert len(bench.writes) == written + 1
-
-
-def test_inputs_are_shown_with_low_throttle_until_their_time_or_the_end_is_requested(bench: Bench) -> None:
-    bench.run(1.5, IDLE)
-    throttle, pitch = 0, 2
-    centre_us = bench.writes[-1].pulses_us[pitch]
-    assert bench.transmitter.show((0.5, 0.0, 0.9, 0.0), until_s=bench.now_s + 0.5).accepted
-    bench.run(0.4, IDLE)
-    assert abs(bench.writes[-1].pulses_us[pitch] - centre_us) > 100
-    assert bench.writes[-1].pulses_us[throttle] == 1100
-    assert bench.request(Action.ARM).reason == "missing: transmitter ready"
-    bench.run(0.2, None)
-    assert bench.writes[-1].pulses_us[pitch] == centre_us
-    assert bench.transmitter.show((0.5, 0.0, 0.0, 0.0)).accepted
-    bench.run(10.0, None)
-    assert abs(bench.writes[-1].pulses_us[pitch] - centre_us) > 100
-    assert bench.transmitter.show(None).accepted
-    bench.run(0.1, IDLE)
-    assert bench.writes[-1].pulses_us[pitch] == centre_us
-    assert not bench.transmitter.busy(bench.now_s)
-
-
-def test_a_throttle_within_the_calibration_is_shown_with_the_arming_channel_on(tmp_path: Path) -> None:
-    arming = ArmingChannel(4)
-    calibration = Calibration(throttle=ThrottleCalibration(us0=1150, us1=1900), arming=arming)
-    bench = Bench(tmp_path / "h1", calibration)
-    try:
-        bench.run(1.0, None)
-        for throttle_us in (1100.0, 1500.0, 1900.0):
-            assert bench.transmitter.show(IDLE, throttle_us=throttle_us).accepted
-            bench.run(0.1, None)
-            assert bench.writes[-1].pulses_us[0] == throttle_us
-            assert arming.is_on(bench.writes[-1].pulses_us)
-        for throttle_us in (1099.0, 1901.0):
-            refused = bench.transmitter.show(IDLE, throttle_us=throttle_us)
-            assert refused == Answer(False, f"throttle {throttle_us:g} us is outside 1100 .. 1900")
-        assert bench.transmitter.show(IDLE).accepted
-        bench.run(0.1, None)
-        assert not arming.is_on(bench.writes[-1].pulses_us)
-    finally:
-        bench.close()
-
-
 def test_the_snapshot_shows_reason_lease_planned_input_and_all_counters(bench: Bench) -> None:
     bench.fly()
     bench.sequence += 1
@@ -494,58 +256,11 @@ def test_the_snapshot_shows_reason_lease_planned_input_and_all_counters(bench: B
     assert snapshot.counters["frames written"] == len(bench.writes)
 
 
-def test_range_check_reduces_the_power_and_forbids_arming(bench: Bench) -> None:
-    bench.run(1.5, IDLE)
-    assert bench.transmitter.range_check(True).reason == "range check on"
-    bench.run(0.1, IDLE)
-    bench.radio.link.receiver.in_range_check_reach = False
-    bench.run(2.0, IDLE)
-    assert bench.radio.link.receiver.output(bench.now_s).state == "failsafe"
-    assert bench.request(Action.ARM).reason == "missing: transmitter ready"
-    bench.transmitter.range_check(False)
-    bench.run(0.1, IDLE)
-    assert bench.radio.link.receiver.output(bench.now_s).state == "linked"
-    assert bench.request(Action.ARM).accepted
-
-
 def test_full_port_is_tried_again_and_then_given_up(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     bench.fly()
     monkeypatch.setattr(bench.port, "write_frame", lambda frame, now_s: WriteOutcome.SHORT)
     bench.run(0.02)
     assert bench.transmitter.next_deadline_s() <= bench.now_s + 0.005
-
-
-def make(
-    protocol: RadioProtocol, *, calibration: Calibration | None = None, low_power: bool = False
-) -> Transmitter:
-    settings = settings_of(calibration or Calibration(), protocol)
-    return Transmitter(replace(settings, low_power=low_power), SerialPort("/nonexistent", LINE, call))
-
-
-@pytest.mark.parametrize(
-    "build",
-    [
-        lambda: make(MultiProtocol(), calibration=Calibration(throttle=ThrottleCalibration(us1=2050))),
-        lambda: make(
-            MultiProtocol(), calibration=Calibration(roll=ChannelCalibration(1, gain_us=600, lo_us=900))
-        ),
-        lambda: make(Dsm2SerialProtocol(), calibration=Calibration(roll=ChannelCalibration(6))),
-    ],
-    ids=["throttle", "roll", "channel"],
-)
-def test_a_calibration_the_radio_cannot_carry_is_refused_at_the_start(
-    build: Callable[[], Transmitter],
-) -> None:
-    with pytest.raises(PulseRangeError):
-        build()
-
-
-def test_wishes_the_radio_does_not_offer_are_refused() -> None:
-    with pytest.raises(ProtocolError, match="low_power"):
-        make(PpmGenProtocol(), low_power=True)
-    transmitter = make(PpmGenProtocol())
-    assert transmitter.range_check(True) == Answer(False, "ppm: check the range with the radio itself")
-    assert transmitter.bind(0.0) == Answer(False, "ppm: bind with the radio itself")
 
 
 def test_poses_of_others_are_not_acted_on_before_the_own_turn(bench: Bench) -> None:
