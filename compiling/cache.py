@@ -103,7 +103,7 @@ def _digest() -> str:
     package = Path(__file__).parents[1]
     for module in (*RECORDS, *sorted(MODULES)):
         digest.update((package / f"{module.replace('.', '/')}.py").read_bytes())
-    parts = [str(package), version("numba"), version("numpy"), sys.version, platform.machine()]
+    parts = [version("numba"), version("numpy"), sys.version, platform.machine()]
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -8,12 +8,13 @@ replay on the same machine is the same bit for bit. Set `NUMBA_DISABLE_JIT=1` to
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any, Final, ParamSpec, TypeVar
 
 import numba
 import numpy as np
 from numba import types
-from numba.core import cgutils, datamodel, event, imputils, typeconv
+from numba.core import caching, cgutils, datamodel, event, imputils, typeconv
 from numpy.typing import NDArray
 
 from rcopterx.compiling.cache import directory, only_one
@@ -29,6 +30,8 @@ _cgutils: Any = cgutils
 _datamodel: Any = datamodel
 _imputils: Any = imputils
 _typeconv: Any = typeconv
+_Locator: Any = caching.UserProvidedCacheLocator
+_PACKAGE: Final = Path(__file__).parents[1]
 _OPTIONS: Final = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 
@@ -92,6 +95,22 @@ class Announcer(event.Listener):
         """Do nothing: numba calls this after compiling."""
 
 
+class KernelLocator(_Locator):  # type: ignore[misc]
+    """Finds machine code by the place of its source in this package, so that two clones share it."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Return the directory of a source file in the cache; numba calls this."""
+        source = Path(py_file)
+        if source.is_relative_to(_PACKAGE):
+            return str(source.relative_to(_PACKAGE).parent)
+        place: str = super().get_suitable_cache_subpath(py_file)
+        return place
+
+
+_LOCATOR: Final = f"{KernelLocator.__module__}.{KernelLocator.__qualname__}"
+
+
 def compiled(*arguments: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Compile a function for these types of its arguments, or load its machine code from the cache."""
 
@@ -101,8 +120,9 @@ def compiled(*arguments: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
             if path is not None:
                 stack.enter_context(only_one(path, function.__module__))
                 # Restored afterwards: functions that users compile with numba keep their own cache.
-                stack.callback(setattr, _config, "CACHE_DIR", _config.CACHE_DIR)
-                _config.CACHE_DIR = str(path)
+                for option, value in (("CACHE_DIR", str(path)), ("CACHE_LOCATOR_CLASSES", _LOCATOR)):
+                    stack.callback(setattr, _config, option, getattr(_config, option))
+                    setattr(_config, option, value)
             stack.enter_context(event.install_listener("numba:compile", Announcer()))
             kernel: Callable[P, R] = _njit([arguments], cache=path is not None, **_OPTIONS)(function)
         return kernel

@@ -1,6 +1,7 @@
 """Promises of the cache of kernels: private, found again, no obstacle where nothing is writable."""
 
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -142,6 +143,18 @@ def test_of_processes_that_start_at_the_same_time_one_compiles_and_says_so(tmp_p
     outputs = [process.communicate(timeout=300) for process in processes]
     assert [stdout for stdout, _ in outputs] == ["42.0\n", "42.0\n"]
     assert sorted("once" in stderr for _, stderr in outputs) == [False, True]
+
+
+def test_clones_of_the_same_sources_share_machine_code(tmp_path: Path) -> None:
+    (tmp_path / "kernel.py").write_text("from rcopterx.control.models import finite; print(finite.__file__)")
+    announced = {}
+    for clone in ("first", "second"):
+        package = Path(cache.__file__).parents[1]
+        shutil.copytree(package, tmp_path / clone / "rcopterx", ignore=shutil.ignore_patterns("__pycache__"))
+        done = run(tmp_path, {cache.VARIABLE: str(tmp_path / "kept"), "PYTHONPATH": str(tmp_path / clone)})
+        assert done.stdout.startswith(str(tmp_path / clone)), done.stderr
+        announced[clone] = "once" in done.stderr
+    assert announced == {"first": True, "second": False}
 
 
 def test_everything_is_compiled_in_a_process_of_its_own_unless_it_is_there(
