@@ -14,21 +14,24 @@ import threading
 import time
 import uuid
 from contextlib import ExitStack, suppress
+from functools import partial
+from itertools import count
 
 import msgpack
 import numpy as np
 import zenoh
-from ros_commands import Commands
+from ros_commands import ALL, SERVICES, TOPICS, CommandError, Commands
 from ros_messages import FRAME_ID, Header, Joy, Path, Point, Pose, PoseStamped, Quaternion, Time
 from zenoh.ext import z_serialize
 
 from rcopterx import Fleet
 from rcopterx.deploy.hosts.running import running_fleets
 
-TOPICS = {"pose": PoseStamped, "plan": Path, "command": Joy}
+SHOWN = {"pose": PoseStamped, "plan": Path, "command": Joy}
 """Topic of the fleet's bus and message of ROS 2; the topic in ROS 2 is /FLEET/VEHICLE/TOPIC."""
 NODE = "rcopterx"
 BEST_EFFORT_KEEP_LAST_1 = "2::,1:,:,:,,"
+RELIABLE_KEEP_LAST_10 = "::,10:,:,:,,"
 
 
 def ros_pose(message, now_s):
@@ -108,6 +111,12 @@ def publisher_token(domain, session_id, number, topic, kind):
     return f"{entity}/%{topic.replace('/', '%')}/{dds_name(kind)}/{kind.ROS_HASH}/{BEST_EFFORT_KEEP_LAST_1}"
 
 
+def service_token(domain, session_id, number, service, kind):
+    """Token by which clients find a service, and wait for it."""
+    entity = f"@ros2_lv/{domain}/{session_id}/0/{number}/SS/%/%/{NODE}"
+    return f"{entity}/%{service.replace('/', '%')}/{dds_name(kind)}/{kind.ROS_HASH}/{RELIABLE_KEEP_LAST_10}"
+
+
 class Topic:
     """One topic in ROS 2: its publisher, its token, its count of messages."""
 
@@ -134,18 +143,55 @@ class Bridge:
         self._key = {"rmw_zenoh": rmw_zenoh_key, "ros2dds": ros2dds_key}[keys]
         self._fleet, self._keys, self._domain = fleet, keys, domain
         self._topics = {}
+        self._numbers = count(1)  # of publishers and services
+        self._obeyed = []  # subscribers, services and their tokens
         self._one_at_a_time = threading.Lock()  # pycdr2 writes every message of a type into the same buffer
         self._ros = session_to(ros, ros_namespace)
         self._id = str(self._ros.zid())
         self._node = self._ros.liveliness().declare_token(node_token(domain, self._id))
         self._bus = session_to(rcopterx, namespace)
         self._subscribers = [
-            self._bus.declare_subscriber(f"rcopterx/{fleet}/*/{name}", self._on_sample) for name in TOPICS
+            self._bus.declare_subscriber(f"rcopterx/{fleet}/*/{name}", self._on_sample) for name in SHOWN
         ]
 
     def obey(self, fleet, report=print):
-        """Let ROS 2 command a fleet, which the caller has joined and closes."""
-        return Commands(self._ros, fleet, lambda topic: command_key(topic, self._keys, self._domain), report)
+        """Let ROS 2 command a fleet, which the caller has joined and closes.
+
+        The bridge of DDS has topics only: it offers the services of programs to ROS 2 by its configuration.
+        """
+        commands = Commands(fleet, report)
+        for name in TOPICS:
+            key = command_key(f"{self._fleet}/*/{name}", self._keys, self._domain)
+            received = partial(self._on_command, commands, name)
+            self._obeyed.append(self._ros.declare_subscriber(key, received))
+        if self._keys == "rmw_zenoh":
+            for vehicle in (*fleet.file.vehicles, ALL):
+                for name in SERVICES:
+                    self._serve(commands, vehicle, name)
+
+    def _serve(self, commands, vehicle, name):
+        kind, service = SERVICES[name], f"{self._fleet}/{vehicle}/{name}"
+        answer = partial(self._on_request, commands, vehicle, name)
+        key = rmw_zenoh_key(service, kind, self._domain)
+        token = service_token(self._domain, self._id, next(self._numbers), service, kind)
+        self._obeyed.append(self._ros.declare_queryable(key, answer, complete=True))
+        self._obeyed.append(self._ros.liveliness().declare_token(token))
+
+    @staticmethod
+    def _on_command(commands, name, sample):
+        parts = str(sample.key_expr).split("/")
+        commands.receive(name, parts[parts.index(name) - 1], sample.payload.to_bytes())
+
+    @staticmethod
+    def _on_request(commands, vehicle, name, query):
+        payload = b"" if query.payload is None else query.payload.to_bytes()
+        try:
+            response = commands.answer(name, vehicle, payload)
+        except CommandError as error:
+            query.reply_err(str(error).encode())
+        else:
+            # The client finds its request by the attachment, which it also expects with the response.
+            query.reply(query.key_expr, response, attachment=query.attachment)
 
     def close(self):
         """Leave both sides."""
@@ -159,11 +205,11 @@ class Bridge:
         if message is None:
             return
         with self._one_at_a_time:
-            self._topic(f"{self._fleet}/{vehicle}/{name}", TOPICS[name]).put(message, now_s)
+            self._topic(f"{self._fleet}/{vehicle}/{name}", SHOWN[name]).put(message, now_s)
 
     def _topic(self, topic, kind):
         if topic not in self._topics:
-            token = publisher_token(self._domain, self._id, len(self._topics) + 1, topic, kind)
+            token = publisher_token(self._domain, self._id, next(self._numbers), topic, kind)
             self._topics[topic] = Topic(self._ros, self._key(topic, kind, self._domain), token)
         return self._topics[topic]
 

@@ -1,4 +1,4 @@
-"""Commands of ROS 2 for a fleet: messages on topics become calls of the scripting interface.
+"""Commands of ROS 2 for a fleet: messages and requests of services become calls of the scripting interface.
 
 One command after the other is carried out, except an emergency, which does not wait. Refusals are printed.
 """
@@ -8,13 +8,19 @@ import queue
 import struct
 import threading
 
-from ros_messages import FRAME_ID, PoseStamped
+import msgspec
+from ros_messages import FRAME_ID, Empty, GoTo, Land, PoseStamped, Takeoff
 
+from rcopterx.bus.requests import TakeOff
 from rcopterx.control.interfaces import Measurement
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 
 ALL = "all"
-"""Name that stands for every vehicle of the fleet, except in `goal_pose`."""
+"""Name that stands for every vehicle of the fleet, except for a goal."""
+TOPICS = ("goal_pose", "takeoff", "land", "emergency")
+SERVICES = {"takeoff": Takeoff, "land": Land, "go_to": GoTo, "emergency": Empty}
+"""Services by the last part of their name, and their requests; all responses are empty."""
+RESPONSE = Empty().serialize()
 WAITING = 10
 """Largest number of commands that wait."""
 
@@ -23,65 +29,96 @@ class CommandError(ValueError):
     """A message that is no command; the text says why."""
 
 
+def decoded(kind, payload):
+    """A message of ROS 2; raises CommandError."""
+    try:
+        return kind.deserialize(payload)
+    except (struct.error, ValueError) as error:
+        raise CommandError(f"no {kind.__name__}: {error!r}") from None
+
+
 def goal_of(payload):
     """Position [m] and heading [rad] of a `geometry_msgs/PoseStamped`; raises CommandError."""
-    try:
-        message = PoseStamped.deserialize(payload)
-    except (struct.error, ValueError) as error:
-        raise CommandError(f"no PoseStamped: {error!r}") from None
+    message = decoded(PoseStamped, payload)
     if message.header.frame_id not in ("", FRAME_ID):
         raise CommandError(f"frame {message.header.frame_id!r}: only {FRAME_ID!r} is known")
     place, turn = message.pose.position, message.pose.orientation
     position_m = (place.x, place.y, place.z)
     yaw_rad = Measurement.of_pose(position_m, (turn.x, turn.y, turn.z, turn.w)).yaw_rad
-    if not all(map(math.isfinite, (*position_m, yaw_rad))):
+    return finite(*position_m, yaw_rad)
+
+
+def height_of(request):
+    """Height [m] of a `Takeoff`; raises CommandError."""
+    try:
+        return msgspec.convert({"height_m": request.height}, TakeOff).height_m
+    except msgspec.ValidationError as error:
+        raise CommandError(str(error)) from None
+
+
+def requested_goal(request, set_point):
+    """Position [m] and heading [rad] of a `GoTo`, which may be relative to the set point of the vehicle."""
+    goal = (request.goal.x, request.goal.y, request.goal.z, request.yaw)
+    if request.relative:
+        if set_point is None:
+            raise CommandError("the vehicle has no set point that a relative goal could count from")
+        start = (*set_point.position_m, set_point.yaw_rad)
+        goal = tuple(first + more for first, more in zip(start, goal, strict=True))
+    return finite(*goal)
+
+
+def finite(x, y, z, yaw_rad):
+    """Position and heading; raises CommandError."""
+    if not all(map(math.isfinite, (x, y, z, yaw_rad))):
         raise CommandError("every number must be finite")
-    return position_m, yaw_rad
+    return (x, y, z), yaw_rad
 
 
 class Commands:
-    """Carries out messages of a session of ROS 2 while it is open.
+    """Carries out commands for a `rcopterx.Fleet`."""
 
-    `fleet` is a `rcopterx.Fleet`; `topic_key` returns the key of a topic with `*` in place of the vehicle.
-    """
-
-    def __init__(self, ros, fleet, topic_key, report=print):
+    def __init__(self, fleet, report=print):
         self._fleet, self._report = fleet, report
         self._calls = queue.Queue(WAITING)
         threading.Thread(target=self._work, daemon=True).start()
-        named = {
-            "goal_pose": self._goal,
-            "takeoff": lambda vehicle, _: self._later(lambda: fleet.take_off(self._names(vehicle))),
-            "land": lambda vehicle, _: self._later(lambda: fleet.land(self._names(vehicle))),
-            "emergency": lambda vehicle, _: self._at_once(lambda: fleet.kill(self._names(vehicle) or ())),
-        }
-        self._subscribers = [
-            ros.declare_subscriber(topic_key(f"{fleet.file.name}/*/{name}"), self._handler(name, act))
-            for name, act in named.items()
-        ]
 
-    def _handler(self, name, act):
-        def handle(sample):
-            parts = str(sample.key_expr).split("/")
-            vehicle = parts[parts.index(name) - 1]
-            try:
-                if vehicle != ALL and vehicle not in self._fleet.file.vehicles:
-                    raise CommandError(f"there is no vehicle {vehicle!r}")
-                act(vehicle, sample.payload.to_bytes())
-            except CommandError as error:
-                self._report(f"{name}: {error}")
+    def receive(self, name, vehicle, payload):
+        """Carry out what a topic of this name says; what cannot be carried out is reported."""
+        try:
+            self._accept(name, vehicle, goal_of(payload) if name == "goal_pose" else None)
+        except CommandError as error:
+            self._report(f"{name}: {error}")
 
-        return handle
+    def answer(self, name, vehicle, payload):
+        """Carry out a request to a service, and return its response; raises CommandError, also reported."""
+        try:
+            request = decoded(SERVICES[name], payload)
+            self._accept(name, vehicle, request)
+        except CommandError as error:
+            self._report(f"{name}: {error}")
+            raise
+        return RESPONSE
 
-    @staticmethod
-    def _names(vehicle):
-        return None if vehicle == ALL else [vehicle]
-
-    def _goal(self, vehicle, payload):
-        if vehicle == ALL:
+    def _accept(self, name, vehicle, content):
+        fleet, names = self._fleet, None if vehicle == ALL else [vehicle]
+        if names and vehicle not in fleet.file.vehicles:
+            raise CommandError(f"there is no vehicle {vehicle!r}")
+        if name == "emergency":
+            self._at_once(lambda: fleet.kill(names or ()))
+        elif name == "land":
+            self._later(lambda: fleet.land(names))
+        elif name == "takeoff":
+            height = {} if content is None else {"height_m": height_of(content)}
+            self._later(lambda: fleet.take_off(names, **height))
+        elif names is None:
             raise CommandError("one vehicle flies to a place, not all")
-        position_m, yaw_rad = goal_of(payload)
-        self._later(lambda: self._fleet[vehicle].go_to(position_m, yaw_rad))
+        else:
+            goal = content if name == "goal_pose" else self._requested_goal(vehicle, content)
+            self._later(lambda: fleet[vehicle].go_to(*goal))
+
+    def _requested_goal(self, vehicle, request):
+        agent = self._fleet[vehicle].state.agent
+        return requested_goal(request, None if agent is None else agent.set_point)
 
     def _later(self, call):
         try:

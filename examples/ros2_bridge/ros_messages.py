@@ -6,7 +6,7 @@ Every class knows its name in ROS and its type hash (REP 2016), which `rmw_zenoh
 from dataclasses import dataclass
 
 from pycdr2 import IdlStruct
-from pycdr2.types import float32, float64, int32, sequence, uint32
+from pycdr2.types import float32, float64, int32, sequence, uint8, uint32
 
 FRAME_ID = "world"
 """Frame of all poses: the Tracker's world."""
@@ -74,3 +74,45 @@ class Joy(IdlStruct):
     header: Header
     axes: sequence[float32]
     buttons: sequence[int32]
+
+
+@dataclass
+class Takeoff(IdlStruct):
+    """Request of a service of Crazyswarm2; `duration` has the fields of a time."""
+
+    ROS_NAME = "crazyflie_interfaces/srv/Takeoff"
+    ROS_HASH = "RIHS01_c993cbf6ab9f668c9b3f85bf401956a80de5db48243ceedd5e25fdda027cb714"
+    group_mask: uint8
+    height: float32
+    duration: Time
+
+
+@dataclass
+class Land(IdlStruct):
+    ROS_NAME = "crazyflie_interfaces/srv/Land"
+    ROS_HASH = "RIHS01_4e9791ea19b8d15570029738e86cccc3825f87b6e60854be62d8d38a9875b208"
+    group_mask: uint8
+    height: float32
+    duration: Time
+
+
+@dataclass
+class GoTo(IdlStruct):
+    """As `Takeoff`; Crazyswarm2 sends radians as `yaw`."""
+
+    ROS_NAME = "crazyflie_interfaces/srv/GoTo"
+    ROS_HASH = "RIHS01_5ef2b5ac82f34a16abf356c3092a7d27006a9ab0dd0b88921c2f457ca293d9dc"
+    group_mask: uint8
+    relative: bool
+    goal: Point
+    yaw: float32
+    duration: Time
+
+
+@dataclass
+class Empty(IdlStruct):
+    """Request of `std_srvs/srv/Empty`, and response of all services here; DDS needs a member."""
+
+    ROS_NAME = "std_srvs/srv/Empty"
+    ROS_HASH = "RIHS01_5888399dedec5ccc85ea6451949fd2c9f97bfdf963f9a588821639fcd31b5d19"
+    structure_needs_at_least_one_member: uint8 = 0

@@ -1,9 +1,7 @@
 """Promises of the ROS 2 bridge: ROS 2 decodes what it sends, by its own definitions and under its keys."""
 
-import sys
 import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +11,7 @@ import pytest
 import zenoh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ros_support import ros2_bridge, ros_messages
 from rosbags.typesys import Stores, get_typestore
 from support.bus import FLEET, router
 from support.messages import wire_maps
@@ -23,13 +22,6 @@ from rcopterx.bus.endpoints import client_config
 from rcopterx.bus.messages import Command, Plan, Pose
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.trajectory_array import TrajectoryArray
-
-EXAMPLE = Path(__file__).parents[2] / "examples" / "ros2_bridge"
-sys.path.insert(0, str(EXAMPLE))
-import ros2_bridge  # noqa: E402
-import ros_messages  # noqa: E402
-
-sys.path.remove(str(EXAMPLE))
 
 ROS = get_typestore(Stores.ROS2_JAZZY)
 KINDS = (ros_messages.PoseStamped, ros_messages.Path, ros_messages.Joy)

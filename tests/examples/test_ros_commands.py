@@ -1,11 +1,7 @@
 """Promises of commands from ROS 2: its bytes become calls; what is no command is reported."""
 
 import math
-import sys
-import threading
 from collections.abc import Iterator
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,20 +9,13 @@ import pytest
 import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
+from ros_support import FleetDouble, ros2_bridge, ros_commands
 from rosbags.typesys import Stores, get_typestore
 from support.bus import FLEET, router
 from support.waiting import wait_for
 
 from rcopterx.bus.endpoints import client_config
 from rcopterx.bus.session import BusAddress
-from rcopterx.ground_station.scripting.vehicle import RefusedError
-
-EXAMPLE = Path(__file__).parents[2] / "examples" / "ros2_bridge"
-sys.path.insert(0, str(EXAMPLE))
-import ros2_bridge  # noqa: E402
-import ros_commands  # noqa: E402
-
-sys.path.remove(str(EXAMPLE))
 
 ROS = get_typestore(Stores.ROS2_JAZZY)
 
@@ -63,30 +52,6 @@ def test_other_bytes_are_no_goal_and_raise_one_kind_of_error(payload: bytes) -> 
 def test_goals_in_other_frames_are_refused() -> None:
     with pytest.raises(ros_commands.CommandError, match="frame 'map'"):
         ros_commands.goal_of(goal(0.0, 0.0, 1.0, 0.0, frame="map"))
-
-
-class FleetDouble:
-    """Records the calls of a scripting interface; `blocked` holds a take-off up."""
-
-    def __init__(self) -> None:
-        self.file = SimpleNamespace(name=FLEET, vehicles={"h1": None, "h2": None})
-        self.calls: list[Any] = []
-        self.blocked = threading.Event()
-        self.blocked.set()
-
-    def __getitem__(self, name: str) -> Any:
-        return SimpleNamespace(go_to=lambda *place: self.calls.append(("go_to", name, *place)))
-
-    def take_off(self, names: Any) -> None:
-        self.blocked.wait(20.0)
-        self.calls.append(("take_off", names))
-
-    def land(self, names: Any) -> None:
-        self.calls.append(("land", names))
-        raise RefusedError("h1: stands on the floor")
-
-    def kill(self, names: Any) -> None:
-        self.calls.append(("kill", tuple(names)))
 
 
 @pytest.fixture
