@@ -8,30 +8,22 @@ import typer
 from rcopterx.commands import (
     arena,
     bench,
-    certs,
-    deploy,
-    doctor,
     experiment,
-    export,
     flights,
     fly,
     ground,
+    hosts,
     identify,
-    import_fleet,
     laboratory,
     launch,
-    logs,
-    margins,
     new_lab,
     new_plugin,
     next_steps,
     radio,
-    replay,
-    report,
     roles,
     steer,
     trajectory,
-    types,
+    vehicles,
     watch,
 )
 
@@ -45,18 +37,18 @@ app = typer.Typer(
 
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Fly": (launch.up, launch.host, launch.demo, fly.fly),
-    "Watch a running fleet": (
-        watch.status, watch.check, logs.logs, watch.top, ground.ground,
-    ),
+    "Watch a running fleet": (watch.status, watch.check, watch.logs, watch.top, ground.ground),
     "Steer a running fleet": (
         steer.arm, steer.takeoff, steer.goto, steer.follow, steer.lead, steer.swap, steer.promote,
         trajectory.trajectory, steer.tune, steer.join, steer.leave, steer.move, steer.land, steer.disarm,
         steer.kill, steer.reset,
     ),
-    "Flight logs": (flights.flights, replay.replay, report.report, export.export, flights.recover),
+    "Flight logs": (
+        flights.flights, flights.replay, flights.report, flights.export, flights.recover,
+    ),
     "Prepare a laboratory": (new_lab.new_lab,),
-    "Prepare hosts": (deploy.deploy, certs.certs, doctor.doctor),
-    "Prepare vehicles": (types.types, identify.identify, margins.margins),
+    "Prepare hosts": (hosts.deploy, hosts.certs, hosts.doctor),
+    "Prepare vehicles": (vehicles.types, identify.identify, vehicles.margins),
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
     "Try out faults": (laboratory.inject, laboratory.replay_tracker),
     "Experiment": (experiment.experiment, arena.arena),
@@ -96,4 +88,4 @@ for panel, commands in COMMANDS.items():
         settings = {"ignore_unknown_options": command in WITH_COORDINATES}
         app.command(rich_help_panel=panel, context_settings=settings)(command)
 app.add_typer(bench.app, name="bench", rich_help_panel="Experiment")
-app.add_typer(import_fleet.app, name="import", rich_help_panel="Prepare a laboratory")
+app.add_typer(new_lab.app, name="import", rich_help_panel="Prepare a laboratory")

@@ -5,7 +5,15 @@ from typing import Annotated, Any
 
 import typer
 
-from rcopterx.commands.output import JsonOption, Progress, print_document
+from rcopterx.commands.output import (
+    JsonOption,
+    ProcessesOption,
+    Progress,
+    QuickOption,
+    ResumeOption,
+    kept_flights,
+    print_document,
+)
 from rcopterx.commands.parsing import check_known, different_numbers
 
 
@@ -27,13 +35,9 @@ def arena(
     conditions: Annotated[
         str, typer.Option(metavar="PRESET", help="Conditions, as of experiments.")
     ] = "helicopters",
-    processes: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Processor cores to use; flights do not depend on it.")
-    ] = 1,
-    resume: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Store finished flights there, and skip those it has.")
-    ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Short flights, as a test.")] = False,
+    processes: ProcessesOption = 1,
+    resume: ResumeOption = None,
+    quick: QuickOption = False,
     show_list: Annotated[bool, typer.Option("--list", help="List schemes and tasks.")] = False,
 ) -> None:
     """Fly schemes of distributed control on the same tasks, faster than real time, and compare them."""
@@ -42,7 +46,6 @@ def arena(
     from rcopterx.experiments.arena.flying import arena_schemes
     from rcopterx.experiments.arena.page import write_arena
     from rcopterx.experiments.arena.tasks import TASKS
-    from rcopterx.experiments.kept import KeptFlights, KeptFlightsError
     from rcopterx.experiments.runner import Options
     from rcopterx.simulator.conditions import PRESETS
 
@@ -57,17 +60,13 @@ def arena(
     check_known(flown, TASKS, "task", "--tasks")
     check_known([conditions], PRESETS, "preset", "--conditions")
     numbers, progress = different_numbers(seeds, "--seeds"), Progress("arena")
+    context = {"conditions": conditions, "quick": quick, "packages": foreign_digests(chosen)}
     try:
-        context = {"conditions": conditions, "quick": quick, "packages": foreign_digests(chosen)}
-        kept = None if resume is None else KeptFlights(resume, context)
-        options = Options(numbers, quick, processes, conditions, kept)
-        result = arena(chosen, flown).fly(
-            options, lambda label, done: progress.show(label, f", {100 * done:.0f} %")
-        )
+        with kept_flights(resume, context) as kept:
+            options = Options(numbers, quick, processes, conditions, kept)
+            result = arena(chosen, flown).fly(options, progress.show_share)
     except SettingsError as error:
         raise typer.BadParameter(str(error), param_hint="--schemes") from None
-    except KeptFlightsError as error:
-        raise typer.BadParameter(str(error), param_hint="--resume") from None
     document = {"digest": digest(result.document), "tasks": result.document}
     if page is not None:
         typer.echo(f"page: {write_arena(page, result)}", err=True)

@@ -135,10 +135,7 @@ def cost(
 
 
 @app.command()
-def links(
-    as_json: JsonOption = False,
-    rounds: RoundsOption = 5,
-) -> None:
+def links(as_json: JsonOption = False, rounds: RoundsOption = 5) -> None:
     """Cut the link of two hosts, and time how soon both directions carry data again. Needs root."""
     from rcopterx.benchmarks.links import run
 

@@ -6,7 +6,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcopterx.commands.output import JsonOption, PlotOption, Progress, check_plot, print_document, write_plot
+from rcopterx.commands.output import (
+    JsonOption,
+    PlotOption,
+    ProcessesOption,
+    Progress,
+    QuickOption,
+    ResumeOption,
+    check_plot,
+    kept_flights,
+    print_document,
+    write_plot,
+)
 from rcopterx.commands.parsing import check_known, different_numbers
 from rcopterx.simulator.conditions import PRESETS
 
@@ -16,6 +27,7 @@ if TYPE_CHECKING:
 
 QUICK_SEEDS = 2
 REAL_FLIGHTS = "real-flights"
+REAL_FLIGHTS_TITLE = "Estimators and models on flights that others recorded"
 
 
 def experiment(
@@ -29,8 +41,8 @@ def experiment(
     seeds: Annotated[
         str | None, typer.Option(metavar="N,N,...", help="Seeds, one flight each. Default: consecutive ones.")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Short flights, as a test.")] = False,
-    processes: Annotated[int, typer.Option(metavar="N", min=1, help="Processor cores to use.")] = 1,
+    quick: QuickOption = False,
+    processes: ProcessesOption = 1,
     conditions: Annotated[
         str | None,
         typer.Option(
@@ -45,22 +57,16 @@ def experiment(
             help="Models that the pilots have of their vehicles: default, identified, exact. Default: all.",
         ),
     ] = None,
-    resume: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Store finished flights in this file, and skip those that it has."),
-    ] = None,
+    resume: ResumeOption = None,
     show_list: Annotated[bool, typer.Option("--list", help="List the experiments.")] = False,
 ) -> None:
     """Fly an experiment of the paper in simulation, faster than real time, and print its figures."""
     from rcopterx.experiments.catalogue import EXPERIMENTS
-    from rcopterx.experiments.kept import KeptFlights, KeptFlightsError
     from rcopterx.experiments.runner import Options
-    from rcopterx.simulator.identified_crazyflie import missing_library
 
     if show_list:
-        for row in EXPERIMENTS.values():
-            typer.echo(f"{row.name:12} {row.title}")
-        typer.echo(f"{REAL_FLIGHTS:12} Estimators and models on flights that others recorded")
+        titles = {row.name: row.title for row in EXPERIMENTS.values()} | {REAL_FLIGHTS: REAL_FLIGHTS_TITLE}
+        typer.echo("\n".join(f"{row:12} {title}" for row, title in titles.items()))
         return
     check_known([name], [*EXPERIMENTS, REAL_FLIGHTS], "experiment", "NAME")
     if (flights is not None) != (name == REAL_FLIGHTS):
@@ -69,29 +75,21 @@ def experiment(
         _judge(flights, plot, as_json)
         return
     chosen = EXPERIMENTS[name]
-    presets = list(chosen.flights) if conditions is None else [conditions]
-    check_known(presets, PRESETS, "preset", "--conditions")
-    for preset in presets:
-        if (missing := missing_library(PRESETS[preset])) is not None:
-            raise typer.BadParameter(f"{preset}: {missing}", param_hint="--conditions")
+    presets = _presets(chosen, conditions)
     numbers = None if seeds is None else different_numbers(seeds, "--seeds")
     levels = _levels(knowledge, chosen)
     _check_figure(chosen, plot)
     documents, progress = {}, Progress(name)
     for preset in presets:
-        try:
-            context = {"experiment": name, "conditions": preset, "quick": quick}
-            kept = None if resume is None else KeptFlights(resume, context)
-            flown = numbers or chosen.seeds(preset)[: QUICK_SEEDS if quick else None]
+        flown = numbers or chosen.seeds(preset)[: QUICK_SEEDS if quick else None]
+        with kept_flights(resume, {"experiment": name, "conditions": preset, "quick": quick}) as kept:
             options = Options(flown, quick, processes, preset, kept, levels)
-            result = chosen.fly(options, lambda label, done: progress.show(label, f", {100 * done:.0f} %"))
-            progress.say("flown")
-        except KeptFlightsError as error:
-            raise typer.BadParameter(str(error), param_hint="--resume") from None
+            result = chosen.fly(options, progress.show_share)
+        progress.say("flown")
         documents[preset] = result.document
         if plot is not None and chosen.draw is not None:
-            path = plot if len(presets) == 1 else plot.with_stem(f"{plot.stem}_{preset}")
-            write_plot(partial(chosen.draw, result), path)
+            stem = plot.stem if len(presets) == 1 else f"{plot.stem}_{preset}"
+            write_plot(partial(chosen.draw, result), plot.with_stem(stem))
     print_document(documents if len(presets) > 1 else documents[presets[0]], as_json)
 
 
@@ -107,6 +105,18 @@ def _judge(directory: Path, plot: Path | None, as_json: bool) -> None:
     if plot is not None:
         write_plot(evidence.draw, plot)
     print_document({"flights": list(found), "unusable": unusable} | evidence.document(), as_json)
+
+
+def _presets(row: "Experiment[Any]", conditions: str | None) -> list[str]:
+    """Conditions to fly under, which this computer can simulate."""
+    from rcopterx.simulator.identified_crazyflie import missing_library
+
+    presets = list(row.flights) if conditions is None else [conditions]
+    check_known(presets, PRESETS, "preset", "--conditions")
+    for preset in presets:
+        if (missing := missing_library(PRESETS[preset])) is not None:
+            raise typer.BadParameter(f"{preset}: {missing}", param_hint="--conditions")
+    return presets
 
 
 def _check_figure(row: "Experiment[Any]", plot: Path | None) -> None:

@@ -1,15 +1,44 @@
-"""Flight logs: `flights` and `recover`."""
+"""Flight logs: `flights`, `replay`, `report`, `export` and `recover`."""
 
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, failure
+from rcopterx.bus.realtime import ONE_THREAD
+from rcopterx.commands.fleet_option import EXIT_FAILED, failure, user_errors
 from rcopterx.commands.output import JsonOption, print_document, print_table
+from rcopterx.commands.parsing import settings_of
 
-MEGA = 1e6
+if TYPE_CHECKING:
+    from rcopterx.flights.flights import Flight
+    from rcopterx.ground_station.replay.agent_replay import Comparison
+
+MEGA: Final = 1e6
+INSTALL: Final = "pip install 'rcopterx[figures]'"
+
+FlightArgument = Annotated[
+    str, typer.Argument(metavar="FLIGHT", help="A file, or the name of a flight, see rcopterx flights.")
+]
+
+
+@contextmanager
+def _errors() -> Iterator[None]:
+    """End the command with a message if a flight log is missing, damaged, or cannot be read or written."""
+    from rcopterx.flights.flights import NoFlightError
+    from rcopterx.flights.mcap_reading import FlightLogError
+
+    try:
+        yield
+    except (NoFlightError, FlightLogError, OSError) as error:
+        raise failure(error) from None
 
 
 def flights(
@@ -60,28 +89,22 @@ def flights(
 
 def _print_digest(name: str, directory: Path) -> None:
     from rcopterx.flights.digest import digest_of
-    from rcopterx.flights.flights import NoFlightError, found_flight
-    from rcopterx.flights.mcap_reading import FlightLogError
+    from rcopterx.flights.flights import found_flight
 
-    try:
+    with _errors():
         found = digest_of(found_flight(name, directory).parts)
-    except (NoFlightError, FlightLogError) as error:
-        raise failure(error) from None
     typer.echo(f"{found.digest} of {found.messages} messages")
 
 
 def _check(name: str, directory: Path) -> None:
-    from rcopterx.flights.flights import NoFlightError, found_flight
-    from rcopterx.flights.mcap_reading import FlightLogError
+    from rcopterx.flights.flights import found_flight
     from rcopterx.ground_station.report.logged_flight import records_of
     from rcopterx.ground_station.report.promises import NEEDED, broken_promises
     from rcopterx.ground_station.report.recorder import Recording
 
-    try:
+    with _errors():
         flight = found_flight(name, directory)
         broken = broken_promises(Recording(records_of(flight.parts, NEEDED)))
-    except (NoFlightError, FlightLogError) as error:
-        raise failure(error) from None
     lines = [f"{at_s:.2f} s {vehicle}: {promise}" for at_s, vehicle, promise in broken]
     typer.echo("\n".join(lines) or f"{flight.name}: no promise is broken")
     if broken:
@@ -93,15 +116,148 @@ def recover(
 ) -> None:
     """Repair a flight log that was cut off when its recorder was killed, in place."""
     from rcopterx.flights.listing import mend
-    from rcopterx.flights.mcap_reading import FlightLogError, contents_of
+    from rcopterx.flights.mcap_reading import contents_of
     from rcopterx.flights.recorder import schemas
 
-    try:
+    with _errors():
         if contents_of(file).complete:
             typer.echo(f"{file}: complete, nothing to repair")
             return
         mended = mend(file, schemas())
-    except (FlightLogError, OSError) as error:
-        raise failure(error) from None
     damaged = f", {mended.damaged_chunks} damaged chunks left out" if mended.damaged_chunks else ""
     typer.echo(f"{file}: {mended.messages} messages{damaged}")
+
+
+def replay(
+    flight: FlightArgument = "latest",
+    agent: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VEHICLE", help="Run the agent of this vehicle on its recorded inputs, and compare."
+        ),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--with",
+            metavar="NAME=VALUE",
+            help="Change controller, estimator, horizon or a setting. Repeatable.",
+        ),
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(metavar="FACTOR", min=0.01, help="Speed relative to the flight.")
+    ] = 1.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Publish a flight log for status, top and ground, or run an agent on its recorded inputs.
+
+    Exit code 1 if the agent does not repeat the flight.
+    """
+    # Sums of several threads have other last bits; numerical libraries read this when they are loaded.
+    os.environ.update(ONE_THREAD)
+    with user_errors():
+        found = chosen_flight(flight)
+        if agent is None:
+            _republish(found, speed)
+            return
+        _compare(found, agent, settings_of(changes or (), "--with"), as_json)
+
+
+def chosen_flight(name: str) -> "Flight":
+    """Flight of a name; the error lists the known flights."""
+    from rcopterx.flights.flights import NoFlightError, default_directory, found_flight
+
+    try:
+        return found_flight(name, default_directory())
+    except NoFlightError as error:
+        raise typer.BadParameter(str(error), param_hint="FLIGHT") from None
+
+
+def _republish(flight: "Flight", speed: float) -> None:
+    from rcopterx.bus.session import Session
+    from rcopterx.ground_station.replay.republishing import ROUTER_S, fleet_of, republish, router_up
+
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    with router_up(fleet_of(flight.parts)) as address, Session(address, timeout_s=ROUTER_S) as session:
+        typer.echo(f"replaying {flight.name}; rcopterx top and ground show it; Ctrl-C ends it", err=True)
+        typer.echo(f"{republish(flight.parts, session, speed, stop.wait)} messages")
+
+
+def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: bool) -> None:
+    from rcopterx.flights.provenance import arithmetic, provenance
+    from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed, replay
+    from rcopterx.ground_station.replay.recorded_agent import recorded_agent
+
+    with _errors():
+        recorded = recorded_agent(flight.parts, vehicle)
+    same = arithmetic(recorded.metadata) == arithmetic(provenance())
+    fleet = changed(recorded.fleet, vehicle, changes) if changes else recorded.fleet
+    result = replay(recorded, fleet, 0.0 if same else TOLERANCE)
+    print_document(asdict(result), as_json, lambda _: "\n".join(_lines(result, _rule(same, changes))))
+    if not changes and (result.first is not None or not result.periods):
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _rule(same: bool, changes: dict[str, Any]) -> str:
+    if changes:
+        return "flown with " + ", ".join(f"{name}={value}" for name, value in changes.items())
+    return "must be the same to the last bit" if same else "another computer: small differences are allowed"
+
+
+def _lines(result: "Comparison", rule: str) -> list[str]:
+    rms = ", ".join(f"{value:.3g}" for value in result.rms_input)
+    lines = [
+        f"{result.vehicle}: {result.periods} control periods in {result.flown_s:.1f} s, "
+        f"{result.identical} the same to the last bit ({rule})",
+        f"  sticks (pitch, roll, thrust, yaw): rms {rms}; largest {result.largest_input:.3g}",
+        f"  plans: largest {result.largest_plan:.3g} m or m/s",
+    ]
+    lines += [f"  note: {note}" for note in result.notes]
+    if result.first is not None:
+        first = result.first
+        lines.append(
+            f"  first difference after {first.time_s:.3f} s, frame {first.frame}: "
+            f"{first.cause}: {first.detail}"
+        )
+    return lines
+
+
+def report(
+    flight: FlightArgument = "latest",
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File to write.")] = Path(
+        "report.html"
+    ),
+    compare: Annotated[
+        str | None, typer.Option("--compare", metavar="FLIGHT", help="Show this flight beside the first one.")
+    ] = None,
+) -> None:
+    """Write a self-contained page about a flight: playback, errors, latencies, events, provenance."""
+    if find_spec("matplotlib") is None:
+        raise failure(f"a report needs matplotlib: {INSTALL}")
+    from rcopterx.ground_station.report.logged_flight import logged_flight
+    from rcopterx.ground_station.report.page import comparison_page, report_page
+
+    with _errors():
+        chosen = [chosen_flight(name) for name in (flight, compare) if name is not None]
+        flights = [logged_flight(found.name, found.parts) for found in chosen]
+        page = report_page(flights[0]) if compare is None else comparison_page(*flights)
+        output.write_text(page, encoding="utf-8")
+    typer.echo(f"report: {output}")
+
+
+def export(
+    flight: FlightArgument = "latest",
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Directory. Default: the flight's name."),
+    ] = None,
+) -> None:
+    """Export a flight log as CSV: a file for every unit and channel, with a row for every message."""
+    from rcopterx.flights.csv_export import export_csv
+
+    found = chosen_flight(flight)
+    directory = output or Path(found.name)
+    with _errors():
+        typer.echo(f"{len(export_csv(found.parts, directory))} tables in {directory}")

@@ -81,11 +81,7 @@ def fly(
     if faults and every:
         raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
     if show_list:
-        if faults:
-            list_faults()
-        else:
-            for row in _chosen((), every=True):
-                typer.echo(f"{row.name:24} {row.title}")
+        list_faults() if faults else _list_manoeuvres()
         return
     chaos = names == [CHAOS] and not faults
     rows = [] if faults or chaos else _chosen(names or [], every)
@@ -97,6 +93,11 @@ def fly(
         fly_chaos(seconds, seed, busy, options)
     else:
         _fly_manoeuvres(rows, options, several=every or len(rows) > 1)
+
+
+def _list_manoeuvres() -> None:
+    for row in _chosen((), every=True):
+        typer.echo(f"{row.name:24} {row.title}")
 
 
 def _fly_manoeuvres(rows: Sequence["Manoeuvre"], options: FlightOptions, several: bool) -> None:

@@ -69,18 +69,15 @@ def identify(
 ) -> None:
     """Excite hovering vehicles, fit their models, fly on with them, and write them into the fleet file.
 
-    A named vehicle must hover without following (rcopterx lead VEHICLE), with room around it. With --all
-    the vehicles of a formation move apart first, and return to it at the end. Without --fleet the models
-    are used in this flight only.
+    A named vehicle must hover without following (rcopterx lead VEHICLE), with room around it. With --all the
+    vehicles of a formation move apart first, and return at the end. Without --fleet only this flight uses
+    the models.
     """
     check_plot(plot)
     names, say = vehicles or [], partial(typer.echo, err=as_json)
     if bool(names) == together:
         raise typer.BadParameter("name vehicles, or give --all")
-    if len(names) != 1 and (from_files or save or plot):
-        raise typer.BadParameter("--from, --save and --plot are for one vehicle")
-    if save is not None and len(from_files or ()) > 1:
-        raise typer.BadParameter("--save is for one flight")
+    _check_single(names, from_files or [], save, plot)
     with user_errors():
         path = None if dry_run or not (fleet or from_files) else _own_file(fleet)
         file, _ = wanted_fleet(fleet)
@@ -92,8 +89,7 @@ def identify(
             flights = {names[0]: [_loaded(file, names[0], one) for one in from_files or ()]}
         else:
             wanted = (seconds, strength, reach or (TOGETHER_REACH_M if together else REACH_M))
-            recordings, failures = _flown(running, names, wanted, say)
-            flights = {name: [recording] for name, recording in recordings.items()}
+            flights, failures = _flown(running, names, wanted, say)
         if save is not None and flights:
             _saved(names[0], flights[names[0]][0], save, say)
         fits = {name: _fit(file, name, recordings, say) for name, recordings in flights.items()}
@@ -101,14 +97,17 @@ def identify(
             write_plot(partial(_draw, *fits[names[0]]), plot)
         _print(fits, failures, together, as_json)
         for name, (_, _, found) in fits.items():
-            for remark in found.remarks:
-                say(f"{name}: {remark}")
-            if not found.problems:
-                _use(name, found.model, path, None if dry_run else running, as_json)
-    problems = [f"{name}: {reason}" for name, reason in failures.items()]
-    problems += [f"{name}: {problem}" for name, (*_, found) in fits.items() for problem in found.problems]
-    if problems:
+            _use(name, found, path, None if dry_run else running, as_json)
+    failed = [(name, problem) for name, (*_, found) in fits.items() for problem in found.problems]
+    if problems := [f"{name}: {problem}" for name, problem in (*failures.items(), *failed)]:
         raise failure(*problems)
+
+
+def _check_single(names: list[str], from_files: list[Path], save: Path | None, plot: Path | None) -> None:
+    if len(names) != 1 and (from_files or save or plot):
+        raise typer.BadParameter("--from, --save and --plot are for one vehicle")
+    if save is not None and len(from_files) > 1:
+        raise typer.BadParameter("--save is for one flight")
 
 
 def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
@@ -137,7 +136,7 @@ def _saved(name: str, recording: "FlightRecording", path: Path, say: Callable[[s
 
 def _flown(
     running: "Fleet", names: list[str], wanted: tuple[float, float, float], say: Callable[[str], None]
-) -> tuple[dict[str, "FlightRecording"], dict[str, str]]:
+) -> tuple[dict[str, list["FlightRecording"]], dict[str, str]]:
     """Fly the excitation of some vehicles, or with all of a formation; return recordings and failures."""
     from rcopterx.ground_station.identification import identification as flights
 
@@ -148,7 +147,10 @@ def _flown(
         say(f"{', '.join(flown)}: move apart")
     with nullcontext() if names else flights.room_for_all(running, flown, excitation.reach_m):
         say(f"{', '.join(flown)}: excitation for {excitation.duration_s:g} s")
-        return flights.excited_flights(running, flown, excitation, lambda left_s: say(f"{left_s:.0f} s left"))
+        found, failures = flights.excited_flights(
+            running, flown, excitation, lambda left_s: say(f"{left_s:.0f} s left")
+        )
+    return {name: [recording] for name, recording in found.items()}, failures
 
 
 def _fit(file: "FleetFile", name: str, flights: "list[FlightRecording]", say: Callable[[str], None]) -> "Fit":
@@ -165,16 +167,22 @@ def _fit(file: "FleetFile", name: str, flights: "list[FlightRecording]", say: Ca
         raise failure(f"{name}: {error}") from None
 
 
-def _use(name: str, model: "Model", path: Path | None, running: "Fleet | None", to_stderr: bool) -> None:
-    """Write a model into the fleet file, and let the vehicle fly with it; without file and fleet, neither."""
+def _use(
+    name: str, found: "Identification", path: Path | None, running: "Fleet | None", to_stderr: bool
+) -> None:
+    """Write a model that has no problems into the fleet file, if any, and let the vehicle fly with it."""
     from rcopterx.fleet.editing import fitted_parameters, write_model
 
+    for remark in found.remarks:
+        typer.echo(f"{name}: {remark}", err=to_stderr)
+    if found.problems:
+        return
     with user_errors():
         if path is not None:
-            print_changes(name, write_model(path, name, model), err=to_stderr)
+            print_changes(name, write_model(path, name, found.model), err=to_stderr)
             typer.echo(f"{name}: the model is in {path}", err=to_stderr)
         if running is not None:
-            running[name].use_model(fitted_parameters(model))
+            running[name].use_model(fitted_parameters(found.model))
             typer.echo(f"{name}: it flies with the model", err=to_stderr)
 
 

@@ -115,10 +115,7 @@ def inject(
 
 
 def _wanted(
-    file: "FleetFile",
-    fault: str | None,
-    fields: Sequence[str],
-    scenario: Path | None,
+    file: "FleetFile", fault: str | None, fields: Sequence[str], scenario: Path | None
 ) -> tuple["TimedFault", ...]:
     """Faults of the command line; names of vehicles are replaced by their subjects where needed."""
     from rcopterx.ground_station.terminal.scenario import ScenarioError, fault_from, field_from, read_scenario

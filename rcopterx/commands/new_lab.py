@@ -1,4 +1,4 @@
-"""The first fleet file of a laboratory, from questions, serial adapters and the Tracker."""
+"""The first fleet file of a laboratory: `new-lab` asks for it, `import` reads it from other software."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +12,28 @@ from rcopterx.commands.parsing import three
 if TYPE_CHECKING:
     from rcopterx.deploy.new_laboratory import NewVehicle
 
+
 T = TypeVar("T")
 
 LOOK_S = 3.0
+MOTION_CAPTURE = "motion_capture.yaml"
+SIMULATED = "127.0.0.1:18801"  # address of the simulated Tracker
+
+NewFleetFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")
+]
+LowerCorner = Annotated[
+    str, typer.Option("--volume-min", metavar="X,Y,Z", help="Lower corner of the flight volume in metres.")
+]
+UpperCorner = Annotated[
+    str, typer.Option("--volume-max", metavar="X,Y,Z", help="Upper corner of the flight volume in metres.")
+]
+
+app = typer.Typer(help="Write a fleet file from files of other software.", no_args_is_help=True)
 
 
 def new_lab(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Fleet file to write, for instance lab.toml.")],
+    file: NewFleetFile,
     vehicle_type: Annotated[
         str, typer.Option("--type", metavar="NAME", help="Type of the vehicles; rcopterx types lists them.")
     ] = "coaxial",
@@ -107,3 +122,56 @@ def _prompt(question: str, default: str | None, read: Callable[[str], T]) -> T:
     except typer.Abort:
         raise FleetError(f"no answer to {question!r}") from None
     return answer
+
+
+@app.command()
+def crazyswarm2(
+    source: Annotated[
+        Path, typer.Argument(metavar="CRAZYFLIES", exists=True, dir_okay=False, help="File crazyflies.yaml.")
+    ],
+    file: NewFleetFile,
+    motion_capture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help=f"Default: {MOTION_CAPTURE} beside the other one.")
+    ] = None,
+    rate_hz: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="HZ", help="Capture rate; only a Vicon Tracker reports its own."),
+    ] = None,
+    volume_min: LowerCorner = "-1.5,-1.5,0",
+    volume_max: UpperCorner = "1.5,1.5,2",
+) -> None:
+    """Write the fleet file of the enabled Crazyflies of Crazyswarm2, with their motion capture."""
+    from rcopterx.deploy.crazyswarm import read_tracker, read_vehicles
+    from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
+
+    with user_errors():
+        vehicles = read_vehicles(source)
+        brand, address = read_tracker(motion_capture or source.with_name(MOTION_CAPTURE))
+        name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
+        laboratory = NewLaboratory(name, address, *corners, None, "crazyflie", vehicles, brand, rate_hz)
+        write_fleet_file(file, laboratory)
+    typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
+
+
+@app.command()
+def skybrush(
+    show: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SHOW", exists=True, dir_okay=False, help="File .skyc, or a zip of CSV files."
+        ),
+    ],
+    file: NewFleetFile,
+    volume_min: LowerCorner = "-1.5,-1.5,0",
+    volume_max: UpperCorner = "1.5,1.5,2",
+) -> None:
+    """Write the fleet file of a simulated vehicle for each drone of a show of Skybrush."""
+    from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
+    from rcopterx.deploy.skybrush import read_vehicles
+
+    with user_errors():
+        vehicles = read_vehicles(show)
+        name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
+        laboratory = NewLaboratory(name, SIMULATED, *corners, None, "coaxial", vehicles, simulated=True)
+        write_fleet_file(file, laboratory)
+    typer.echo(f"{file}: {len(vehicles)} vehicles; fly the show: examples/light_show --fleet {file}")

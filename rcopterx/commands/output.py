@@ -4,16 +4,38 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from rcopterx.experiments.kept import KeptFlights
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
 PlotOption = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Draw the figure into this file (png, svg, pdf).")
 ]
+QuickOption = Annotated[bool, typer.Option("--quick", help="Short flights, as a test.")]
+ProcessesOption = Annotated[
+    int, typer.Option(metavar="N", min=1, help="Processor cores to use; flights do not depend on it.")
+]
+ResumeOption = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Store finished flights there, and skip those it has.")
+]
+
+
+@contextmanager
+def kept_flights(resume: Path | None, context: Mapping[str, object]) -> Iterator["KeptFlights | None"]:
+    """Yield the finished flights of a file, if one is named; an unusable file is a usage error."""
+    from rcopterx.experiments.kept import KeptFlights, KeptFlightsError
+
+    try:
+        yield None if resume is None else KeptFlights(resume, context)
+    except KeptFlightsError as error:
+        raise typer.BadParameter(str(error), param_hint="--resume") from None
 
 
 def readable(document: object, indent: str = "") -> str:
@@ -78,6 +100,10 @@ class Progress:
         elif label != self._shown:
             self._shown = label
             self.say(label)
+
+    def show_share(self, label: str, done: float) -> None:
+        """Show what is done now, and the share that is done."""
+        self.show(label, f", {100 * done:.0f} %")
 
     def _elapsed_s(self) -> float:
         return time.monotonic() - self._started_s

@@ -50,11 +50,7 @@ def disarm(
         typer.echo("disarmed")
 
 
-def takeoff(
-    vehicles: Vehicles = None,
-    height: HeightOption = 1.0,
-    fleet: RunningFleetOption = None,
-) -> None:
+def takeoff(vehicles: Vehicles = None, height: HeightOption = 1.0, fleet: RunningFleetOption = None) -> None:
     """Arm, take off, and wait until the vehicles fly."""
     with running_fleet(fleet, vehicles) as running:
         before = running.crowded_hosts()
@@ -109,11 +105,7 @@ def lead(vehicle: Vehicle, fleet: RunningFleetOption = None) -> None:
         typer.echo(f"{vehicle}: leads")
 
 
-def swap(
-    first: Vehicle,
-    second: Vehicle,
-    fleet: RunningFleetOption = None,
-) -> None:
+def swap(first: Vehicle, second: Vehicle, fleet: RunningFleetOption = None) -> None:
     """Exchange the roles of two vehicles, for instance leader and follower; all keep their places."""
     with running_fleet(fleet, [first, second]) as running:
         typer.echo("\n".join(running.swap(first, second)))
@@ -163,11 +155,7 @@ def tune(
         typer.echo(f"{vehicle}: {now}")
 
 
-def join(
-    vehicle: Vehicle,
-    height: HeightOption = 1.0,
-    fleet: RunningFleetOption = None,
-) -> None:
+def join(vehicle: Vehicle, height: HeightOption = 1.0, fleet: RunningFleetOption = None) -> None:
     """Take off with a vehicle that was left out and join its formation; the others fly on."""
     with running_fleet(fleet, [vehicle]) as running:
         typer.echo(running.join(vehicle, height))

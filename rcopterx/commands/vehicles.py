@@ -1,13 +1,36 @@
-"""Stability margins of vehicles: `margins`."""
+"""Vehicle types and margins: `types` and `margins`."""
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, known_vehicles, user_errors
 from rcopterx.commands.output import JsonOption, print_document, print_table
 from rcopterx.commands.steer import Vehicles
+
+
+def types(as_json: JsonOption = False) -> None:
+    """List the vehicle types that fleet files and new-lab can name, those of installed packages included."""
+    from rcopterx.fleet.vehicle_types import type_names, vehicle_type
+
+    with user_errors():
+        found = [vehicle_type(name) for name in type_names()]
+    document = {
+        one.name: {
+            "text": one.file.text,
+            "protocol": one.file.transmitter.protocol,
+            "settings": one.file.transmitter.settings,
+            "airframe": one.model.airframe,
+            "thrust_to_weight": one.model.input_gain[2] / one.model.gravity_m_s2,
+            "hover_thrust": one.model.hover_thrust,
+            "lowest_ceiling_m": one.file.lowest_ceiling_m,
+        }
+        for one in found
+    }
+    width = max(map(len, document))
+    lines = (f"{one.name:{width}}  {one.file.text}" for one in found)
+    print_document(document, as_json, lambda _: "\n".join(lines))
 
 
 def margins(
@@ -55,13 +78,15 @@ def margins(
     else:
         rows = (row for name, found in document["vehicles"].items() for row in rows_of(name, found))
         print_table(_two_lines(COLUMNS), rows)
-    if formation:
-        below = bool(document["beyond"])
-    else:
-        axes = [axis for found in document["vehicles"].values() for axis in (found["axes"] or {}).values()]
-        below = any(axis["below_rule"] for axis in axes)
+    below = document["beyond"] if formation else _below_rule(document)
     if below:
         raise typer.Exit(EXIT_FAILED)
+
+
+def _below_rule(document: dict[str, Any]) -> list[str]:
+    """Vehicles with an axis that falls short."""
+    axes = {name: found["axes"] or {} for name, found in document["vehicles"].items()}
+    return [name for name, own in axes.items() if any(axis["below_rule"] for axis in own.values())]
 
 
 def _two_lines(headings: Sequence[str]) -> list[str]:

@@ -1,0 +1,134 @@
+"""Preparing hosts: `deploy`, `certs` and `doctor`."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rcopterx.commands.fleet_option import (
+    EXIT_FAILED,
+    FleetArgument,
+    HostOption,
+    chosen_host,
+    fleet_file,
+    user_errors,
+)
+from rcopterx.commands.parsing import check_known
+
+if TYPE_CHECKING:
+    from rcopterx.deploy.doctor.examination import Result
+    from rcopterx.fleet.schema import FleetFile
+
+
+def deploy(
+    fleet: FleetArgument,
+    wheel: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE", exists=True, dir_okay=False, help="Wheel of the software, from make wheel."
+        ),
+    ],
+    only: Annotated[
+        list[str] | None, typer.Option("--host", metavar="HOST", help="Only this host. May be repeated.")
+    ] = None,
+    user: Annotated[
+        str | None, typer.Option(metavar="USER", help="User to log in as. Default: that of ssh.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show what would be done.")] = False,
+) -> None:
+    """Install or update every host over ssh; what is up to date stays as it is.
+
+    Running daemons are not restarted, since that ends flights. Needs keys for ssh, and sudo without a
+    password for the systemd unit.
+    """
+    from rcopterx.deploy.remote.installation import RemoteError, login, on, steps, take, unit_name
+    from rcopterx.fleet.reading import fleet_path
+
+    failed = False
+    with user_errors():
+        file = fleet_file(fleet)
+        text = fleet_path(fleet).read_bytes()
+        check_known(only or (), file.hosts, "host", "--host")
+        for host in only or file.hosts:
+            address = file.hosts[host].address
+            run = on(address if user is None else f"{user}@{address}")
+            changed = False
+            try:
+                for step, done in take(run, steps(file, text, host, login(run), wheel), dry=dry_run):
+                    changed = changed or not done
+                    typer.echo(f"{host}: {'there' if done else 'to do' if dry_run else 'done'}: {step.what}")
+            except RemoteError as error:
+                typer.echo(f"error: {host}: {error}", err=True)
+                failed = True
+                continue
+            if changed and not dry_run:
+                typer.echo(f"{host}: while nothing flies: sudo systemctl restart {unit_name(file)}")
+    if failed:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def certs(
+    fleet: FleetArgument,
+    renew: Annotated[bool, typer.Option("--renew", help="Issue all again, with new keys.")] = False,
+    new_authority: Annotated[
+        bool,
+        typer.Option(
+            "--new-authority", help="Replace the authority, too: all earlier certificates become invalid."
+        ),
+    ] = False,
+    days: Annotated[float, typer.Option(metavar="DAYS", min=1, help="Validity of the certificates.")] = 365,
+) -> None:
+    """Make the certificates that a fleet file requires; existing valid ones are kept.
+
+    They are in the directory of security.certificates. The key of the authority stays on this computer; each
+    host gets authority.pem and the two files of its own name.
+    """
+    with user_errors():
+        from datetime import UTC, datetime
+
+        from rcopterx.deploy.certificates.fleet_certificates import make_certificates
+
+        file = fleet_file(fleet)
+        for line in make_certificates(
+            file, datetime.now(UTC), days, renew=renew or new_authority, new_authority=new_authority
+        ):
+            typer.echo(line)
+
+
+def doctor(fleet: FleetArgument, host: HostOption = None) -> None:
+    """Check this computer, and that the fleet, if it is up, refuses what it must refuse.
+
+    Exit code 1 if there are findings. It does not disturb a fleet: its messages have no content.
+    """
+    with user_errors():
+        file = fleet_file(fleet)
+        findings = 0
+        for result in _results(file, chosen_host(file, host)):
+            typer.echo(f"{'ok' if result.good else 'finding'}: {result.text}")
+            findings += not result.good
+    typer.echo(f"findings: {findings}")
+    if findings:
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _results(file: "FleetFile", host: str) -> Iterator["Result"]:
+    from datetime import UTC, datetime
+
+    from rcopterx.deploy.certificates.files import directory_of
+    from rcopterx.deploy.doctor.examination import Result, examine
+    from rcopterx.deploy.hosts.running import running_fleets
+
+    now = datetime.now(UTC)
+    yield from examine(file, host, now)
+    directory = directory_of(file)
+    if directory is None:
+        return
+    if (file.name, host) not in {(running.fleet, running.host) for running in running_fleets()}:
+        yield Result(True, f"host {host} of fleet {file.name} is not up: access to it was not checked")
+        return
+    from rcopterx.deploy.doctor.attempts import members, strangers
+    from rcopterx.deploy.roles.addresses import bus_address
+
+    yield from strangers(file, host, directory, now)
+    yield from members(file, bus_address(file, host), host, directory)
