@@ -56,8 +56,7 @@ def certificates(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]
     if directory is None:
         if fleet.security.insecure:
             yield Result(
-                False,
-                "security.insecure: any program that reaches a host can steer; rcopterx certs helps",
+                False, "security.insecure: any program that reaches a host can steer; rcopterx certs helps"
             )
         else:
             yield Result(True, "no certificates: only this computer reaches the fleet")

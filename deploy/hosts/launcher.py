@@ -24,13 +24,7 @@ from rcopterx.deploy.hosts.guarding import Guard
 from rcopterx.deploy.hosts.membership import MembershipService
 from rcopterx.deploy.hosts.recall import RecallService
 from rcopterx.deploy.hosts.resources import check_certificate, check_resources, check_without
-from rcopterx.deploy.hosts.run_directory import (
-    Begun,
-    flight_path,
-    run_directory,
-    snapshot_path,
-    write_flight,
-)
+from rcopterx.deploy.hosts.run_directory import Begun, flight_path, run_directory, snapshot_path, write_flight
 from rcopterx.deploy.hosts.vehicle_states import begin_states, remove_states
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.forking import URGENT_NICE, ForkServer

@@ -14,22 +14,13 @@ from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.lockstep_page import opened_page
 from rcopterx.bus.log_messages import LauncherEvent
 from rcopterx.bus.messages import AgentStatus
-from rcopterx.bus.requests import (
-    ReadLogs,
-    Reply,
-    StartHost,
-    StartVehicle,
-    StopHost,
-    StopVehicle,
-    TakeVehicle,
-)
+from rcopterx.bus.requests import ReadLogs, Reply, StartHost, StartVehicle, StopHost, StopVehicle, TakeVehicle
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.hosts.capacity import AGENT, may_be_crowded
 from rcopterx.deploy.processes.attempts import Attempts
-from rcopterx.deploy.processes.child import Child
 from rcopterx.deploy.processes.log_reading import read_page
 from rcopterx.deploy.processes.process_log import rotate
-from rcopterx.deploy.processes.supervisor import Supervisor
+from rcopterx.deploy.processes.supervisor import Child, Supervisor
 from rcopterx.deploy.processes.table import ROUTER
 
 REPORT_PERIOD_S = 0.5

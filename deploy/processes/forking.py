@@ -107,10 +107,7 @@ class ForkServer:
     """
 
     def __init__(
-        self,
-        modules: Sequence[str] = (),
-        priority: int = 0,
-        clock: Callable[[], float] = time.monotonic,
+        self, modules: Sequence[str] = (), priority: int = 0, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._words = (str(priority), ",".join(modules))
         self._pilots: tuple[str, ...] = ()

@@ -3,20 +3,21 @@
 import math
 import os
 import selectors
+import signal
 import time
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 from rcopterx.bus.heartbeat import Phase
 from rcopterx.deploy.processes.attempts import Attempts
-from rcopterx.deploy.processes.child import Child, restart_pause_s, signal_name
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, RECORDER, TRANSMITTERS, ProcessSpec
 from rcopterx.deploy.spares.spares import Spares
 from rcopterx.deploy.watchdog.liveness import Liveness, Watched
-from rcopterx.deploy.watchdog.watchdog import Duty, Watchdog
+from rcopterx.deploy.watchdog.watchdog import Duty, Hung, Watchdog
 from rcopterx.fleet.schema import WatchdogConfig
 
 STABLE_AFTER_S = 2.0
@@ -30,6 +31,40 @@ DUTIES: Final = {TRANSMITTERS: Duty.RADIO, "simulator": Duty.BACKGROUND, RECORDE
 KNOWING_ROLES: Final = ("agent", TRANSMITTERS)  # processes of these roles know whether vehicles fly
 STOP_TURN_S: Final = 0.05
 STOP_LIMIT_S = 12.0  # without the time in which transmitter gateways land their vehicles
+QUICK_RESTARTS = 3
+MAX_PAUSE_S = 5.0
+
+
+def restart_pause_s(quick_deaths: int) -> float:
+    """Pause before a restart; none after the first of the deaths that came shortly after a start."""
+    if quick_deaths < QUICK_RESTARTS:
+        return 0.0
+    return float(min(MAX_PAUSE_S, 0.2 * 2 ** (quick_deaths - QUICK_RESTARTS)))
+
+
+@dataclass
+class Child:
+    """One supervised process."""
+
+    spec: ProcessSpec
+    process: ForkedProcess | None = None
+    started_s: float = 0.0
+    restart_at_s: float = 0.0  # when it is started again; 0 if no restart is due
+    restarts: int = 0
+    hung: int = 0  # how often it was killed because it made no progress
+    quick_deaths: int = 0
+    wanted: bool = True  # whether it shall run; any thread may change it at any time
+    take_over: bool = False  # whether it starts by taking over from an agent that flies its vehicle elsewhere
+    leaving_since_s: float | None = None  # when it received SIGTERM; infinite once it is killed
+    verdict: Hung | None = None  # why the watchdog killed it, until its death is reported
+
+
+def signal_name(number: int) -> str:
+    """Return the name of a signal, or its number if it has no name."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
 
 
 class Supervisor:

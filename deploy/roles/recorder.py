@@ -24,10 +24,7 @@ GB: Final = 1_000_000_000
 
 def run(fleet: FleetFile, host: str) -> None:
     """Record the messages on the bus."""
-    run_recorder(
-        recorder_settings(fleet, host, time.time()),
-        logging.getLogger(__name__).error,
-    )
+    run_recorder(recorder_settings(fleet, host, time.time()), logging.getLogger(__name__).error)
 
 
 def log_directory(fleet: FleetFile) -> Path:

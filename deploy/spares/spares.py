@@ -77,13 +77,7 @@ class Spares:
             self._spares.append(_Spare(process, now_s))
 
     def take(
-        self,
-        role: str,
-        unit: str,
-        log: Path,
-        usable: Callable[[int], bool],
-        *,
-        take_over: bool = False,
+        self, role: str, unit: str, log: Path, usable: Callable[[int], bool], *, take_over: bool = False
     ) -> ForkedProcess | None:
         """Let a spare that is `usable`, by its process id, take over a job; return its process, if any.
 

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.deploy.processes.child import MAX_PAUSE_S, QUICK_RESTARTS, restart_pause_s
+from rcopterx.deploy.processes.supervisor import MAX_PAUSE_S, QUICK_RESTARTS, restart_pause_s
 
 
 @given(st.integers(0, 60))

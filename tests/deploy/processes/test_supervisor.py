@@ -9,13 +9,15 @@ from pathlib import Path
 import pytest
 from support.stand_ins import StandIn, SupervisedHost, spec
 
-from rcopterx.deploy.processes.child import MAX_PAUSE_S, QUICK_RESTARTS, restart_pause_s
 from rcopterx.deploy.processes.supervisor import (
+    MAX_PAUSE_S,
     PREPARE_S,
+    QUICK_RESTARTS,
     STABLE_AFTER_S,
     START_RETRY_S,
     STOP_LIMIT_S,
     Supervisor,
+    restart_pause_s,
 )
 from rcopterx.deploy.processes.table import EXIT_ELSEWHERE
 from rcopterx.fleet.schema import WatchdogConfig

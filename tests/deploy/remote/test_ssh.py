@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rcopterx.deploy.remote.ssh import RemoteError, on
+from rcopterx.deploy.remote.installation import RemoteError, on
 
 
 def test_a_target_that_begins_with_a_dash_is_no_option_of_ssh(

@@ -1,8 +1,9 @@
-"""The installation of a host as steps, which can be shown before they are taken, and repeated."""
+"""The installation of a host as steps, which can be shown before they are taken over ssh, and repeated."""
 
 import hashlib
 import shlex
-from collections.abc import Iterator
+import subprocess
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -30,6 +31,16 @@ Restart=on-failure
 [Install]
 WantedBy=multi-user.target
 """
+OPTIONS: Final = ("-o", "BatchMode=yes", "-o", "ConnectTimeout=10")
+"""Without prompts for passwords: keys and agents are needed."""
+UNREACHABLE: Final = 255  # exit code of ssh itself
+
+Run = Callable[[str, bytes], "subprocess.CompletedProcess[bytes]"]
+"""Runs a shell command with a standard input."""
+
+
+class RemoteError(RuntimeError):
+    """A host cannot be reached, or a command on it failed; contains its output."""
 
 
 @dataclass(frozen=True)
@@ -107,3 +118,41 @@ def _enabled(unit: str) -> Step:
         make=f"sudo -n install -m 644 {DIRECTORY}/{unit} /etc/systemd/system/{unit} "
         f"&& sudo -n systemctl daemon-reload && sudo -n systemctl enable --quiet {unit}",
     )
+
+
+def on(target: str) -> Run:
+    """Return a function that runs commands at the ssh target, such as `lab@192.168.0.11`."""
+
+    def run(command: str, content: bytes) -> "subprocess.CompletedProcess[bytes]":
+        done = subprocess.run(
+            ["ssh", *OPTIONS, "--", target, command], input=content, capture_output=True, check=False
+        )
+        if done.returncode == UNREACHABLE:
+            raise RemoteError(f"{target}: {_output(done)}")
+        return done
+
+    return run
+
+
+def login(run: Run) -> Login:
+    """Return user and home directory; raises `RemoteError` if the host cannot be reached."""
+    done = run("id -un && pwd", b"")
+    user, _, home = done.stdout.decode().strip().partition("\n")
+    if done.returncode or not home:
+        raise RemoteError(f"id -un && pwd: {_output(done)}")
+    return Login(user, home)
+
+
+def take(run: Run, steps: Iterable[Step], *, dry: bool) -> Iterator[tuple[Step, bool]]:
+    """Take the steps that are not done yet, none if `dry`; yield each with whether it was done before."""
+    for step in steps:
+        done = run(step.done, b"").returncode == 0
+        if not (done or dry):
+            made = run(step.make, step.content)
+            if made.returncode:
+                raise RemoteError(f"{step.what}: {_output(made)}")
+        yield step, done
+
+
+def _output(done: "subprocess.CompletedProcess[bytes]") -> str:
+    return done.stderr.decode(errors="replace").strip() or f"exit code {done.returncode}"
