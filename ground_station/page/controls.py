@@ -12,8 +12,7 @@ from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.events import Event
 from rcopterx.ground_station.geometry import on_level
-from rcopterx.ground_station.page.formations import SHAPES
-from rcopterx.ground_station.page.steering import Steering
+from rcopterx.ground_station.page.steering import SHAPES, Steering
 from rcopterx.ground_station.quantities import QUANTITIES
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.state import VehicleState

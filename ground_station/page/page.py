@@ -1,6 +1,7 @@
 """The page: builds its parts and keeps them up to date."""
 
 from collections.abc import Mapping
+from html import escape
 from pathlib import Path
 from typing import Final
 
@@ -11,7 +12,6 @@ from rcopterx.bus import channels
 from rcopterx.ground_station.events import Timeline
 from rcopterx.ground_station.page import controls
 from rcopterx.ground_station.page.guard import PageServer
-from rcopterx.ground_station.page.header import Header
 from rcopterx.ground_station.page.history import History
 from rcopterx.ground_station.page.plots import Plots
 from rcopterx.ground_station.page.scene import FleetScene
@@ -22,10 +22,14 @@ from rcopterx.ground_station.scripting.state import VehicleState
 HERE: Final = Path(__file__).parent
 
 
+def _text(name: str) -> str:
+    """Content of a file of this folder."""
+    return (HERE / name).read_text("utf-8")
+
+
 def run_once(server: viser.ViserServer, script: str) -> None:
     """Run a script of this folder once in every browser that connects."""
-    text = (HERE / script).read_text("utf-8")
-    server.gui._websock_interface.queue_message(_messages.RunJavascriptMessage(text))
+    server.gui._websock_interface.queue_message(_messages.RunJavascriptMessage(_text(script)))
 
 
 def limit_drawing(server: viser.ViserServer) -> None:
@@ -42,18 +46,39 @@ NOTICE_S: Final = 6.0
 
 
 class PageFrame:
-    """The part of the page that loads while the fleet starts, for `FleetPage`; `steers` if not watching."""
+    """The part of the page that loads while the fleet starts, for `FleetPage`; `steers` if not watching.
+
+    It begins with a header, the state of the fleet, KILL, take-off and landing, above the frame of viser.
+    Buttons of viser are not reliable enough for KILL: viser loads for seconds, sends one message of its panel
+    in 50 ms and drops the others, sends nothing while it is not connected, and hides buttons when the panel
+    is folded up. The header is complete before viser begins to load, and sends its requests by itself.
+    """
 
     def __init__(self, server: PageServer, name: str, steers: bool = True) -> None:
         self.server, self.steers = server, steers
-        self.header = Header(
-            server, name, steers, controls.banner(name, (), ["waiting for the fleet to come up"])
-        )
+        self.state = controls.banner(name, (), ["waiting for the fleet to come up"])  # HTML
+        parts = {
+            "name": escape(name),
+            "style": _text("header.css"),
+            "script": (_text("space.js") if steers else "") + _text("header.js"),
+            "requests": _text("requests.html") if steers else "",
+        }
+        document = _text("header.html")
+        for part, text in parts.items():
+            document = document.replace(f"{{{part}}}", text)
+        server.pages[""] = lambda: document.replace("{state}", self.state)
+        server.pages["state"] = lambda: self.state
         if steers:
             run_once(server, "space.js")
         limit_drawing(server)
         server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         server.gui.set_panel_label(f"rcopterx {name}")
+
+    def connect(self, steering: Steering) -> None:
+        """Carry out requests from now on."""
+        self.server.requests.update(
+            kill=steering.kill, take_off=steering.take_off, land=steering.land, reset=steering.reset
+        )
 
 
 class FleetPage:
@@ -62,7 +87,7 @@ class FleetPage:
     def __init__(self, fleet: Fleet, frame: PageFrame) -> None:
         self._fleet = fleet
         self._server = server = frame.server
-        self._header = frame.header
+        self._frame = frame
         self._applied = fleet.session.subscribe_all(channels.APPLIED)
         fleet.watch_latency()
         fleet.watch_motion()
@@ -71,7 +96,7 @@ class FleetPage:
         self.steering = Steering(fleet, self.notify) if frame.steers else None
         self._next_text_s = self._next_plot_s = 0.0
         if self.steering is not None:
-            frame.header.connect(self.steering)
+            frame.connect(self.steering)
             server.gui.add_html(controls.suggestions(fleet.file))
         # Browsers build what they receive first: the panel before the scene.
         self._add_tabs(server)
@@ -122,7 +147,7 @@ class FleetPage:
     def _update_text(self, now_s: float, states: Mapping[str, VehicleState]) -> None:
         grounded = not any(state.airborne for state in states.values())
         problems = self._fleet.problems() if grounded else []
-        self._header.state = controls.banner(self._fleet.file.title, states.values(), problems)
+        self._frame.state = controls.banner(self._fleet.file.title, states.values(), problems)
         with self._server.atomic():
             for name, state in states.items():
                 self.vehicles[name].show(state)

@@ -7,13 +7,7 @@ from typing import Final
 
 from rcopterx.fleet.schema import FleetError
 from rcopterx.flights.provenance import provenance
-from rcopterx.ground_station.report.document import (
-    Html,
-    document,
-    percentile_table,
-    table,
-    vehicle_table,
-)
+from rcopterx.ground_station.report.document import Html, document, percentile_table, table, vehicle_table
 from rcopterx.ground_station.report.latency import STAGES, TOTAL
 from rcopterx.ground_station.report.logged_flight import LoggedFlight
 from rcopterx.ground_station.report.picture import flight_svg, formation_svg, latency_svg

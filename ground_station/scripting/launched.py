@@ -47,12 +47,7 @@ def launched(
         raise FleetError(f"this fleet has several hosts, name one of {', '.join(file.hosts)}")
     with (
         processes_up(
-            file,
-            host or next(iter(file.hosts)),
-            without,
-            watchdog=watchdog,
-            record=record,
-            script=SCRIPT,
+            file, host or next(iter(file.hosts)), without, watchdog=watchdog, record=record, script=SCRIPT
         ) as fleet,
         fleet,
     ):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.ground_station.page.formations import SHAPES, formation_links
+from rcopterx.ground_station.page.steering import SHAPES, formation_links
 
 
 @given(st.sampled_from(sorted(SHAPES)), st.integers(0, 11), st.floats(0.5, 1.5))
