@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Final, get_args
 
 import msgspec
 from msgspec import inspect as types
@@ -37,86 +37,73 @@ class Section:
     own_default: str = ""
 
 
-def sections() -> list[Section]:
-    """Return all tables of the fleet file, in the order of the page."""
-    vehicle = "vehicles.NAME"
-    control, transmitter = f"{vehicle}.control", f"{vehicle}.transmitter"
-    calibration, model = f"{transmitter}.calibration", f"{vehicle}.model"
-    return [
-        Section("", schema.FleetFile),
-        Section("volume", schema.VolumeConfig),
-        Section("tracker", schema.TrackerConfig, "See [motion_capture.md](motion_capture.md)."),
-        Section("simulator", schema.SimulatorConfig),
-        Section("simulator.condition_overrides", Conditions, "A default is that of the preset `ideal`."),
-        Section("hosts.NAME", schema.HostConfig, "See [multi-host.md](multi-host.md)."),
-        Section("bus", schema.BusConfig),
-        Section("security", schema.SecurityConfig, "See [security.md](security.md)."),
-        Section("gateways.NAME", schema.GatewayConfig),
-        Section("avoidance", schema.AvoidanceConfig, "See [avoidance.md](avoidance.md)."),
-        Section("safety", schema.SafetyConfig, "See [safety.md](safety.md)."),
+VEHICLE: Final = "vehicles.NAME"
+CONTROL: Final = f"{VEHICLE}.control"
+TRANSMITTER: Final = f"{VEHICLE}.transmitter"
+CALIBRATION: Final = f"{TRANSMITTER}.calibration"
+MODEL: Final = f"{VEHICLE}.model"
+IDENTIFIED: Final = "Written by `rcopterx identify`. The `type`, which is `kind`, gives the other values."
+OF_MODEL: Final = "`lower`, `upper` and `floor_m` come from the vehicle's model and from the volume."
+OF_VOLUME: Final = "The fence is the flight volume unless `safety.geofence` is false."
+SECTIONS: Final = (
+    Section("", schema.FleetFile),
+    Section("volume", schema.VolumeConfig),
+    Section("tracker", schema.TrackerConfig, "See [motion_capture.md](motion_capture.md)."),
+    Section("simulator", schema.SimulatorConfig),
+    Section("simulator.condition_overrides", Conditions, "A default is that of the preset `ideal`."),
+    Section("hosts.NAME", schema.HostConfig, "See [multi-host.md](multi-host.md)."),
+    Section("bus", schema.BusConfig),
+    Section("security", schema.SecurityConfig, "See [security.md](security.md)."),
+    Section("gateways.NAME", schema.GatewayConfig),
+    Section("avoidance", schema.AvoidanceConfig, "See [avoidance.md](avoidance.md)."),
+    Section("safety", schema.SafetyConfig, "See [safety.md](safety.md)."),
+    Section("safety.settings", ArbiterLimits, OF_MODEL),
+    Section("safety.settings.surveillance", SurveillanceLimits, OF_VOLUME),
+    Section("safety.settings.surveillance.fence", Fence),
+    Section(
+        "safety.settings.landing", LandingLimits, "Gains come from the vehicle's model unless they are given."
+    ),
+    Section("types.NAME", TypeFile, "See [vehicle_types.md](vehicle_types.md)."),
+    Section("types.NAME.transmitter", TypeTransmitter),
+    Section("log", schema.LogConfig, "See [logs.md](logs.md)."),
+    Section("watchdog", schema.WatchdogConfig, "See [safety.md](safety.md#processes-that-hang)."),
+    Section(VEHICLE, schema.VehicleConfig),
+    Section(f"{VEHICLE}.follow", schema.LeaderConfig, "A list of such tables."),
+    Section(f"{VEHICLE}.leader_lost", schema.LeaderLostConfig, "See [formation.md](formation.md)."),
+    Section(f"{VEHICLE}.battery", schema.BatteryConfig, "See [safety.md](safety.md)."),
+    Section(CONTROL, schema.ControlConfig, "See [control.md](control.md)."),
+    *(
+        Section(f"{CONTROL}.settings", CONTROLLERS.load(name).Settings, f'With `controller = "{name}"`.')
+        for name in CONTROLLERS.built_in
+    ),
+    *(
         Section(
-            "safety.settings",
-            ArbiterLimits,
-            "`lower`, `upper` and `floor_m` come from the vehicle's model and from the volume.",
-        ),
-        Section(
-            "safety.settings.surveillance",
-            SurveillanceLimits,
-            "The fence is the flight volume unless `safety.geofence` is false.",
-        ),
-        Section("safety.settings.surveillance.fence", Fence),
-        Section(
-            "safety.settings.landing",
-            LandingLimits,
-            "Gains come from the vehicle's model unless they are given.",
-        ),
-        Section("types.NAME", TypeFile, "See [vehicle_types.md](vehicle_types.md)."),
-        Section("types.NAME.transmitter", TypeTransmitter),
-        Section("log", schema.LogConfig, "See [logs.md](logs.md)."),
-        Section("watchdog", schema.WatchdogConfig, "See [safety.md](safety.md#processes-that-hang)."),
-        Section(vehicle, schema.VehicleConfig),
-        Section(f"{vehicle}.follow", schema.LeaderConfig, "A list of such tables."),
-        Section(f"{vehicle}.leader_lost", schema.LeaderLostConfig, "See [formation.md](formation.md)."),
-        Section(f"{vehicle}.battery", schema.BatteryConfig, "See [safety.md](safety.md)."),
-        Section(control, schema.ControlConfig, "See [control.md](control.md)."),
-        *(
-            Section(f"{control}.settings", CONTROLLERS.load(name).Settings, f'With `controller = "{name}"`.')
-            for name in CONTROLLERS.built_in
-        ),
-        *(
-            Section(
-                f"{control}.estimator_settings",
-                ESTIMATORS.load(name).Settings,
-                f'With `estimator = "{name}"`.',
-            )
-            for name in ESTIMATORS.built_in
-        ),
-        Section(transmitter, schema.TransmitterConfig, "See [hardware.md](hardware.md)."),
-        *(
-            Section(f"{transmitter}.settings", settings_class(name), f'With `protocol = "{name}"`.')
-            for name in get_args(schema.ProtocolName)
-        ),
-        Section(calibration, Calibration, "Written by `rcopterx calibrate`."),
-        Section(f"{calibration}.pitch", ChannelCalibration, "`roll` and `yaw` have the same keys."),
-        Section(f"{calibration}.throttle", ThrottleCalibration),
-        Section(f"{calibration}.arming", ArmingChannel),
-        Section(f"{calibration}.emergency", SwitchChannel),
-        Section(
-            model,
-            Model,
-            "Written by `rcopterx identify`. The `type`, which is `kind`, gives the other values.",
-            own_default="of the type",
-        ),
-        Section(f"{model}.tilt", TiltModel, own_default="of the type"),
-        Section(f"{model}.uncertainty", Uncertainty, own_default="of the type"),
-    ]
+            f"{CONTROL}.estimator_settings", ESTIMATORS.load(name).Settings, f'With `estimator = "{name}"`.'
+        )
+        for name in ESTIMATORS.built_in
+    ),
+    Section(TRANSMITTER, schema.TransmitterConfig, "See [hardware.md](hardware.md)."),
+    *(
+        Section(f"{TRANSMITTER}.settings", settings_class(name), f'With `protocol = "{name}"`.')
+        for name in get_args(schema.ProtocolName)
+    ),
+    Section(CALIBRATION, Calibration, "Written by `rcopterx calibrate`."),
+    Section(f"{CALIBRATION}.pitch", ChannelCalibration, "`roll` and `yaw` have the same keys."),
+    Section(f"{CALIBRATION}.throttle", ThrottleCalibration),
+    Section(f"{CALIBRATION}.arming", ArmingChannel),
+    Section(f"{CALIBRATION}.emergency", SwitchChannel),
+    Section(MODEL, Model, IDENTIFIED, own_default="of the type"),
+    Section(f"{MODEL}.tilt", TiltModel, own_default="of the type"),
+    Section(f"{MODEL}.uncertainty", Uncertainty, own_default="of the type"),
+)
+"""All tables of the fleet file, in the order of the page."""
 
 
 def reference() -> str:
     """Return the text of `docs/fleet_file.md`."""
     lines = [Path(__file__).with_name("fleet_file.template").read_text(encoding="utf-8")]
     done: set[str] = set()
-    for section in sections():
+    for section in SECTIONS:
         lines += _section(section, first=section.path not in done)
         done.add(section.path)
     return "\n".join(lines).rstrip() + "\n"

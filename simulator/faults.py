@@ -210,31 +210,10 @@ class BreakVehicle(VehicleFault, frozen=True, tag="break_vehicle"):
 
 
 TrackerFault = (
-    Close
-    | Reset
-    | WrongMagic
-    | ResetFrameId
-    | Burst
-    | Recover
-    | Silence
-    | Freeze
-    | EmptyPackets
-    | IgnorePings
-    | Dribble
-    | Delay
-    | UnknownObject
-    | YUp
-    | Occlude
-    | RemoveSubject
-    | AddSubject
-    | FreezePose
-    | DisplacePose
-    | AddNoise
-    | SkipFrames
-    | SetQuality
-    | RenameRootSegment
-    | SwapSubjects
-)
+    Close | Reset | WrongMagic | ResetFrameId | Burst | Recover | Silence | Freeze | EmptyPackets
+    | IgnorePings | Dribble | Delay | UnknownObject | YUp | Occlude | RemoveSubject | AddSubject | FreezePose
+    | DisplacePose | AddNoise | SkipFrames | SetQuality | RenameRootSegment | SwapSubjects
+)  # fmt: skip
 """Faults of the emulated Tracker."""
 
 Fault = TrackerFault | BreakRadio | BreakVehicle

@@ -8,7 +8,7 @@ import pytest
 from rcopterx import deploy
 from rcopterx.bus.reference import meanings_of
 from rcopterx.fleet.reading import parse_fleet
-from rcopterx.fleet.reference import reference, sections
+from rcopterx.fleet.reference import SECTIONS, reference
 
 PAGE = Path(deploy.__file__).resolve().parents[1] / "docs" / "fleet_file.md"
 ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]*) \| ([^|]+) \| ([^|]+) \|$")
@@ -47,7 +47,7 @@ def test_types_units_defaults_limits_and_meanings_come_from_the_source(key: str,
 
 
 def test_parameters_that_share_an_entry_of_a_docstring_share_its_meaning() -> None:
-    (calibration,) = (section for section in sections() if section.path.endswith(".throttle"))
+    (calibration,) = (section for section in SECTIONS if section.path.endswith(".throttle"))
     meanings = meanings_of(calibration.kind)
     assert meanings["us0"] == meanings["us1"] == "Pulse widths [us] at thrust 0, `u_hover` and 1."
 
