@@ -14,10 +14,13 @@ from contextlib import contextmanager, suppress
 import pytest
 import zenoh
 
+from rcopterx.bus import channels
 from rcopterx.bus.endpoints import client_config, open_session, router_config
+from rcopterx.bus.messages import Pose
 from rcopterx.bus.requests import Reply, Request
-from rcopterx.bus.session import BusAddress, Session
-from support.waiting import DEADLINE_S
+from rcopterx.bus.session import BusAddress, RequestFailedError, Session
+from rcopterx.bus.subscription import Inbox
+from support.waiting import DEADLINE_S, wait_for
 
 FLEET = "lab"
 LOWEST_PORT, PORTS = 20_000, 12_000
@@ -144,3 +147,36 @@ def raw_session(address: BusAddress) -> Iterator[zenoh.Session]:
         yield session
     finally:
         session.close()
+
+
+def occluded_pose(frame: int) -> Pose:
+    return Pose(epoch=1, frame=frame, period_s=0.02, latency_s=0.0, received_s=0.0, occluded=True)
+
+
+def arrives(sender: Session, inbox: Inbox[Pose], frame: int) -> None:
+    """Publish until a pose gets through: the first put after a declaration may be lost."""
+
+    def through() -> bool:
+        sender.publish(channels.POSE, "h1", occluded_pose(frame))
+        received = inbox.latest()
+        return received is not None and received.message.frame == frame
+
+    wait_for(through, f"frame {frame} does not arrive")
+
+
+def answer_of(asker: Session, unit: str, request: Request) -> Reply:
+    """Send a request as soon as it is served."""
+    replies: list[Reply] = []
+    problems: list[str] = []
+
+    def answered() -> bool:
+        try:
+            replies.append(asker.request(unit, request, timeout_s=DEADLINE_S))
+        except RequestFailedError as error:
+            problems.append(str(error))
+            return False
+        return True
+
+    wait_for(answered, "no answer")
+    assert all("no process serves" in problem for problem in problems)
+    return replies[0]

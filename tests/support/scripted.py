@@ -1,7 +1,7 @@
 """A fleet without helicopters: its vehicles reply and publish statuses as a test requires."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -14,7 +14,7 @@ from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.scripting.fleet import Fleet
 from support.plans import plan_of
 from support.statuses import flying_status
-from support.waiting import DEADLINE_S, PatientClock
+from support.waiting import DEADLINE_S, PatientClock, wait_for
 
 PERIOD_S = 0.01
 READING_S = 0.02
@@ -203,3 +203,13 @@ def scripted(session: Session, *names: str, tracker: str = "up") -> Iterator[dic
     finally:
         stop.set()
         thread.join()
+
+
+def put(
+    vehicles: dict[str, ScriptedVehicle], fleet: Fleet, phase: str, names: Iterable[str] = ("h1", "h2")
+) -> None:
+    """Change the phase of vehicles and wait until the fleet knows."""
+    for name in names:
+        vehicles[name].phase = phase
+        vehicles[name].state = "armed"
+    wait_for(lambda: all(fleet.state_of(name).phase == phase for name in names), f"not {phase}")

@@ -1,0 +1,219 @@
+"""Promises of the scripting interface: vehicles arm, take off and land, also after a failure."""
+
+import threading
+from collections.abc import Callable, Iterable
+
+import pytest
+from support.scripted import ScriptedVehicle, put
+from support.waiting import wait_for
+
+from rcopterx.bus.requests import Arm, TakeOff
+from rcopterx.bus.session import (
+    Incoming,
+    RequestFailedError,
+)
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.vehicle import RefusedError, lines_of
+from rcopterx.ground_station.scripting.waiting import NotReachedError
+
+Vehicles = dict[str, ScriptedVehicle]
+
+
+def phases(vehicles: Vehicles) -> list[str]:
+    return [vehicle.phase for vehicle in vehicles.values()]
+
+
+def test_take_off_arms_and_climbs_every_vehicle_and_waits(fleet: Fleet, vehicles: Vehicles) -> None:
+    fleet.take_off(height_m=0.7)
+    assert phases(vehicles) == ["flying", "flying"]
+    for vehicle in vehicles.values():
+        assert vehicle.requests == [Arm(), TakeOff(height_m=0.7)]
+
+
+def test_take_off_leaves_others_and_those_in_the_air_alone(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying", ["h1"])
+    fleet.take_off(["h1"])
+    assert vehicles["h1"].requests == []
+    assert phases(vehicles) == ["flying", "ground"]
+
+
+def test_arming_is_asked_again_while_it_is_refused_for_the_moment(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h1"].refusals["arm"] = "thrust was not low for half a second"
+
+    stop = threading.Event()
+
+    def relent() -> None:
+        while not stop.wait(0.005):
+            if len(vehicles["h1"].requests) >= 2:
+                vehicles["h1"].refusals.clear()
+
+    watcher = threading.Thread(target=relent)
+    watcher.start()
+    try:
+        fleet.arm(["h1"])
+    finally:
+        stop.set()
+        watcher.join()
+    assert vehicles["h1"].phase == "armed"
+    assert set(vehicles["h1"].verbs) == {"Arm"}
+
+
+def test_arming_gives_up_with_the_reason(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].refusals["arm"] = "killed"
+    with pytest.raises(RefusedError, match="h2: killed"):
+        fleet.arm(["h2"], timeout_s=0.1)
+
+
+def test_a_vehicle_that_does_not_take_off_is_named(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].stuck.add("take_off")
+    with pytest.raises(NotReachedError, match=r"not all vehicles have taken off \(.*h2: armed"):
+        fleet.take_off(timeout_s=0.2)
+
+
+def test_landing_waits_for_the_floor_and_disarms(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying")
+    fleet.land()
+    assert phases(vehicles) == ["ground", "ground"]
+    assert vehicles["h1"].verbs == ["Land", "Disarm"]
+
+
+def test_landing_leaves_those_on_the_floor_and_killed_ones_alone(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying", ["h1"])
+    vehicles["h2"].state = "killed"
+
+    def known() -> bool:
+        transmitter = fleet.state_of("h2").transmitter
+        return transmitter is not None and transmitter.state == "killed"
+
+    wait_for(known, "not known as killed")
+    fleet.land()
+    assert vehicles["h2"].requests == []
+
+
+@pytest.mark.parametrize("fault", ["silent", "refuses"])
+def test_a_vehicle_that_cannot_be_landed_does_not_keep_the_others_up(
+    fleet: Fleet, vehicles: Vehicles, fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(vehicles, fleet, "flying")
+    if fault == "silent":
+        monkeypatch.setattr("rcopterx.ground_station.scripting.vehicle.ANSWER_S", 2.0)
+        vehicles["h1"].silent.add("land")
+    else:
+        vehicles["h1"].refusals["land"] = "no"
+    with pytest.raises((RefusedError, RequestFailedError), match="h1"):
+        fleet.land()
+    assert phases(vehicles) == ["flying", "ground"]
+    assert vehicles["h2"].verbs == ["Land", "Disarm"]
+
+
+def test_who_touched_down_meanwhile_refuses_to_land_and_that_is_no_error(
+    fleet: Fleet, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(vehicles, fleet, "flying")
+    h1 = vehicles["h1"]
+    h1.refusals["land"] = "nothing to land, the phase is ground"
+    answer = h1.answer
+
+    def touch_down(incoming: Incoming) -> None:
+        h1.phase = "ground"
+        answer(incoming)
+
+    monkeypatch.setattr(h1, "answer", touch_down)
+    fleet.land()
+    assert phases(vehicles) == ["ground", "ground"]
+    assert vehicles["h1"].verbs == ["Land", "Disarm"]
+
+
+def test_an_error_in_a_script_lands_the_fleet(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying")
+    with pytest.raises(ZeroDivisionError), fleet:
+        _ = 1 / 0
+    assert phases(vehicles) == ["ground", "ground"]
+
+
+def test_the_error_of_a_script_stays_the_error_when_the_landing_fails_as_well(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    put(vehicles, fleet, "flying")
+    for name, reason in (("h1", "stuck"), ("h2", "no time")):
+        vehicles[name].refusals["land"] = reason
+    with pytest.raises(ZeroDivisionError) as caught, fleet:
+        _ = 1 / 0
+    assert lines_of(caught.value) == ("division by zero", "landing failed as well: h1: stuck", "h2: no time")
+
+
+def test_of_several_vehicles_that_cannot_be_landed_all_are_told_and_the_others_disarmed(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    put(vehicles, fleet, "flying")
+    vehicles["h1"].stuck.add("land")
+    with pytest.raises(NotReachedError, match="not all vehicles have landed"):
+        fleet.land(timeout_s=0.3)
+    assert vehicles["h2"].verbs == ["Land", "Disarm"]
+    vehicles["h1"].stuck.clear()
+    vehicles["h1"].refusals["land"] = "busy"
+    vehicles["h2"].refusals["land"] = "busy, too"
+    put(vehicles, fleet, "flying")
+    with pytest.raises(RefusedError) as caught:
+        fleet.land()
+    assert lines_of(caught.value) == ("h1: busy", "h2: busy, too")
+
+
+def test_a_script_that_ends_well_leaves_the_fleet_in_the_air(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying")
+    with fleet:
+        pass
+    assert phases(vehicles) == ["flying", "flying"]
+
+
+def test_ctrl_c_in_a_script_lands_the_fleet(fleet: Fleet, vehicles: Vehicles) -> None:
+    put(vehicles, fleet, "flying")
+    with pytest.raises(KeyboardInterrupt), fleet:
+        raise KeyboardInterrupt
+    assert phases(vehicles) == ["ground", "ground"]
+
+
+def test_taking_off_with_a_killed_vehicle_fails_at_once(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h2"].state = "killed"
+    wait_for(lambda: fleet["h2"].state.transmitter_state == "killed", "not seen killed")
+    began_s = fleet.session.clock()
+    with pytest.raises(RefusedError, match=r"^killed: h2; reset first \(rcopterx reset\)$"):
+        fleet.take_off(["h1", "h2"])
+    assert fleet.session.clock() - began_s < 2.0
+    assert vehicles["h1"].verbs == vehicles["h2"].verbs == []
+
+
+def test_a_take_off_that_ends_on_the_floor_fails_at_once_with_the_reason(
+    fleet: Fleet, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicles["h1"].stuck.add("take_off")
+    vehicles["h1"].phase, vehicles["h1"].state = "takeoff", "armed"
+    wait_for(lambda: fleet["h1"].state.phase == "takeoff", "not seen to take off")
+
+    wait_until = fleet.wait_until
+
+    def dropped(condition: Callable[[], bool], timeout_s: float, what: str, names: Iterable[str]) -> None:
+        """It falls once it has been seen to climb."""
+        if what == "not all vehicles have taken off":
+            assert not condition()
+            vehicles["h1"].phase = "armed"
+        wait_until(condition, timeout_s, what, names)
+
+    monkeypatch.setattr(fleet, "wait_until", dropped)
+    with pytest.raises(
+        RefusedError, match=r"^take-off failed: h1: did not lift at 1.4 times .*--step throttle$"
+    ):
+        fleet.take_off(["h1"], timeout_s=10.0)
+
+
+def test_a_killed_vehicle_stays_behind_at_once_when_everybody_takes_off(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    vehicles["h2"].state = "killed"
+    wait_for(lambda: fleet["h2"].state.transmitter_state == "killed", "not seen killed")
+    assert fleet.take_off() == ["h2: killed (scripted); reset it first"]
+    assert vehicles["h1"].phase == "flying"
+    vehicles["h1"].state = "killed"
+    wait_for(lambda: fleet["h1"].state.transmitter_state == "killed", "not seen killed")
+    with pytest.raises(RefusedError, match="killed: h1, h2; reset first"):
+        fleet.take_off()
