@@ -36,8 +36,7 @@ def build_pilot(settings: AgentSettings) -> Pilot:
         parts.controller,
         parts.estimator,
         Guidance(
-            [followed_leader(link) for link in settings.following],
-            deviation_share=settings.deviation_share,
+            [followed_leader(link) for link in settings.following], deviation_share=settings.deviation_share
         ),
         settings.separation,
         parts.default_controller,

@@ -36,11 +36,7 @@ REFERENCE_BITS: Final = 14  # references are rounded to a sixteenth of a millime
 
 
 def command_message(
-    settings: AgentSettings,
-    pilot: Pilot,
-    flight: ControlOutput,
-    lease: int,
-    timing: CommandTiming | None,
+    settings: AgentSettings, pilot: Pilot, flight: ControlOutput, lease: int, timing: CommandTiming | None
 ) -> Command:
     """Stick command of a control period."""
     pitch, roll, thrust, yaw = flight.input.tolist()

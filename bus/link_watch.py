@@ -120,9 +120,7 @@ class LinkWatch:
         """Return the beat to send now."""
         echoes = {
             host: Echo(
-                router=known.beat.router,
-                sent_s=known.beat.sent_s,
-                held_s=max(0.0, now_s - known.arrived_s),
+                router=known.beat.router, sent_s=known.beat.sent_s, held_s=max(0.0, now_s - known.arrived_s)
             )
             for host, known in self._neighbours.items()
         }

@@ -62,11 +62,7 @@ class Laboratory:
     """
 
     def __init__(
-        self,
-        models: Mapping[str, Model],
-        start: Mapping[str, Pose],
-        conditions: Conditions,
-        seed: int = 0,
+        self, models: Mapping[str, Model], start: Mapping[str, Pose], conditions: Conditions, seed: int = 0
     ) -> None:
         if seed < 0:
             raise ValueError(f"laboratory: seed {seed} is negative")

@@ -7,12 +7,7 @@ from abc import abstractmethod
 
 from rcopterx.simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
 from rcopterx.transmitter_gateway.protocols import dsm2_serial, dsmp
-from rcopterx.transmitter_gateway.protocols.base import (
-    CENTER_US,
-    DecodedFrame,
-    FrameDecodeError,
-    SerialLine,
-)
+from rcopterx.transmitter_gateway.protocols.base import CENTER_US, DecodedFrame, FrameDecodeError, SerialLine
 from rcopterx.transmitter_gateway.protocols.ppm import LINE, PpmGenProtocol, PpmSettings
 
 AIR_PERIOD_S = 0.022

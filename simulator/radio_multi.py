@@ -8,12 +8,7 @@ from msgspec import structs
 
 from rcopterx.simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
 from rcopterx.transmitter_gateway.protocols.base import ten_bit_pulse_us
-from rcopterx.transmitter_gateway.protocols.multi import (
-    CENTER_COUNT,
-    FRAME_LENGTH,
-    MultiFrame,
-    pulse_of,
-)
+from rcopterx.transmitter_gateway.protocols.multi import CENTER_COUNT, FRAME_LENGTH, MultiFrame, pulse_of
 from rcopterx.transmitter_gateway.protocols.multi_radios import DSM, RADIOS, MultiRadio
 
 BYTE_S = 120e-6

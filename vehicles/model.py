@@ -133,9 +133,7 @@ class Model:
     def within(self, low_m: Three, high_m: Three) -> "Model":
         """Return the same model with other bounds of the position."""
         return replace(
-            self,
-            state_min=(*low_m, *self.state_min[3:]),
-            state_max=(*high_m, *self.state_max[3:]),
+            self, state_min=(*low_m, *self.state_min[3:]), state_max=(*high_m, *self.state_max[3:])
         )
 
     def __getstate__(self) -> dict[str, object]:

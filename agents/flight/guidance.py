@@ -280,11 +280,7 @@ class Guidance:
             self.on_event(Event.TAKE_OFF, estimate)
 
     def _begin_transitions(
-        self,
-        plans: Mapping[str, LeaderPlan],
-        estimate: Estimate,
-        time_s: float,
-        transition_s: float | None,
+        self, plans: Mapping[str, LeaderPlan], estimate: Estimate, time_s: float, transition_s: float | None
     ) -> None:
         begun = []
         for link in self.followed:

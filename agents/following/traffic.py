@@ -54,10 +54,7 @@ class Traffic:
     """Other vehicles' plans, for separation; `subscribe` opens subscriptions that do not wake the loop."""
 
     def __init__(
-        self,
-        vehicle: str,
-        ellipsoid: SeparationEllipsoid | None,
-        subscribe: Callable[[str], Inbox[Plan]],
+        self, vehicle: str, ellipsoid: SeparationEllipsoid | None, subscribe: Callable[[str], Inbox[Plan]]
     ) -> None:
         self._vehicle = vehicle
         self._ellipsoid = ellipsoid

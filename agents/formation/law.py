@@ -50,11 +50,7 @@ class OffsetTransition(Struct, frozen=True):
 
 
 def follower_reference(
-    plan: Trajectory,
-    offset: FormationOffset | OffsetTransition,
-    start_s: float,
-    period_s: float,
-    stages: int,
+    plan: Trajectory, offset: FormationOffset | OffsetTransition, start_s: float, period_s: float, stages: int
 ) -> Trajectory:
     """Return the reference (6) of a follower: the leader's plan at the follower's stages, with the offset.
 

@@ -109,11 +109,7 @@ def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
 def configuration_of(flown: Intent | FlownBy) -> Configuration:
     """Return controller, estimator and model of a predecessor."""
     return Configuration(
-        flown.controller,
-        flown.estimator,
-        flown.controller_settings,
-        flown.estimator_settings,
-        flown.model,
+        flown.controller, flown.estimator, flown.controller_settings, flown.estimator_settings, flown.model
     )
 
 

@@ -10,16 +10,7 @@ from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, NUMBER, VECTOR, compi
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.lateral import POSITION, VELOCITY, lateral_system, predict_lateral
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import (
-    U_THRUST,
-    U_YAW,
-    XD_BODY,
-    YAW,
-    YAW_RATE,
-    YD_BODY,
-    Array,
-    turned_about_z,
-)
+from rcopterx.vehicles.state import U_THRUST, U_YAW, XD_BODY, YAW, YAW_RATE, YD_BODY, Array, turned_about_z
 
 LONGEST_STEP_S: Final = 0.0201  # longer periods are split, which keeps positions exact to micrometres
 

@@ -104,11 +104,7 @@ def path_problem(
     reach = np.abs(model.b) * np.minimum(up, down)
     for what, used, slower in (
         (("speed forward", "speed sideways", "climb", "yaw rate"), np.abs(rate) / allowed, 1.0),
-        (
-            ("pitch", "roll", "thrust", "yaw input"),
-            np.abs(acceleration - model.k * rate) / reach,
-            0.5,
-        ),
+        (("pitch", "roll", "thrust", "yaw input"), np.abs(acceleration - model.k * rate) / reach, 0.5),
     ):
         if used.max() > 1.0:
             at, axis = divmod(int(np.argmax(used)), used.shape[1])

@@ -41,8 +41,4 @@ def _powers(before: Array, after: Array, span: Array) -> tuple[Array, Array, Arr
     p1, v1, a1 = after[:, :4], after[:, 4:8] * span, after[:, 8:] * span**2
     gap = p1 - p0 - v0 - 0.5 * a0
     slope, bend = v1 - v0 - a0, a1 - a0
-    return (
-        10 * gap - 4 * slope + 0.5 * bend,
-        -15 * gap + 7 * slope - bend,
-        6 * gap - 3 * slope + 0.5 * bend,
-    )
+    return (10 * gap - 4 * slope + 0.5 * bend, -15 * gap + 7 * slope - bend, 6 * gap - 3 * slope + 0.5 * bend)

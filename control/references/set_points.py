@@ -9,13 +9,7 @@ from msgspec import Struct
 
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED, quintic, quintic_jerk
-from rcopterx.control.references.trajectory import (
-    COLUMNS,
-    POSITION,
-    YAW,
-    Trajectory,
-    hold,
-)
+from rcopterx.control.references.trajectory import COLUMNS, POSITION, YAW, Trajectory, hold
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three
 

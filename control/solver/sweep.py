@@ -10,13 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rcopterx.compiling.compiled import BLOCKS, MATRIX, compiled, part, record
-from rcopterx.control.solver.problem import (
-    HARD,
-    PROBLEM,
-    TRAJECTORIES,
-    OptimalControlProblem,
-    Trajectories,
-)
+from rcopterx.control.solver.problem import HARD, PROBLEM, TRAJECTORIES, OptimalControlProblem, Trajectories
 from rcopterx.vehicles.state import Array
 
 
