@@ -70,8 +70,8 @@ def figures(_: str, fleets: Mapping[int, Flown]) -> dict[str, Any]:
 
 EXPERIMENT: Final = Experiment(
     "fleets",
-    "Formations of ten fleets of drawn vehicles",
-    {"helicopters": 10},
+    "Formations of thirty fleets of drawn vehicles",
+    {"helicopters": 30},
     cases,
     figures,
     compares_knowledge=True,

@@ -28,8 +28,8 @@ def test_figures_are_those_of_the_worst_fleet() -> None:
             102: Flown(25.0, 60.0, False, True, 0),
         },
     )
-    assert table["rms_mm"] == {"median": 25.0, "worst": 30.0}
-    assert table["max_mm"] == {"median": 70.0, "worst": 80.0}
+    assert table["rms_mm"] == {"median": 25.0, "median_95%": [20.0, 30.0], "worst": 30.0}
+    assert table["max_mm"] == {"median": 70.0, "median_95%": [60.0, 80.0], "worst": 80.0}
     assert (table["lost"], table["touched_floor"], table["fallbacks"]) == ([101], [102], 2)
     assert table["per_fleet"]["101"] == {"rms_mm": 30.0, "max_mm": 70.0}
 

@@ -41,7 +41,7 @@ def test_figures_of_hovering_are_mean_squares_and_their_roots() -> None:
 def test_drawn_vehicles_are_compared_by_their_worse_axis() -> None:
     some, other = np.array([[0.001, 0.003, 0.002, 0.01]]), np.array([[0.007, 0.0, -0.004, -0.03]])
     assert over_vehicles([some, other]) == {
-        "horizontal_mm": {"median": 5.0, "worst": 7.0},
-        "height_mm": {"median": 3.0, "worst": 4.0},
-        "yaw_mrad": {"median": 20.0, "worst": 30.0},
+        "horizontal_mm": {"median": 5.0, "median_95%": [3.0, 7.0], "worst": 7.0},
+        "height_mm": {"median": 3.0, "median_95%": [2.0, 4.0], "worst": 4.0},
+        "yaw_mrad": {"median": 20.0, "median_95%": [10.0, 30.0], "worst": 30.0},
     }
