@@ -7,7 +7,7 @@ import numpy as np
 
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.controllers.cascade.controller import CascadeSettings
-from rcopterx.control.controllers.cascade.weights import default_input_weights, default_state_weights
+from rcopterx.control.controllers.cascade.weights import default_weights
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
 from rcopterx.control.margins.loop import FeedbackLoop
@@ -37,8 +37,8 @@ def loops_of(model: Model, period_s: float, configuration: Configuration) -> Map
     """
     cascade = parse_settings(CascadeSettings, configuration.controller_settings)
     estimator = parse_settings(ExtendedKalmanSettings, configuration.estimator_settings)
-    states = cascade.state_weights or default_state_weights(model)
-    efforts = cascade.input_weights or default_input_weights(model, period_s)
+    states, efforts = default_weights(model, period_s)
+    states, efforts = cascade.state_weights or states, cascade.input_weights or efforts
     compensate = cascade.disturbance_compensation
 
     def single(axis: int) -> FeedbackLoop:

@@ -91,15 +91,15 @@ class VehicleControls:
 def _weights_of(fleet: FleetFile, name: str, powers: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
     """Settings of the cascade: default weights times 2 to the given power for each of `GROUPS`."""
     # Compiled kernels take longer to import than the rest of the page.
-    from rcopterx.control.controllers.cascade.weights import default_input_weights, default_state_weights
+    from rcopterx.control.controllers.cascade.weights import default_weights
 
     model = model_of(fleet, name)
-    states = list(default_state_weights(model))
+    default = default_weights(model, fleet.vehicles[name].control.period_s)
+    states = list(default.states)
     for group, indices in _STATES.items():
         for index in indices:
             states[index] *= 2.0 ** powers[group]
-    period_s = fleet.vehicles[name].control.period_s
-    inputs = (weight * 2.0 ** powers[EFFORT] for weight in default_input_weights(model, period_s))
+    inputs = (weight * 2.0 ** powers[EFFORT] for weight in default.inputs)
     return {"state_weights": tuple(states), "input_weights": tuple(inputs)}
 
 

@@ -20,8 +20,7 @@ from rcopterx.control.controllers.cascade.limits import PlanLimits, Task, recove
 from rcopterx.control.controllers.cascade.weights import (
     HORIZONTAL,
     CascadeWeights,
-    default_input_weights,
-    default_state_weights,
+    default_weights,
 )
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle
@@ -122,8 +121,9 @@ class CascadeController(MpcController):
 
     def _weights(self) -> CascadeWeights:
         settings, model = self._settings, self._model
-        states = np.array(settings.state_weights or default_state_weights(model))
-        efforts = np.array(settings.input_weights or default_input_weights(model, self._period_s))
+        default = default_weights(model, self._period_s)
+        states = np.array(settings.state_weights or default.states)
+        efforts = np.array(settings.input_weights or default.inputs)
         return CascadeWeights(states[:4], states[4:], efforts * self._effort_factors, settings.soft_weight)
 
     def _axis(self, axis: int, weights: CascadeWeights, stages: int) -> AxisProblem:

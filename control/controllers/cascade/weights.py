@@ -4,12 +4,14 @@ The weight of a stick is the least one of a geometric series with which filter a
 model's uncertainty (`rcopterx.vehicles.model.Uncertainty`): stable with gain, delay, frequency and damping of
 the tilt off, each alone and all together, and with a peak of the sensitivity of 2 at most. Where no weight of
 the series bears it, it is the one that comes closest. The series begins with a floor. For a vehicle with a
-tilt model the floors and the weights of velocities depend on the uncertainty of the gain.
+tilt model the floors and the weights of velocities depend on the uncertainty of the gain; a larger weight of
+the horizontal velocity, which makes a lightly damped vehicle robust, is tried before softer sticks.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
+from itertools import product
 from typing import Final, NamedTuple
 
 from rcopterx.control.margins.axes import lag_loop, tilt_loop
@@ -33,7 +35,9 @@ SPEED: Final[Grades] = (1.0, 40.0)  # weight of the horizontal velocity
 CLIMB: Final[Grades] = (1.0, 10.0)
 YAW_RATE: Final[Grades] = (1.0, 0.2)
 STEP: Final = 1.15  # ratio of the weights of the series
-STEPS: Final = 60
+STEPS: Final[Grades] = (22, 60)  # its length: no identified helicopter is flown softer than its type
+SPEED_STEP: Final = 3.0
+SPEEDS: Final = 4  # the same for the weight of the horizontal velocity
 
 HORIZONTAL: Final = slice(0, 2)  # x and y among the four axes x, y, z, yaw
 
@@ -47,48 +51,56 @@ class CascadeWeights(NamedTuple):
     soft: float  # weight of the squared excess over a state bound
 
 
-def default_state_weights(model: Model) -> tuple[float, ...]:
-    """Diagonal of Q: x y z psi xd_B yd_B zd_B psid."""
-    if model.tilt is None:
-        return _LAG_STATES
-    speed, climb, yaw_rate = (model.uncertainty.graded(*grades) for grades in (SPEED, CLIMB, YAW_RATE))
-    return (*_TILT_POSITIONS, speed, speed, climb, yaw_rate)
+class DefaultWeights(NamedTuple):
+    """Diagonals of Q (x y z psi xd_B yd_B zd_B psid) and R (pitch, roll, thrust, yaw)."""
+
+    states: tuple[float, ...]
+    inputs: Four
 
 
 @lru_cache(maxsize=64)
-def default_input_weights(model: Model, period_s: float) -> Four:
-    """Diagonal of R: pitch, roll, thrust, yaw."""
-    states = default_state_weights(model)
+def default_weights(model: Model, period_s: float) -> DefaultWeights:
+    """Return the weights of a vehicle whose fleet file gives none."""
+    graded = model.uncertainty.graded
+    positions = _LAG_STATES if model.tilt is None else _TILT_POSITIONS
 
-    def behind_lag(axis: int, floor: float) -> float:
-        position, velocity = states[axis], states[4 + axis]
+    def behind_lag(axis: int, rate: float, floor: float) -> float:
         return _least(
-            floor, model, lambda effort: lag_loop(model, period_s, axis, (position, velocity, effort))
-        )
+            floor, (rate,), model, lambda *pair: lag_loop(model, period_s, axis, (positions[axis], *pair))
+        ).effort
 
     if model.tilt is None:
-        pitch, roll, thrust, yaw = (behind_lag(axis, floor) for axis, floor in enumerate(LAG_FLOORS))
-        return max(pitch, roll), max(pitch, roll), thrust, yaw
+        pitch, roll, thrust, yaw = (
+            behind_lag(axis, _LAG_STATES[4 + axis], floor) for axis, floor in enumerate(LAG_FLOORS)
+        )
+        return DefaultWeights(_LAG_STATES, (max(pitch, roll), max(pitch, roll), thrust, yaw))
     floor = LOOP_DEMAND_FLOOR if model.tilt.bar_time_constant_s is None else DEMAND_FLOOR
-    demand = _least(
-        model.uncertainty.graded(*floor),
-        model,
-        lambda effort: tilt_loop(model, period_s, (states[0], states[4], effort)),
+    speeds = [speed for step in range(SPEEDS) if (speed := graded(*SPEED) * SPEED_STEP**step) <= max(SPEED)]
+    speed, demand = _least(
+        graded(*floor), speeds, model, lambda *pair: tilt_loop(model, period_s, (positions[0], *pair))
     )
+    climb, turn = graded(*CLIMB), graded(*YAW_RATE)
+    thrust = behind_lag(U_THRUST, climb, graded(*THRUST_FLOOR))
+    yaw = behind_lag(U_YAW, turn, graded(*YAW_FLOOR))
     pitch, roll = (demand * gain**2 for gain in model.input_gain[:2])
-    thrust = behind_lag(U_THRUST, model.uncertainty.graded(*THRUST_FLOOR))
-    yaw = behind_lag(U_YAW, model.uncertainty.graded(*YAW_FLOOR))
-    return pitch, roll, thrust, yaw
+    return DefaultWeights((*positions, speed, speed, climb, turn), (pitch, roll, thrust, yaw))
 
 
-def _least(floor: float, model: Model, loop_with: Callable[[float], FeedbackLoop]) -> float:
-    """Least weight of the series whose loop bears the uncertainty, or falls least short of it."""
-    best, least = floor, math.inf
-    for step in range(STEPS):
-        weight = floor * STEP**step
-        shortage = robustness(loop_with(weight), model.uncertainty).shortage
+class _Pair(NamedTuple):
+    rate: float  # weight of the velocity
+    effort: float  # weight of the stick
+
+
+def _least(
+    floor: float, rates: Sequence[float], model: Model, loop_with: Callable[..., FeedbackLoop]
+) -> _Pair:
+    """Least weight of the stick whose loop bears the uncertainty, or falls least short of it."""
+    best, least = _Pair(rates[0], floor), math.inf
+    for step, rate in product(range(round(model.uncertainty.graded(*STEPS))), rates):
+        pair = _Pair(rate, floor * STEP**step)
+        shortage = robustness(loop_with(*pair), model.uncertainty).shortage
         if shortage == 0:
-            return weight
+            return pair
         if shortage < least:
-            best, least = weight, shortage
+            best, least = pair, shortage
     return best

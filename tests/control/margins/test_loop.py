@@ -14,8 +14,7 @@ from rcopterx.control.controllers.cascade.lateral import LateralTilt, with_tilt
 from rcopterx.control.controllers.cascade.limits import PlanLimits, Task, recovery
 from rcopterx.control.controllers.cascade.weights import (
     CascadeWeights,
-    default_input_weights,
-    default_state_weights,
+    default_weights,
 )
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
@@ -140,7 +139,7 @@ def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
 
 @pytest.mark.parametrize("axis", [U_THRUST, U_YAW])
 def test_height_and_yaw_have_the_feedback_of_the_cascade(axis: int) -> None:
-    states, efforts = default_state_weights(COAXIAL), default_input_weights(COAXIAL, PERIOD_S)
+    states, efforts = default_weights(COAXIAL, PERIOD_S)
     axes = slice(axis, axis + 1)
     dynamics = LagDynamics.of(COAXIAL, PERIOD_S, axes)
     formulation = AxisProblem(axes, dynamics, weights_of(states, efforts), 20, True)
