@@ -1,12 +1,14 @@
 """The conductor of a fleet in lockstep: the simulated laboratory, which advances the time."""
 
 import os
+import select
 import signal
 from collections.abc import Collection
 from contextlib import suppress
 from math import ceil
 from typing import Final
 
+from rcopterx.bus.lockstep_page import Player
 from rcopterx.bus.rounding import TIME_BITS
 from rcopterx.bus.turns import Turns
 
@@ -18,74 +20,96 @@ _TICKS: Final = 2.0**TIME_BITS
 class Conductor(Turns):
     """Turns of the process that advances the time.
 
-    It takes its own turn first, and then the others theirs. The next one follows after `STEP_S` if anything
-    was sent, else when a process has something to do. A process that dies is replaced after `RETURN_S`: then
-    time stands still until its successor is there.
+    It takes its own turn first, and then those others theirs that have something to do. The next one follows
+    after `STEP_S` if anything was sent, else when a process has something to do. A process that dies is
+    replaced after `RETURN_S`: then time stands still until its successor is there.
     """
 
-    def _enter(self) -> None:
-        self._bells: dict[int, int] = {}
+    def begin(self) -> None:
+        """Begin a turn, which no process takes yet."""
+        self._bells: list[int] = []
+        self._players: list[Player] = []
         self._own.wanted, self._own.process = 1, os.getpid()
         # A predecessor may have died during a turn.
         self.page.turn += 1
 
+    def wait(self, timeout_s: float, descriptors: Collection[int] = ()) -> set[int]:
+        """See `Turns`; processes that wait for bytes take the present turn, as some may have been written."""
+        self._acted = True
+        return super().wait(timeout_s, descriptors)
+
     def _take_turn(self) -> bool:
         """Let the others take the present turn, and begin the next one."""
         page, now_s = self.page, self.page.now()
-        there = self._wait_for_players()
-        resting = {index for index in there if page.players[index].return_s > now_s}
-        doomed = {index for index in there if page.players[index].doomed}
-        taking = there - resting - doomed
+        self._wait_for_players()
+        players = self._players
+        there = [index for index, player in enumerate(players) if index and player.process]
+        doomed = [index for index in there if players[index].doomed]
+        acting = [index for index in there if index not in doomed and players[index].return_s <= now_s]
+        taking = [index for index in acting if self._has_work(players[index], now_s)]
         for index in taking:
-            self._ring(self._bell_of(index))
+            self._ring(self._bells[index])
+        self._acted = False
         self._wait_until_finished(taking)
         for index in doomed:
-            with suppress(ProcessLookupError):
-                os.kill(page.players[index].process, signal.SIGKILL)
-            self._bury(index)
-        due_s = min(page.players[index].due_s for index in (self.index, *taking))
-        back_s = min((page.players[index].return_s for index in resting), default=due_s)
+            self._kill(index)
+        due_s = min(players[index].due_s for index in (self.index, *acting))
+        if page.sent_turn == page.turn:
+            due_s = now_s
+        # Also of processes that are missing: a successor may be there or not.
+        back_s = min((player.return_s for player in self._players if player.return_s > now_s), default=due_s)
         page.time_s = ceil(max(min(due_s, back_s), now_s + STEP_S) * _TICKS) / _TICKS
         page.turn += 1
         self._collect()
         return True
 
-    def _wait_for_players(self) -> set[int]:
-        """Return the processes that are there, once none is missing."""
+    def _has_work(self, player: Player, now_s: float) -> bool:
+        return bool(
+            player.due_s <= now_s
+            or player.called
+            or player.mail_turn >= player.finished
+            or (player.listens and self._acted)
+            or self.page.counter_turn >= self.page.turn - 1
+        )
+
+    def _wait_for_players(self) -> None:
+        """Wait until no process is missing."""
         page = self.page
         while True:
-            others = range(1, page.used_players)
-            there = {index for index in others if page.players[index].process}
-            missing = [page.players[index] for index in others if index not in there]
-            awaited = any(player.wanted and player.return_s <= page.time_s for player in missing)
-            if not awaited or self.interrupted():
-                return there
+            for index in range(len(self._players), page.used_players):
+                self._players.append(page.players[index])
+                self._bells.append(os.open(page.bell(index), os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC))
+            missing = [player for player in self._players[1:] if player.wanted and not player.process]
+            if self.interrupted() or not any(player.return_s <= page.time_s for player in missing):
+                return
             self._rings(self._conductor)
 
-    def _wait_until_finished(self, taking: Collection[int]) -> None:
+    def _wait_until_finished(self, taking: list[int]) -> None:
         """Wait until processes have finished the turn, have left, or have died."""
-        page = self.page
+        turn, players = self.page.turn, self._players
         while taking and not self.interrupted():
-            taking = [
-                index
-                for index in taking
-                if page.players[index].process and page.players[index].finished != page.turn
-            ]
+            taking = [index for index in taking if players[index].process and players[index].finished != turn]
             if taking and not self._rings(self._conductor):
                 for index in taking:
                     try:
-                        os.kill(page.players[index].process, 0)
+                        os.kill(players[index].process, 0)
                     except ProcessLookupError:
                         self._bury(index)
 
+    def _kill(self, index: int) -> None:
+        """Kill a process, and wait until its descriptors are closed."""
+        process = self._players[index].process
+        # Before the supervisor notices.
+        self._bury(index)
+        with suppress(ProcessLookupError):
+            descriptor = os.pidfd_open(process)
+            signal.pidfd_send_signal(descriptor, signal.SIGKILL)
+            select.select([descriptor], [], [])
+            os.close(descriptor)
+
     def _bury(self, index: int) -> None:
         """Note the death of a process."""
-        player = self.page.players[index]
+        player = self._players[index]
         self.page.release(index)
+        player.lived_s = self.page.time_s - player.began_s
         player.doomed, player.return_s = 0, self.page.time_s + RETURN_S
-
-    def _bell_of(self, index: int) -> int:
-        if index not in self._bells:
-            path = self.page.bell(index)
-            self._bells[index] = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
-        return self._bells[index]

@@ -1,6 +1,7 @@
 """Shared memory of a fleet in lockstep: its time, its processes, and how much each of them has sent.
 
-Counters show a receiver how much must arrive before its next turn. Every field has one writer at a time.
+Counters show a receiver how much must arrive before its next turn. Every field has one writer at a time, or
+several that write the same: the number of the present turn.
 """
 
 import ctypes
@@ -8,7 +9,7 @@ import fcntl
 import mmap
 import os
 from collections.abc import Iterable
-from ctypes import c_char, c_double, c_int64, c_uint64
+from ctypes import c_char, c_double, c_int64, c_uint8, c_uint64
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -19,18 +20,22 @@ COUNTERS: Final = 16_384
 
 
 class Player(ctypes.Structure):
-    """A process: its id, 0 for none; whether time waits for it, and the conductor kills it; the last turn it
-    has finished; when it has something to do, and when it takes turns again [s].
-    """
+    """A process that takes turns."""
 
     _fields_ = (
         ("name", c_char * 64),
-        ("process", c_uint64),
-        ("wanted", c_uint64),
-        ("doomed", c_uint64),
-        ("finished", c_uint64),
-        ("due_s", c_double),
-        ("return_s", c_double),
+        ("process", c_uint64),  # its id, 0 for none
+        ("wanted", c_uint64),  # whether time waits for it while it is missing
+        ("doomed", c_uint64),  # whether the conductor kills it
+        ("finished", c_uint64),  # its last turn
+        ("due_s", c_double),  # when it has something to do
+        ("called", c_uint64),  # whether it has something to do in the next turn
+        ("listens", c_uint64),  # whether it waits for bytes
+        ("mail_turn", c_uint64),  # last turn in which something was sent to it
+        ("return_s", c_double),  # when it takes turns again
+        ("began_s", c_double),  # when it took its first turn
+        ("lived_s", c_double),  # for how long the last one that died took turns
+        ("reads", c_uint8 * (COUNTERS // 8)),  # a bit for every counter: whether it receives what is counted
     )
 
 
@@ -46,6 +51,9 @@ class LockstepPage(ctypes.Structure):
     _fields_ = (
         ("time_s", c_double),
         ("turn", c_uint64),
+        ("sent_turn", c_uint64),  # last turn in which anything was sent
+        ("reading_turn", c_uint64),  # last turn in which a process began to receive
+        ("counter_turn", c_uint64),  # last turn in which a counter was added
         ("used_players", c_uint64),
         ("used_counters", c_uint64),
         ("players", Player * PROCESSES),
@@ -82,7 +90,7 @@ class LockstepPage(ctypes.Structure):
             fcntl.flock(file, fcntl.LOCK_EX)
             index = int(self.used_counters)
             self.counters[index].name, self.counters[index].owner = name.encode(), owner
-            self.used_counters = index + 1
+            self.used_counters, self.counter_turn = index + 1, self.turn
             return index
 
     def counts(self, name: str) -> bool:
@@ -94,6 +102,12 @@ class LockstepPage(ctypes.Structure):
         """Let the time wait for a process that is started, or end one."""
         player = self.players[self.player(name)]
         player.wanted, player.doomed = wanted, not wanted and player.process > 0
+
+    def lived_s(self, name: str) -> float:
+        """Return, once, for how long a process that has died took turns [s]; 0 if it never did."""
+        player = self.players[self.player(name)]
+        lived_s, player.lived_s = float(player.lived_s), 0.0
+        return lived_s
 
     def want_none(self) -> None:
         """Let the time pass without processes that are missing."""

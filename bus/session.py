@@ -124,7 +124,8 @@ class Session:
     """One open connection to the bus; raises `BusUnreachableError` if no router answers within `timeout_s`.
 
     `wake` is called on receive threads when a message or request arrived; `clock` is monotonic [s], that of
-    the fleet by default.
+    the fleet by default. In lockstep the first turn has begun when the constructor returns, unless `begin` is
+    False.
     """
 
     def __init__(
@@ -133,6 +134,8 @@ class Session:
         wake: Callable[[], None] = lambda: None,
         clock: Callable[[], float] | None = None,
         timeout_s: float = 5.0,
+        *,
+        begin: bool = True,
     ) -> None:
         self.address = address
         self.clock = clock or address.clock.now
@@ -150,6 +153,8 @@ class Session:
             kind = Conductor if address.process == CONDUCTOR else Turns
             self.turns = kind(opened_page(address.clock.page), address.process, self.fence)
             self.wake = self.turns.wake
+            if begin:
+                self.turns.begin()
 
     def __enter__(self) -> "Session":
         return self

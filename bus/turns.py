@@ -19,11 +19,14 @@ from typing import Any, Final
 
 from zenoh import ZBytes
 
-from rcopterx.bus.lockstep_page import Counter, LockstepPage
+from rcopterx.bus.lockstep_page import Counter, LockstepPage, Player
 
 POLL_S: Final = 0.1  # real time between two checks for what rings no bell
 CONDUCTOR: Final = "simulator"  # process that advances the time; its index is 0
 SCRIPT: Final = "script"  # program that started the fleet, if time stands still while it does not wait
+RECALL: Final = "recall"  # service of the launcher
+MEMBERSHIP: Final = "membership"  # service of the launcher
+NOT_STARTED_AGAIN: Final = frozenset(name.encode() for name in (SCRIPT, RECALL, MEMBERSHIP))
 STAMP: Final = Struct("<IIId")  # number on this key, counter, index of the sender, time of sending [s]
 Held = tuple[float, str, int, int, Callable[[], object]]
 """What has arrived: time of sending [s], key, number, number of the reception; delivers it in its turn."""
@@ -48,6 +51,8 @@ class Reception:
             self._turns.held.append((sent_s, key, number, self._number, partial(on_arrival, arrived)))
         self._received[counter] = number
         self._turns.arrived.set()
+        if not stamped:
+            self._turns.call()
 
     def await_counter(self, index: int, counter: Counter, *, beyond: bool) -> None:
         """Wait for what another process sends, only beyond what it has sent if so requested."""
@@ -58,6 +63,7 @@ class Reception:
         if matches and counter.owner != self._turns.index:
             self._received.setdefault(index, counter.count if beyond else 0)
             self._counters[index] = counter
+            self._turns.read(index)
 
     @property
     def complete(self) -> bool:
@@ -70,7 +76,7 @@ class Reception:
 
 
 class Turns:
-    """The turns of this process; the first one has begun when the constructor returns."""
+    """The turns of this process, or of one of its threads; the first one has begun when `begin` returns."""
 
     def __init__(
         self,
@@ -86,23 +92,26 @@ class Turns:
         self.arrived = threading.Event()
         self.interrupted: Callable[[], bool] = lambda: False  # whether to end instead of waiting for a turn
         self.held: deque[Held] = deque()
-        self._counters: dict[str, int] = {}
-        self._woken = self._sent = False
+        self._counters: dict[str, tuple[int, Counter]] = {}
+        self._readers: dict[int, tuple[int, list[Player]]] = {}  # by counter, with the turn they are of
+        self._woken = False
         self._numbers = count()
         self._receptions: list[Reception] = []
         self._new_receptions: list[Reception] = []  # of which the router may not have taken notice yet
         self._found = 0
         self.replies = self.receive(f"reply {self.index}")  # to requests of this process
-        self._taken = page.turn - 1
+        self._taken = 0
+
+    def begin(self) -> None:
+        """Take the first turn, once no process is missing."""
+        self._taken = self.page.turn - 1
         with suppress(BlockingIOError):
             os.read(self._bell, 4096)
-        self._enter()
-
-    def _enter(self) -> None:
+        self._own.due_s = -inf
         self._own.process = os.getpid()
         self._take_turn()
-        # A program that has died is not started again.
-        self._own.wanted &= self._own.name != SCRIPT.encode()
+        self._own.began_s = self.page.time_s
+        self._own.wanted = self._own.name not in NOT_STARTED_AGAIN
 
     def leave(self) -> None:
         """Take no further turns."""
@@ -112,11 +121,30 @@ class Turns:
 
     def stamp(self, key: str) -> bytes:
         """Count what is about to be sent on a key, and return its attachment."""
+        page = self.page
         if key not in self._counters:
-            self._counters[key] = self.page.counter(key, self.index)
-        counter = self.page.counters[self._counters[key]]
-        self._sent, counter.count = True, counter.count + 1
-        return STAMP.pack(counter.count, self._counters[key], self.index, self.page.time_s)
+            added = page.counter(key, self.index)
+            self._counters[key] = added, page.counters[added]
+        index, counter = self._counters[key]
+        counter.count += 1
+        page.sent_turn = turn = page.turn
+        for player in self._readers_of(index):
+            player.mail_turn = turn
+        return STAMP.pack(counter.count, index, self.index, page.time_s)
+
+    def _readers_of(self, counter: int) -> list[Player]:
+        """Return the processes that have begun before this turn to receive what is counted."""
+        turn, readers = self._readers.get(counter, (0, []))
+        if turn <= self.page.reading_turn:
+            players = self.page.players[: self.page.used_players]
+            readers = [player for player in players if player.reads[counter >> 3] >> (counter & 7) & 1]
+            self._readers[counter] = self.page.turn, readers
+        return readers
+
+    def read(self, counter: int) -> None:
+        """Take a turn after each in which something is counted, from the next one on."""
+        self._own.reads[counter >> 3] |= 1 << (counter & 7)
+        self._own.mail_turn = self.page.reading_turn = self.page.turn
 
     def reply_stamp(self, request: bytes) -> bytes | None:
         """Return the attachment of the reply to a request with this attachment."""
@@ -149,22 +177,27 @@ class Turns:
 
     def stop(self, name: str, seconds: float) -> None:
         """Let a process take no turns for a time, as if it were stopped."""
-        self.page.players[self.page.player(name)].return_s = self.page.now() + seconds
+        player = self.page.players[self.page.player(name)]
+        player.return_s, player.called = self.page.now() + seconds, 1
+
+    def call(self) -> None:
+        """Take the next turn, whenever it is; any thread may call this."""
+        self._own.called = 1
 
     def wake(self) -> None:
         """End the present wait with its next turn, else the next one; any thread may call this."""
         self._woken = True
+        self.call()
 
     def wait(self, timeout_s: float, descriptors: Collection[int] = ()) -> set[int]:
         """Finish the turn, and take others until a message, data or time-out [s]; return what is readable.
 
-        What was written to a pseudo-terminal or a socket of this computer before a turn can be read in it.
+        What the conductor has written to a pseudo-terminal or a socket before a turn can be read in it.
         """
         due_s = self.page.now() + timeout_s
+        self._own.due_s, self._own.listens = -inf if self._woken else due_s, len(descriptors)
+        self._join()
         while True:
-            self._join()
-            self._own.due_s = -inf if self._sent or self._woken else due_s
-            self._sent = False
             there = self._take_turn()
             readable = select.select(descriptors, [], [], 0)[0]
             if readable or self._woken or not there or self.page.now() >= due_s:
@@ -189,7 +222,7 @@ class Turns:
         while not (self._rings(self._bell) and self.page.turn != self._taken):
             if self.interrupted() or not self.page.players[0].wanted:
                 return False
-        self._taken = self.page.turn
+        self._taken, self._own.called = self.page.turn, 0
         self._collect()
         return True
 

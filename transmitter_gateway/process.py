@@ -131,11 +131,12 @@ def run_gateway(settings: GatewaySettings) -> None:
     realtime = request_realtime(settings.realtime_priority)
     heartbeat = own_heartbeat()
     with KillKeys(sys.stdin.fileno()) as keys:
+        # In lockstep time stands still while the radios are opened.
+        session = Session(settings.bus, wakeup.notify) if clock.lockstep else None
+        wakeup.turns = None if session is None else session.turns
         radios = Radios(settings, wakeup, keys, heartbeat, clock.now)
-        if not clock.lockstep:
-            radios.serve()
         prepare_loop()
-        with _joined_bus(settings, wakeup, radios, caught) as session:
+        with session or _joined_bus(settings, wakeup, radios, caught) as session:
             gateway = Gateway(settings, session, radios, realtime)
             try:
                 run_until_stopped(gateway, caught)
@@ -148,14 +149,8 @@ def run_gateway(settings: GatewaySettings) -> None:
 
 
 def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios, caught: set[int]) -> Session:
-    """Join the bus; the radios are served meanwhile, because a router may be late or missing.
-
-    In lockstep time stands still meanwhile.
-    """
-    if settings.bus.clock.lockstep:
-        session = Session(settings.bus, wakeup.notify)
-        wakeup.turns = session.turns
-        return session
+    """Join the bus; the radios are served meanwhile, because a router may be late or missing."""
+    radios.serve()
     with ThreadPoolExecutor(1, "bus") as pool:
         opening = pool.submit(Session, settings.bus, wakeup.notify)
         opening.add_done_callback(lambda _: wakeup.notify())

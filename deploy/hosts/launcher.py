@@ -16,7 +16,7 @@ from rcopterx.bus.clock import Clock
 from rcopterx.bus.lockstep_page import create_page, opened_page, remove_page
 from rcopterx.bus.realtime import request_realtime, share_interpreter
 from rcopterx.bus.session import BusUnreachableError
-from rcopterx.bus.turns import CONDUCTOR
+from rcopterx.bus.turns import CONDUCTOR, MEMBERSHIP, RECALL
 from rcopterx.compiling.cache import compile_all
 from rcopterx.deploy.fleet_check import check_in_process
 from rcopterx.deploy.hosts.capacity import AGENT, CapacityMeasurement, may_be_crowded
@@ -112,6 +112,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             spares=self._make_spares(specs, SPARES + len(guests)),
             watchdog=stretched(fleet.watchdog, fleet.clock) if watchdog and fleet.watchdog.enabled else None,
             without=absent,
+            lived_s=None if self._clock.page is None else self._lived_s,
         )
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._unpublished: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
@@ -128,6 +129,10 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._membership: MembershipService | None = None
         self._capacity = self._measurement() if self._home and not self._clock.lockstep else None
         self._not_measured = ""  # why the capacity could not be measured the last time
+
+    def _lived_s(self, process: str) -> float:
+        assert self._clock.page is not None
+        return opened_page(self._clock.page).lived_s(process)
 
     def _measurement(self) -> CapacityMeasurement:
         vehicle = self._home[0]
@@ -152,12 +157,14 @@ class Launcher(AbstractContextManager["Launcher"]):
         if self._clock.page is not None:
             children = self.supervisor.children.values()
             awaited = (each.spec.name for each in children if each.wanted and each.spec.role in IN_LOCKSTEP)
-            create_page(self._clock.page, [CONDUCTOR, *awaited, *filter(None, [self._script])])
+            services = (MEMBERSHIP, RECALL, *filter(None, [self._script]))
+            create_page(self._clock.page, [CONDUCTOR, *awaited, *services])
         write_snapshot(self._fleet, self._snapshot)
         # The supervisor runs in the interpreter of this program and waits for its other threads.
         share_interpreter()
-        with suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, 0, URGENT_NICE)
+        if not self._clock.lockstep:
+            with suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, 0, URGENT_NICE)
         self._begin_flight()
         self._thread.start()
         try:

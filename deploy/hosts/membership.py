@@ -1,6 +1,6 @@
 """Serves requests to a launcher: start and stop the host or agents, read logs; publishes its status."""
 
-import threading
+import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
@@ -15,8 +15,10 @@ from rcopterx.bus.lockstep_page import opened_page
 from rcopterx.bus.log_messages import LauncherEvent
 from rcopterx.bus.messages import AgentStatus
 from rcopterx.bus.requests import ReadLogs, Reply, StartHost, StartVehicle, StopHost, StopVehicle, TakeVehicle
-from rcopterx.bus.session import BusAddress, Session
+from rcopterx.bus.session import BusAddress
+from rcopterx.bus.turns import MEMBERSHIP
 from rcopterx.deploy.hosts.capacity import AGENT, may_be_crowded
+from rcopterx.deploy.hosts.serving import Service
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.log_reading import read_page
 from rcopterx.deploy.processes.process_log import rotate
@@ -28,7 +30,7 @@ MAX_TEXT = 400
 LAND_AFTER_S: Final = 10.0  # vehicles land if the launcher is so late: no process is replaced then
 
 
-class MembershipService:
+class MembershipService(Service):
     """Answers the requests to a launcher, except `recall`, in a thread of its own."""
 
     def __init__(
@@ -43,6 +45,7 @@ class MembershipService:
         # which does not serve `start_host` and `stop_host`.
         begin: Callable[[], None] | None = None,
     ) -> None:
+        super().__init__(address, MEMBERSHIP)
         self._events = events
         self._logs = logs
         self._home = frozenset(home)
@@ -58,32 +61,28 @@ class MembershipService:
         self._agents: Mapping[str, Child] = {child.spec.unit: child for child in agents}
         self._host = host
         self._turns, self._stalled_s = 0, 0.0
-        self._wake = threading.Event()
-        self._stopping = False
-        self._session = Session(address, wake=self._wake.set)
+        self._attempt = Attempts(self._session.clock)
+        self._report_at_s = self._reported_s = 0.0  # the latter in real time
         self._statuses = self._session.subscribe_all(channels.AGENT_STATUS, waking=False)
         self._session.serve(host, ["start_vehicle", "stop_vehicle", "take_vehicle", "read_logs"])
         if begin is not None:
             self._session.serve(host, ["start_host", "stop_host"])
-        self._thread = threading.Thread(target=self._run, name="membership", daemon=True)
-        self._thread.start()
+        self.start()
 
-    def _run(self) -> None:
-        report_at_s = reported_s = 0.0
-        attempt = Attempts(self._session.clock)
-        while not self._stopping:
-            wait_s = report_at_s - self._session.clock()
-            self._wake.wait(max(0.0, self._session.address.clock.nap_s(wait_s)))
-            self._wake.clear()
-            for incoming in self._session.pending():
-                incoming.answer(self._answer_or_error(incoming.request))
-                report_at_s = 0.0
-            now_s = self._session.clock()
-            if now_s >= report_at_s:
-                # A launcher that was stopped as a whole is late as a whole.
-                elapsed_s = min(now_s - reported_s, 2 * REPORT_PERIOD_S)
-                self._events.extend(attempt("reporting", partial(self._report, elapsed_s)))
-                report_at_s, reported_s = now_s + REPORT_PERIOD_S, now_s
+    def _due_s(self) -> float:
+        return self._report_at_s
+
+    def _step(self) -> None:
+        now_s = self._session.clock()
+        for incoming in self._session.pending():
+            incoming.answer(self._answer_or_error(incoming.request))
+            self._report_at_s = now_s
+        if now_s >= self._report_at_s:
+            self._report_at_s = now_s + REPORT_PERIOD_S
+            # A launcher that was stopped as a whole is late as a whole.
+            elapsed_s = min(time.monotonic() - self._reported_s, 2 * REPORT_PERIOD_S)
+            self._reported_s = time.monotonic()
+            self._events.extend(self._attempt("reporting", partial(self._report, elapsed_s)))
 
     def _report(self, elapsed_s: float) -> list[str]:
         self._check_supervisor(elapsed_s)
@@ -211,12 +210,10 @@ class MembershipService:
         )
 
     def close(self) -> None:
-        """Stop answering."""
-        self._stopping = True
-        self._wake.set()
-        self._thread.join()
+        """Leave the bus."""
+        self.stop()
         # Other hosts need not start these agents: they end on purpose.
         self._session.publish(
             channels.LAUNCHER, self._host, LauncherStatus(running=(), absent=tuple(self._home))
         )
-        self._session.close()
+        super().close()

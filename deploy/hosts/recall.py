@@ -1,6 +1,5 @@
 """Remembers the last reports of agents for their successors, and of gateways for spare hosts."""
 
-import threading
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TypeVar
 
@@ -9,17 +8,20 @@ from rcopterx.bus.channels import Channel
 from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import Recall, RecallReply
-from rcopterx.bus.session import BusAddress, Session
+from rcopterx.bus.session import BusAddress
 from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.turns import RECALL
 from rcopterx.deploy.hosts.guarding import FLYING, LastFrame, OnFloor, Runners
+from rcopterx.deploy.hosts.serving import Service
 
 M = TypeVar("M", bound=Message)
 
 
 FIRST_ROUTER_S = 30.0  # for the first start of the router, while all processes of the fleet start
+WAIT_S = 0.5  # longest wait for a request
 
 
-class RecallService:
+class RecallService(Service):
     """Answers `recall` for the vehicles of a host in a thread of its own, by frames of the `guarded` ones."""
 
     def __init__(
@@ -29,10 +31,8 @@ class RecallService:
         quick_deaths: Callable[[str], int] = lambda _: 0,
         guarded: Collection[str] = (),
     ) -> None:
+        super().__init__(address, RECALL, FIRST_ROUTER_S)
         self._quick_deaths = quick_deaths
-        self._wake = threading.Event()
-        self._stopping = False
-        self._session = Session(address, wake=self._wake.set, timeout_s=FIRST_ROUTER_S)
         self._intents = {vehicle: self._session.subscribe(channels.INTENT, vehicle) for vehicle in agents}
         # Fifty messages per second and vehicle: they wake no thread and are read on request.
         self._applied = self._of_each(channels.APPLIED, guarded)
@@ -42,19 +42,18 @@ class RecallService:
         if guarded:
             self._launchers = self._session.subscribe_all(channels.LAUNCHER, waking=False).inboxes
         self._session.serve(address.host, ["recall"])
-        self._thread = threading.Thread(target=self._run, name="recall", daemon=True)
-        self._thread.start()
+        self.start()
 
     def _of_each(self, channel: Channel[M], vehicles: Iterable[str]) -> Mapping[str, Inbox[M]]:
         return {name: self._session.subscribe(channel, name, waking=False) for name in vehicles}
 
-    def _run(self) -> None:
-        while not self._stopping:
-            self._wake.wait(0.5)
-            self._wake.clear()
-            for incoming in self._session.pending():
-                if isinstance(incoming.request, Recall):
-                    incoming.answer(self._recall(incoming.request.vehicle))
+    def _due_s(self) -> float:
+        return self._session.clock() + WAIT_S
+
+    def _step(self) -> None:
+        for incoming in self._session.pending():
+            if isinstance(incoming.request, Recall):
+                incoming.answer(self._recall(incoming.request.vehicle))
 
     def _recall(self, vehicle: str) -> RecallReply:
         if vehicle not in self._intents:
@@ -93,10 +92,3 @@ class RecallService:
             if age_s is not None:
                 known[vehicle] = OnFloor(report.arrived_s - age_s, runner)
         return known
-
-    def close(self) -> None:
-        """Stop answering."""
-        self._stopping = True
-        self._wake.set()
-        self._thread.join()
-        self._session.close()

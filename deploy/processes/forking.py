@@ -110,6 +110,7 @@ class ForkServer:
         self, modules: Sequence[str] = (), priority: int = 0, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._words = (str(priority), ",".join(modules))
+        self._urgent = priority > 0
         self._pilots: tuple[str, ...] = ()
         self._clock = clock
         self._process: subprocess.Popen[bytes] | None = None
@@ -148,7 +149,7 @@ class ForkServer:
         return again
 
     def start(self, command: Sequence[str], log: Path, *, piped: bool = False) -> ForkedProcess:
-        """Start a supervised process, before other programs if that is permitted.
+        """Start a supervised process, with a priority before other programs if that is permitted.
 
         `command`: command line. A module of this interpreter (`python -m MODULE ...`) runs in the forked
         process; any other program is executed there. `log`: file its output is appended to. `piped`: whether
@@ -171,8 +172,9 @@ class ForkServer:
             self._send(order, [stdin, output.fileno(), page.descriptor, permission])
             pid = self._answer(ANSWER_LIMIT_S)["pid"]
             process = ForkedProcess(pid, page, pipe)
-            with suppress(OSError):
-                os.setpriority(os.PRIO_PROCESS, pid, URGENT_NICE)
+            if self._urgent:
+                with suppress(OSError):
+                    os.setpriority(os.PRIO_PROCESS, pid, URGENT_NICE)
             os.write(permit, PERMISSION)
             own.pop_all()
         return process

@@ -82,13 +82,15 @@ class Supervisor:
         watchdog: WatchdogConfig | None = None,
         without: Collection[str] = (),  # names of processes that are not wanted at first
         clock: Callable[[], float] = time.monotonic,  # monotonic clock [s]
+        # how long a process that has died has run [s]; by default on this clock
+        lived_s: Callable[[str], float] | None = None,
     ) -> None:
         self.children = {spec.name: Child(spec, wanted=spec.name not in without) for spec in specs}
         self._snapshot = snapshot.resolve()
         self._logs = log_directory
         self._forks = forks
         self.spares = spares or Spares(forks, (), (), log_directory / "spare.log")
-        self._clock = clock
+        self._clock, self._lived_s = clock, lived_s or self._age_s
         self._selector = selectors.DefaultSelector()
         self._attempt = Attempts(clock)
         self._prepare_at_s = self._spare_at_s = 0.0
@@ -262,16 +264,18 @@ class Supervisor:
         if code == EXIT_ELSEWHERE:
             child.wanted = False
             return [f"{name}: ended, because another agent flies {child.spec.unit}"]
-        now = self._clock()
-        quick = now - child.started_s < STABLE_AFTER_S
+        quick = self._lived_s(name) < STABLE_AFTER_S
         child.quick_deaths = child.quick_deaths + 1 if quick else 0
-        child.restart_at_s = now + restart_pause_s(child.quick_deaths)
+        child.restart_at_s = self._clock() + restart_pause_s(child.quick_deaths)
         cause = f"killed by {signal_name(-code)}" if code < 0 else f"ended with exit code {code}"
         if verdict is not None:
             cause = (
                 f"hung: no progress for {verdict.silent_s:.2f} s, {verdict.limit_s:g} s are allowed; {cause}"
             )
         return [f"{name}: {cause}; log: {self._logs / (name + '.log')}"]
+
+    def _age_s(self, name: str) -> float:
+        return self._clock() - self.children[name].started_s
 
     @property
     def flying(self) -> bool:

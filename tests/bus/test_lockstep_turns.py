@@ -16,7 +16,7 @@ from support.waiting import wait_for
 
 from rcopterx.bus.conductor import RETURN_S, STEP_S, Conductor
 from rcopterx.bus.lockstep_page import FIRST_S, LockstepPage, create_page, opened_page, remove_page
-from rcopterx.bus.turns import CONDUCTOR, STAMP, Turns, attend
+from rcopterx.bus.turns import CONDUCTOR, STAMP, Reception, Turns, attend
 
 
 class Bytes(bytes):
@@ -59,6 +59,7 @@ class Script:
 
     def run(self, page: LockstepPage) -> None:
         self.turns = Turns(page, self.name, no_fence)
+        self.turns.begin()
         for seconds in self.waits_s:
             self.turns.wait(seconds)
             self.times_s.append(page.now() - FIRST_S)
@@ -82,6 +83,7 @@ def page(tmp_path: Path) -> Iterator[LockstepPage]:
 
 def conduct(page: LockstepPage, until: Callable[[], bool], period_s: float = 0.02) -> None:
     conductor = Conductor(page, CONDUCTOR, no_fence)
+    conductor.begin()
     while not until():
         conductor.wait(period_s)
     conductor.leave()
@@ -112,6 +114,50 @@ def test_every_process_wakes_exactly_when_its_wait_is_over(
                 due_s = woken_s
 
 
+def test_a_process_takes_no_turns_without_anything_to_do(page: LockstepPage) -> None:
+    scripts = [Script("a", [0.001] * 20), Script("b", [0.5])]
+    threads = started(*scripts, page=page)
+    conduct(page, lambda: not threads[0].is_alive())
+    took = [page.players[page.player(name)].finished for name in "ab"]
+    assert took[0] > took[1] + 10
+    page.want_none()
+    conduct(page, lambda: not threads[1].is_alive())
+
+
+def test_a_process_takes_the_turn_after_one_in_which_something_is_sent_to_it(page: LockstepPage) -> None:
+    read_s: list[float] = []
+    sends_s = [0.003, 0.007]
+
+    def receive() -> None:
+        turns = Turns(page, "b", no_fence)
+        turns.begin()
+        reception = turns.receive("key")
+        receivers.append((turns, reception))
+        while len(read_s) < len(sends_s):
+            turns.wait(10.0)
+            read_s.append(page.now() - FIRST_S)
+        turns.leave()
+
+    def wake(_: Sample) -> None:
+        receivers[0][0].wake()
+
+    def send() -> None:
+        turns = Turns(page, "a", no_fence)
+        turns.begin()
+        for at_s in sends_s:
+            turns.wait(FIRST_S + at_s - page.now())
+            receivers[0][1].hold(wake, Sample("key", Bytes(turns.stamp("key"))))
+        turns.wait(0.1)
+        turns.leave()
+
+    receivers: list[tuple[Turns, Reception]] = []
+    threads = [threading.Thread(target=work, daemon=True) for work in (receive, send)]
+    for thread in threads:
+        thread.start()
+    conduct(page, lambda: not any(thread.is_alive() for thread in threads), 0.001)
+    assert all(sent_s < at_s <= sent_s + 2 * STEP_S for sent_s, at_s in zip(sends_s, read_s, strict=True))
+
+
 def test_time_begins_when_all_awaited_processes_are_there(page: LockstepPage) -> None:
     first = started(Script("a", [0.01]), page=page)
     end = threading.Event()
@@ -134,6 +180,7 @@ def test_time_stands_still_while_a_process_computes(page: LockstepPage) -> None:
 
     def compute() -> None:
         turns = Turns(page, "a", no_fence)
+        turns.begin()
         turns.wait(0.01)
         ready.set()
         computing.wait(20)
@@ -159,6 +206,7 @@ def test_messages_count_in_the_same_order_however_they_arrive(
 ) -> None:
     with page_of(tmp_path_factory.mktemp("page"), []) as page:
         conductor = Conductor(page, CONDUCTOR, no_fence)
+        conductor.begin()
         seen: list[Sample] = []
         reception = conductor.receive("fleet/*/pose")
         conductor.wait(0.01)
@@ -182,6 +230,7 @@ def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: Lo
 
     def receive() -> None:
         turns = Turns(page, "a", no_fence)
+        turns.begin()
         reception = turns.receive("key")
         turns.wait(0.001)
         counter = page.counter("key", page.player("b"))
@@ -206,6 +255,7 @@ def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: Lo
 
 def test_what_was_sent_before_a_subscription_does_not_count(page: LockstepPage) -> None:
     conductor = Conductor(page, CONDUCTOR, no_fence)
+    conductor.begin()
     attend(page, "a")
     attend(page, "b")
     counter = page.counter("key", page.player("a"))
@@ -221,6 +271,7 @@ from pathlib import Path
 from rcopterx.bus.lockstep_page import opened_page
 from rcopterx.bus.turns import Turns
 turns = Turns(opened_page(Path(sys.argv[1])), "a", lambda: None)
+turns.begin()
 while True:
     turns.wait(0.05)
 """
@@ -240,6 +291,8 @@ def test_a_killed_process_stops_the_time_only_from_the_turn_of_its_successor_on(
         wait_for(lambda: player.return_s > 0 and page.now() >= player.return_s, "time waits too early")
         stopped_s = page.now()
         assert stopped_s <= player.return_s + 0.021
+        assert page.lived_s("a") >= 1.0
+        assert page.lived_s("a") == 0.0
         with subprocess.Popen(command) as second:
             wait_for(lambda: page.now() > stopped_s + 2 * RETURN_S, "time does not continue")
             second.kill()

@@ -1,0 +1,54 @@
+"""A service of a launcher: answers requests in a thread of its own, which takes turns in lockstep."""
+
+import threading
+from abc import ABC, abstractmethod
+from dataclasses import replace
+
+from rcopterx.bus.session import BusAddress, Session
+
+
+class Service(ABC):
+    """A session, and the thread that serves it from `start` on."""
+
+    def __init__(self, address: BusAddress, name: str, timeout_s: float = 5.0) -> None:
+        self._event, self._stopping = threading.Event(), False
+        address = replace(address, process=name)
+        self._session = Session(address, self._event.set, timeout_s=timeout_s, begin=False)
+        self._thread = threading.Thread(target=self._serve, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Begin to serve."""
+        self._thread.start()
+
+    def _serve(self) -> None:
+        turns = self._session.turns
+        if turns is not None:
+            turns.interrupted = lambda: self._stopping
+            turns.begin()
+        while not self._stopping:
+            timeout_s = max(0.0, self._due_s() - self._session.clock())
+            if turns is not None:
+                turns.wait(timeout_s)
+            else:
+                self._event.wait(self._session.address.clock.real_s(timeout_s))
+                self._event.clear()
+            self._step()
+
+    @abstractmethod
+    def _due_s(self) -> float:
+        """Return when there is something to do without a message [s]."""
+
+    @abstractmethod
+    def _step(self) -> None:
+        """Answer requests, and do what is due."""
+
+    def stop(self) -> None:
+        """Answer no more requests."""
+        self._stopping = True
+        self._session.wake()
+        self._thread.join()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self.stop()
+        self._session.close()
