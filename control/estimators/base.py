@@ -27,23 +27,25 @@ _TIME_TOLERANCE_S: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What to do with a pose."""
+    """What to do with a pose.
+
+    `offset`, shape (4,), is where the poses are from where the estimate is. If the pose is accepted, the
+    estimate moves there, else it follows the motion of the poses in parallel.
+    """
 
     accepted: bool
-    restart: bool = False  # the estimator has to restart at the pose
-    rates: Array | None = None  # inertial velocity and yaw rate to restart with, (4,), if not the estimate's
+    offset: Array | None = None
 
 
 ACCEPT: Final = Verdict(accepted=True)
 REJECT: Final = Verdict(accepted=False)
-SHIFT: Final = Verdict(accepted=True, restart=True)  # as far off as the last sudden pose: measured there now
 
 
 @dataclass(slots=True)
 class _Run:
-    """Refused poses that follow each other as a flying vehicle's would."""
+    """Refused poses that follow each other as a flying vehicle's would; the first one's innovation."""
 
-    first: Array
+    offset: Array
     last: Array
     poses: int = 1
     duration_s: float = 0.0
@@ -54,8 +56,8 @@ class InnovationGate:
     """Refuses jumps, counts them, and opens again when the jump turns out to be where the vehicle is.
 
     If refused poses go on for `gate_limit_s`, each within twice the limits of the vehicle from the one
-    before, the estimate is wrong, and the estimator restarts there. A sudden pose near enough, as of one
-    marker taken for another, is rejected until two in a row agree.
+    before, they are believed. Until then the estimate follows their motion. A sudden pose near enough, as
+    of one marker taken for another, is rejected until two in a row agree.
     """
 
     def __init__(self, model: Model, settings: EstimatorSettings) -> None:
@@ -85,16 +87,17 @@ class InnovationGate:
         """
         noise = _DEVIATIONS * deviation
         if not _within(innovation, self._widths + noise):
-            return self._refuse(pose)
+            return self._refuse(pose, innovation)
         self._run = None
-        return self._judge_sudden(innovation[:3], _SUDDEN_M + noise[:3])
+        return self._judge_sudden(innovation, _SUDDEN_M + noise[:3])
 
-    def _judge_sudden(self, innovation_m: Array, near_m: Array) -> Verdict:
+    def _judge_sudden(self, innovation: Array, near_m: Array) -> Verdict:
         before, self._last_sudden = self._last_sudden, None
+        innovation_m = innovation[:3]
         if _within(innovation_m, near_m):
             verdict = ACCEPT
         elif before is not None and _within(innovation_m - before, near_m):
-            verdict = SHIFT
+            verdict = Verdict(accepted=True, offset=innovation)
         elif self._sudden == _MOST_SUDDEN:
             verdict = ACCEPT
         else:
@@ -105,21 +108,21 @@ class InnovationGate:
         self._sudden = 0
         return verdict
 
-    def _refuse(self, pose: Array) -> Verdict:
+    def _refuse(self, pose: Array, innovation: Array) -> Verdict:
         self.rejected += 1
         run = self._run
         if run is None or not _within(pose - run.last, self._widths + self._fastest * run.since_last_s):
-            self._run = _Run(pose, pose)
+            self._run = _Run(innovation, pose)
             return REJECT
         run.last = pose
         run.poses += 1
         run.duration_s += run.since_last_s
         run.since_last_s = 0.0
-        if run.poses < _FEWEST_POSES or run.duration_s < self._limit_s - _TIME_TOLERANCE_S:
-            return REJECT
-        self._run = None
-        self.restarts += 1
-        return Verdict(accepted=True, restart=True, rates=(run.last - run.first) / run.duration_s)
+        believed = run.poses >= _FEWEST_POSES and run.duration_s >= self._limit_s - _TIME_TOLERANCE_S
+        if believed:
+            self._run = None
+            self.restarts += 1
+        return Verdict(believed, run.offset)
 
 
 FARTHEST_M: Final = 1e3
@@ -176,7 +179,7 @@ class PoseEstimator(ABC):
         self._yaw_known = self._actuators_known = True
         self._set_actuators(estimate.actuator)
         self._gate.open()
-        self._start(motion[:INPUT_SIZE].copy(), _inertial_rates(motion))
+        self._start(motion[:INPUT_SIZE].copy(), inertial_rates(motion))
 
     def predict(self, applied_input: Array, period_s: float) -> None:
         """Predict by one period, during which an input acted at the vehicle, shape (4,).
@@ -209,11 +212,12 @@ class PoseEstimator(ABC):
         yaw_rad = nearest_heading(measurement.yaw_rad, float(predicted[YAW]))
         pose = _pose_of(measurement, yaw_rad)
         verdict = self._gate.judge(pose, pose - predicted, self._deviation())
-        if verdict.restart:
-            rates = _inertial_rates(self.estimate.motion) if verdict.rates is None else verdict.rates
-            self._start(pose, rates)
-        elif verdict.accepted:
+        if verdict.accepted:
+            if verdict.offset is not None:
+                self._move(verdict.offset)
             self._update(pose)
+        elif verdict.offset is not None:
+            self._update(pose - verdict.offset)
         return verdict.accepted
 
     @abstractmethod
@@ -223,6 +227,10 @@ class PoseEstimator(ABC):
     @abstractmethod
     def _start(self, pose: Array, rates: Array) -> None:
         """Start at a pose with inertial velocity and yaw rate, both of shape (4,)."""
+
+    @abstractmethod
+    def _move(self, offset: Array) -> None:
+        """Move position and yaw by an offset, shape (4,); the inertial motion stays."""
 
     @abstractmethod
     def _predict(self, applied_input: Array, period_s: float) -> None:
@@ -246,7 +254,7 @@ def body_motion(pose: Array, rates: Array) -> Array:
     return np.concatenate((pose, turned_about_z(rates, -float(pose[YAW]))))
 
 
-def _inertial_rates(motion: Array) -> Array:
+def inertial_rates(motion: Array) -> Array:
     """Inertial velocity and yaw rate of a motion state, shape (4,)."""
     return turned_about_z(motion[XD_BODY : YAW_RATE + 1], float(motion[YAW]))
 

@@ -120,6 +120,11 @@ class ExtendedKalmanEstimator(PoseEstimator):
         else:
             self._horizontal.start(pose, rates, self._tilt)
 
+    def _move(self, offset: Array) -> None:
+        self._lag_filter.move(offset)
+        self._horizontal.move(offset[:2])
+        self._stood_at_m = self._stood_at_m + offset[:YAW]
+
     def _thrust_carries(self) -> bool:
         thrust = self._model.input_gain[U_THRUST] * float(self._lag_filter.estimate.actuator[U_THRUST])
         return thrust > _LIFTING_FRACTION * self._model.gravity_m_s2

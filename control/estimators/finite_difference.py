@@ -52,6 +52,9 @@ class FiniteDifferenceEstimator(PoseEstimator):
         self._rates = rates
         self._elapsed_s = 0.0
 
+    def _move(self, offset: Array) -> None:
+        self._pose, self._measured = self._pose + offset, self._measured + offset
+
     def _predict(self, applied_input: Array, period_s: float) -> None:
         self._actuator = actuator_response(
             self._model, self._actuator, applied_input, float(self._rates[YAW]), period_s

@@ -52,6 +52,11 @@ class HorizontalMotion:
         for each in self._filters:
             each.start(pose[:2], rates[:2], self._usable(tilt, each), float(pose[YAW]))
 
+    def move(self, offset_m: Array) -> None:
+        """Move the position by an offset, shape (2,)."""
+        for each in self._filters:
+            each.move(offset_m)
+
     def stand(self, pose: Array, tilt: Array | None) -> None:
         """Start at rest on the floor."""
         self.trust.restart()

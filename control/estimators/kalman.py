@@ -71,6 +71,9 @@ class KalmanEstimator(PoseEstimator):
         self._P[:, 1, 1] = (0.25, 0.25, 0.25, 1.0)
         self._P[:, 2, 2] = (0.25, 0.25, 0.25, 4.0)
 
+    def _move(self, offset: Array) -> None:
+        self._x = self._x + np.outer(offset, (1.0, 0.0, 0.0))
+
     def _predict(self, applied_input: Array, period_s: float) -> None:
         if period_s != self._prepared_s:
             self._prepare(period_s)

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from rcopterx.compiling.compiled import ANY_VECTOR, MATRIX, compiled
-from rcopterx.control.estimators.base import body_motion
+from rcopterx.control.estimators.base import body_motion, inertial_rates
 from rcopterx.control.estimators.kalman_equations import predict_covariance, update
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings, model_noise
 from rcopterx.control.interfaces import Estimate
@@ -129,6 +129,10 @@ class LagFilter:
         """Start at a pose with inertial velocity and yaw rate, both of shape (4,); actuators stay."""
         self.x = np.concatenate((body_motion(pose, rates), self.x[ACTUATOR], np.zeros(INPUT_SIZE)))
         self.P = np.diag(np.square(_START_DEVIATION))
+
+    def move(self, offset: Array) -> None:
+        """Move position and yaw by an offset, shape (4,); the inertial velocity stays."""
+        self._set(MOTION, body_motion(self.x[POSE] + offset, inertial_rates(self.x[MOTION])))
 
     def set_pose(self, pose: Array) -> None:
         """Move the estimate to a pose, shape (4,)."""

@@ -116,6 +116,11 @@ class TiltFilter:
         self.x, self.P = x, np.diag(deviation**2)
         self.P[self._body, self._body] = P[self._body, self._body]
 
+    def move(self, offset_m: Array) -> None:
+        """Move the position by an offset, inertial frame, shape (2,)."""
+        self.x = self.x.copy()
+        self.x[POSITION] += offset_m
+
     def stand(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Start at rest on the floor, where a measured tilt shows the offset of the body frame."""
         self._forget_body()

@@ -152,6 +152,20 @@ def test_marker_swap_is_refused_and_counted(
 
 
 @every_estimator
+def test_the_estimate_follows_the_motion_of_refused_poses(new_flight: NewFlight, name: str) -> None:
+    flights = [new_flight(name), new_flight(name)]
+    estimates = []
+    for flight, changed in zip(flights, (mixed_up, lambda measurement: measurement), strict=True):
+        flight.fly(1.0)
+        flight.set_point = np.array([0.5, 0.3, 1.0, 0.0])
+        for _ in range(10):
+            flight.step(changed)
+        estimates.append(flight.estimator.estimate.motion)
+    assert flights[0].estimator.rejected == 10
+    assert np.allclose(*estimates, atol=0.01)
+
+
+@every_estimator
 def test_vehicle_that_was_really_moved_is_found_again_after_the_gate_limit(
     new_flight: NewFlight, name: str
 ) -> None:

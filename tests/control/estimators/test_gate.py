@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.vehicle_types import COAXIAL
 
-from rcopterx.control.estimators.base import ACCEPT, REJECT, SHIFT, InnovationGate, Verdict
+from rcopterx.control.estimators.base import ACCEPT, REJECT, InnovationGate, Verdict
 from rcopterx.control.estimators.settings import EstimatorSettings
 
 GOOD = np.array([0.001, -0.001, 0.001, 0.0])
@@ -20,6 +20,11 @@ def judged(*innovations: np.ndarray, deviation: np.ndarray = DEVIATION) -> list[
     return [gate.judge(innovation, innovation, deviation) for innovation in innovations]
 
 
+def offset_of(verdict: Verdict) -> np.ndarray:
+    assert verdict.offset is not None
+    return verdict.offset
+
+
 def test_a_single_pose_that_is_off_is_left_out() -> None:
     assert judged(GOOD, UPWARD, GOOD, UPWARD, GOOD) == [
         ACCEPT, REJECT, ACCEPT, REJECT, ACCEPT,
@@ -27,9 +32,10 @@ def test_a_single_pose_that_is_off_is_left_out() -> None:
 
 
 def test_two_that_agree_are_a_shift_of_what_is_measured() -> None:
-    assert judged(GOOD, UPWARD, UPWARD + GOOD, GOOD) == [
-        ACCEPT, REJECT, SHIFT, ACCEPT,
-    ]  # fmt: skip
+    *before, shift, after = judged(GOOD, UPWARD, UPWARD + GOOD, GOOD)
+    assert [*before, after] == [ACCEPT, REJECT, ACCEPT]
+    assert shift.accepted
+    assert np.array_equal(offset_of(shift), UPWARD + GOOD)
 
 
 def test_those_that_do_not_agree_are_left_out_but_not_for_ever() -> None:
@@ -41,3 +47,15 @@ def test_those_that_do_not_agree_are_left_out_but_not_for_ever() -> None:
 def test_what_noise_explains_is_not_sudden(away_m: float, deviation_m: float) -> None:
     innovation = np.array([away_m, 5.0 * deviation_m, 0.0, 0.3])
     assert judged(innovation, deviation=np.full(4, deviation_m)) == [ACCEPT]
+
+
+def test_the_first_of_refused_poses_is_the_offset_of_those_after_it_until_they_are_believed() -> None:
+    gate = InnovationGate(COAXIAL, EstimatorSettings(gate_limit_s=0.1))
+    verdicts = []
+    for number in range(6):
+        gate.wait(0.02)
+        pose = np.array([1.0 + 0.002 * number, 0.0, 0.0, 0.0])
+        verdicts.append(gate.judge(pose, pose, DEVIATION))
+    assert verdicts[0] == REJECT
+    assert [verdict.accepted for verdict in verdicts] == [False] * 5 + [True]
+    assert all(np.array_equal(offset_of(verdict), [1.0, 0.0, 0.0, 0.0]) for verdict in verdicts[1:])
