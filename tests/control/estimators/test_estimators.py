@@ -166,6 +166,19 @@ def test_the_estimate_follows_the_motion_of_refused_poses(new_flight: NewFlight,
 
 
 @every_estimator
+@pytest.mark.parametrize("fall_m_s", [1.2, 1.7, 2.5])
+def test_an_impact_on_the_floor_is_not_taken_for_a_fall_through_it(name: str, fall_m_s: float) -> None:
+    estimator = ESTIMATORS.build(name, COAXIAL_LAG, 0.02, {})
+    estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 0.0))
+    heights_m = [*np.arange(1.0, 0.0, -0.02 * fall_m_s), *10 * [0.0]]
+    for height_m in heights_m:
+        estimator.predict(COAXIAL_LAG.hover_input, 0.02)
+        estimator.correct(Measurement(np.array([0.0, 0.0, height_m]), 0.0))
+    assert abs(estimator.estimate.motion[2]) < 0.12
+    assert abs(estimator.estimate.motion[6]) < 0.4
+
+
+@every_estimator
 def test_vehicle_that_was_really_moved_is_found_again_after_the_gate_limit(
     new_flight: NewFlight, name: str
 ) -> None:
