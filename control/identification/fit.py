@@ -49,7 +49,7 @@ _OUTLIER: Final = 3.0  # residuals beyond so many deviations count less than the
 _NORMAL: Final = 1.4826  # standard deviation of a normal distribution over the median of its magnitude
 _FARTHEST: Final = 4.0  # parameters stay within so many spreads of their prior values
 _AT_BOUND: Final = 0.98 * _FARTHEST
-_VANISHED: Final = 0.1  # lags below this share of a control period do not matter
+_VANISHED_S: Final = IDENTIFIED.delay_s  # shorter lags and delays are within the uncertainty
 _EVALUATIONS: Final = 25
 _START_FREQUENCIES: Final = (-2.8, -1.4, 0.0, 1.4, 2.8)  # tilt frequencies, in spreads from the known one
 LEAST_CERTAIN: Final = 0.15  # largest relative deviation of gains and frequency of a usable excitation
@@ -122,7 +122,7 @@ def identify(recording: FlightRecording, model: Model, *more: FlightRecording) -
     judged = [flight.part(FITTED_SHARE - SETTLE_S / flight.duration_s, 1.0) for flight in flights]
     before = prediction_errors(Candidate(model, candidate.offsets), judged)
     after = prediction_errors(candidate, judged)
-    bounds = [name for fitted_part in fits for name in fitted_part.at_bounds(recording.period_s)]
+    bounds = [name for fitted_part in fits for name in fitted_part.at_bounds()]
     essential = [
         f"{name} went as far as it may: the vehicle is not of this type, or the flight does not show it"
         for name in bounds
@@ -193,11 +193,11 @@ class _Found:
     position: Array
     deviation: Array
 
-    def at_bounds(self, period_s: float) -> list[str]:
+    def at_bounds(self) -> list[str]:
         """Names of parameters on their bounds; a lag that became too short to matter is none."""
 
         def vanished(parameter: Parameter) -> bool:
-            return parameter.unit == "s" and parameter.read(self.candidate) < _VANISHED * period_s
+            return parameter.unit == "s" and parameter.read(self.candidate) < _VANISHED_S
 
         return [
             parameter.name

@@ -93,10 +93,30 @@ def _with_slope(candidate: Candidate, gain: float) -> Candidate:
     return replace(candidate, model=model)
 
 
+def _with_yaw_loop(candidate: Candidate, rate_rad_s: float, time_s: float) -> Candidate:
+    """With a yaw rate per stick that is reached with a time constant."""
+    model, damping = candidate.model, -1.0 / max(time_s, SHORTEST_YAW_S)
+    model = replace(
+        model,
+        input_gain=(*model.input_gain[:U_YAW], -damping * rate_rad_s),
+        damping=(*model.damping[:U_YAW], damping),
+    )
+    return replace(candidate, model=model)
+
+
+def _yaw_time_s(candidate: Candidate) -> float:
+    return 1.0 / max(-candidate.model.damping[U_YAW], 1.0 / LONGEST_YAW_S)
+
+
+def _yaw_rate(candidate: Candidate) -> float:
+    return candidate.model.input_gain[U_YAW] * _yaw_time_s(candidate)
+
+
+SHORTEST_YAW_S: Final = 0.02  # the cascade's Euler steps of one period do not follow faster yaw rates
+LONGEST_YAW_S: Final = 10.0  # time constant of a yaw rate without damping
 PITCH_GAIN: Final = _number("pitch gain", "model.input_gain", "m/s^2", 0.25, U_PITCH)
 ROLL_GAIN: Final = _number("roll gain", "model.input_gain", "m/s^2", 0.25, U_ROLL)
 THRUST_GAIN: Final = _number("thrust gain", "model.input_gain", "m/s^2", 0.15, U_THRUST)
-YAW_GAIN: Final = _number("yaw gain", "model.input_gain", "rad/s^2", 0.3, U_YAW)
 FREQUENCY: Final = _number("tilt frequency", "model.tilt.frequency_rad_s", "rad/s", 0.25)
 DAMPING: Final = _number("tilt damping", "model.tilt.damping_ratio", "", 0.7)
 
@@ -113,7 +133,7 @@ _LAG: Final = (_of_both("lag of pitch and roll", "lag_s", "s", 0.4, 1.0),)
 _TILT: Final = (
     FREQUENCY,
     DAMPING,
-    _number("servo lag", "model.tilt.servo_lag_s", "s", 0.3),
+    _number("servo lag", "model.tilt.servo_lag_s", "s", 0.4),
     _number("upper phase", "model.tilt.upper_phase_rad", "rad", 0.1, positive=False),
     _number("lower phase", "model.tilt.lower_phase_rad", "rad", 0.1, positive=False),
     _number("upper share", "model.tilt.upper_share", "", 0.15),
@@ -130,8 +150,22 @@ _THRUST_LAG: Final = _number("thrust lag", "model.lag_s", "s", 0.4, U_THRUST)
 _SLOPE: Final = replace(THRUST_GAIN, spread=0.3, write=_with_slope)
 _PER_VOLT: Final = _number("thrust per volt", "offsets.per_volt", "1/V", 0.1, positive=False)
 _HEADING: Final = (
-    YAW_GAIN,
-    _number("yaw damping", "model.damping", "1/s", 0.25, U_YAW, sign=-1.0),
+    Parameter(
+        "yaw rate gain",
+        "rad/s",
+        0.3,
+        True,
+        _yaw_rate,
+        lambda candidate, rate_rad_s: _with_yaw_loop(candidate, rate_rad_s, _yaw_time_s(candidate)),
+    ),
+    Parameter(
+        "yaw time constant",
+        "s",
+        0.65,
+        True,
+        _yaw_time_s,
+        lambda candidate, time_s: _with_yaw_loop(candidate, _yaw_rate(candidate), time_s),
+    ),
     _number("yaw lag", "model.lag_s", "s", 0.3, U_YAW),
 )
 _COUPLING: Final = _number("thrust coupling", "model.thrust_coupling", "", 1.0, positive=False)

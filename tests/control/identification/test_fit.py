@@ -125,6 +125,30 @@ def test_a_tilt_without_bar_is_fitted_too() -> None:
     assert found.model.tilt.frequency_rad_s == pytest.approx(14.0, rel=0.06)
 
 
+@pytest.mark.parametrize(
+    ("rate_rad_s", "time_s", "servo_lag_s"), [(3.5, 0.025, 0.02), (4.3, 0.03, 0.05), (2.6, 0.02, 0.08)]
+)
+def test_a_flight_controller_with_a_fast_rate_loop_is_identified(
+    rate_rad_s: float, time_s: float, servo_lag_s: float
+) -> None:
+    """Its yaw answers in less time than the type's, by a rate of its own."""
+    assert QUADROTOR.tilt is not None
+    fast = replace(
+        QUADROTOR,
+        input_gain=(*QUADROTOR.input_gain[:3], rate_rad_s / time_s),
+        damping=(*QUADROTOR.damping[:3], -1.0 / time_s),
+        lag_s=(*QUADROTOR.lag_s[:3], 0.01),
+        tilt=replace(QUADROTOR.tilt, servo_lag_s=servo_lag_s),
+    )
+    found = identify(simulated_flight(fast, body_rad=(0.0, 0.0)), QUADROTOR)
+    assert (found.problems, found.remarks) == ((), ())
+    assert numbers(found)["yaw rate gain"] == pytest.approx(rate_rad_s, rel=0.05)
+    assert numbers(found)["yaw time constant"] + found.model.lag_s[3] == pytest.approx(
+        time_s + 0.01, abs=IDENTIFIED.delay_s
+    )
+    assert found.model.uncertainty.gain_factor == IDENTIFIED.gain_factor
+
+
 def test_a_vehicle_without_tilt_model_gets_gains_and_lag(flight: FlightRecording) -> None:
     found = identify(replace(flight, kind=COAXIAL_LAG.kind), COAXIAL_LAG)
     assert found.model.tilt is None
