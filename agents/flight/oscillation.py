@@ -185,7 +185,7 @@ class OscillationDetector:
         for channels in (self._large, self._faint) if resting else (self._large,):
             for channel, value in zip(channels, values, strict=True):
                 if channel.observe(value, near, period_s):
-                    # The large half-waves of a signal are more telling than its small ones.
+                    # The large half-waves of a signal show more than its small ones.
                     found.setdefault(channel.name, channel)
         self.swings.update({channel.loop: channel.swing() for channel in found.values()})
         return frozenset(channel.loop for channel in found.values())

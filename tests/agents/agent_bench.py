@@ -67,7 +67,7 @@ class Bench:
         wait_for(stepped, what)
 
     def answer(self, agent: int, commanding: int = 0) -> None:
-        """Tell an agent its lease, and which lease commands."""
+        """Publish the lease of an agent, and which lease commands."""
         answer = Lease(agent=agent, number=self.lease, commanding=commanding, issued=self.lease)
         self.others.publish(channels.LEASE, "h9", answer)
 

@@ -1,4 +1,4 @@
-"""Pilots with controllers that note what they are asked, and with real ones."""
+"""Pilots with controllers that record their calls, and with real ones."""
 
 import numpy as np
 from support.flight import ExactEstimator, NotedController

@@ -11,7 +11,7 @@ from rcopterx.control.interfaces import Measurement
 
 
 class RaisingEstimator(ExactEstimator):
-    """Does not take in poses."""
+    """Raises at every pose."""
 
     def correct(self, measurement: Measurement) -> bool:
         raise ZeroDivisionError("no poses")

@@ -1,4 +1,4 @@
-"""Promises of the pilot: when the rotor turns, when its controller is asked, and what its commands carry."""
+"""Promises of the pilot: when the rotor turns, when its controller is called, what its commands contain."""
 
 import numpy as np
 import pytest

@@ -245,7 +245,7 @@ def test_manoeuvre_that_a_fleet_cannot_fly_has_a_reason(lab: Lab) -> None:
     assert reason_not_to_fly(manoeuvre(flying), fleet) == "made for the fleet trio; lab has no h3"
     row = replace(manoeuvre(flying), fleet="trio")
     with_three = SimpleNamespace(file=SimpleNamespace(vehicles=["h1", "h2", "h3"], name="x"), launcher=None)
-    assert reason_not_to_fly(row, with_three) is None  # type: ignore[arg-type]  # only what is asked
+    assert reason_not_to_fly(row, with_three) is None  # type: ignore[arg-type]  # only what it reads
     report = not_flown(row, "not flown", "because")
     assert (report["verdict"], report["problem"], report["checks"]) == ("not flown", "because", [])
 

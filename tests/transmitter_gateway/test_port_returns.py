@@ -99,7 +99,7 @@ def test_vehicle_that_lands_and_is_on_the_floor_when_its_port_returns_is_disarme
     restart.run(0.3, thrust=None)
     assert restart.state is State.DISARMED
     assert restart.transmitter.arbiter.reason == "serial link lost: it may stand on the floor"
-    # Its module is asked anew whether it is ready.
+    # The status of its module is requested again.
     assert restart.transmitter.snapshot(restart.now_s).link is LinkState.UP
 
 

@@ -203,7 +203,7 @@ def test_resuming_and_recovering_hold_the_present_place() -> None:
 
 
 def held_and_given_back(guidance: Guidance, time_s: float) -> Estimate:
-    """The transmitter gateway takes over and gives back, half a metre lower."""
+    """The transmitter gateway takes over and returns the vehicle, half a metre lower."""
     guidance.on_event(Event.OVERRIDE, ALOFT)
     here = still((0.5, 0.5, 0.6), 1.0)
     guidance.on_event(Event.ARM, here)

@@ -1,4 +1,4 @@
-"""Promises of the bumpless transfer: sticks go on from where they were and reach what is asked for."""
+"""Promises of the bumpless transfer: sticks continue from where they were and reach the new inputs."""
 
 import numpy as np
 from support.vehicle_types import COAXIAL

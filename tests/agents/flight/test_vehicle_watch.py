@@ -106,7 +106,7 @@ def test_sound_axes_are_left_alone_in_any_manoeuvre_and_wind(
 
 @pytest.mark.parametrize("frequency_hz", [1.0, 2.0, 3.0, 5.0])
 def test_a_vehicle_that_oscillates_is_not_broken(frequency_hz: float) -> None:
-    """Its answer comes so late that it is the opposite of what is asked."""
+    """It responds so late that the response is opposite to the present stick."""
     flown = Flown()
     flown.gain[:2] = -1.0
 

@@ -1,4 +1,4 @@
-"""Promises about whose plans are heard: those of vehicles that could come near, no others, no longer."""
+"""Plans are received from vehicles that could come near, from no others, and no longer than needed."""
 
 from dataclasses import dataclass, field
 

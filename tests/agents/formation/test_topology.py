@@ -1,4 +1,4 @@
-"""Promises of the graph of leaders: lines, cycles, places, and roles that change hands with nobody moving."""
+"""Promises of the graph of leaders: lines, cycles, places, and roles that change without any movement."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ DIAMOND = {"h1": (), "h2": (link("h1"),), "h3": (link("h1"),), "h4": (link("h2")
 
 @st.composite
 def graphs(draw: st.DrawFn) -> dict[str, tuple[LeaderLink, ...]]:
-    """Any acyclic graph: everybody follows some of those before it."""
+    """Any acyclic graph: each vehicle follows some of those before it."""
     size = draw(st.integers(2, len(NAMES)))
     number = st.floats(-2, 2)
     found: dict[str, tuple[LeaderLink, ...]] = {}

@@ -1,4 +1,4 @@
-"""Calls that fail: what is counted under which name, and what the limit is asked."""
+"""Calls that fail: what is counted under which name, and how the time limit is called."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Whatever a controller does, the vehicle has a command, and what happened is told."""
+"""Whatever a controller does, the vehicle has a command, and the failure is counted and described."""
 
 import numpy as np
 import pytest
@@ -171,7 +171,7 @@ def test_an_estimate_that_is_not_finite_still_gives_a_command() -> None:
 
 
 class Deaf(NotedController):
-    """Raises when it is told of others or of limits, and when it is reset."""
+    """Raises when it gets neighbours or limits, and when it is reset."""
 
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         raise ValueError("not now")

@@ -64,7 +64,7 @@ class Scene:
         return self.relief.update()
 
     def receive(self, agents: int, flies: tuple[int, ...]) -> bool:
-        """What the launcher tells takes effect at the next step, without a note."""
+        """A status of the launcher takes effect at the next step, without a note."""
         status = LauncherStatus(running=tuple(f"h{n}" for n in range(agents)), absent=(), flies=flies)
         self.launcher.store(encode(status), self.bus.now_s)
         self.bus.effective = set()

@@ -57,7 +57,7 @@ def test_missed_periods_count_like_late_ones() -> None:
 
 
 def test_who_flies_one_period_in_six_leaves_everything_out_as_soon_as_who_is_late() -> None:
-    """However few commands tell of it: what counts is how long that has gone on."""
+    """Not the number of late commands counts, but for how long they have been late."""
     overload = Overload(PERIOD_S)
     for _ in range(round(2.0 / (6 * PERIOD_S))):
         overload.observe(LATE_S, missed=5)

@@ -254,7 +254,7 @@ def test_nobody_takes_off_to_a_place_that_is_taken(bench: HandlerBench) -> None:
 
 
 def test_without_avoidance_set_points_at_the_places_of_others_are_refused(bench: HandlerBench) -> None:
-    """The controller of these tests avoids nobody."""
+    """The controller of these tests avoids no other vehicle."""
     bench.fly()
     say(bench, "h2", hovering((0.5, 0.5, 1.0)))
     say(bench, "h1", hovering((0.1, 0.6, 1.0), LeaderLink(leader="h9", offset_m=(0.0, 0.4, 0.0))))

@@ -1,4 +1,4 @@
-"""Promises about restarts: for any task and moment a successor is asked to fly what its predecessor was."""
+"""Promises about restarts: for any task and moment a successor continues the task of its predecessor."""
 
 import math
 

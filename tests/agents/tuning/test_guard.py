@@ -1,4 +1,4 @@
-"""The guard lowers the bandwidth of a vehicle that oscillates, step by step, and nobody else's."""
+"""The guard lowers the bandwidth of a vehicle that oscillates, step by step, and of no other one."""
 
 import math
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Controllers by name, and what a wrong setting is told."""
+"""Controllers by name, and the errors of wrong settings."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Separation constraints: they imply the ellipsoid, and nobody mirrors anybody for ever."""
+"""Separation constraints: they imply the ellipsoid, and no two vehicles mirror each other for ever."""
 
 import numpy as np
 import pytest
