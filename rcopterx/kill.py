@@ -241,20 +241,8 @@ def run(vehicles: Sequence[str], fleet: str | None) -> int:
 def _named(name: str) -> RunningFleet:
     """Routers and vehicles of a fleet file or a shipped fleet; raises FleetError."""
     # A named file must be read and checked first, which takes longer.
-    from rcopterx.deploy.certificates.files import shown
-    from rcopterx.deploy.roles.addresses import router_endpoints
+    from rcopterx.deploy.roles.addresses import record_of
     from rcopterx.fleet.reading import fleet_path, load_fleet
 
     file = load_fleet(fleet_path(name))
-    host, *others = file.hosts
-    return RunningFleet(
-        fleet=file.name,
-        digest="",
-        namespace=file.bus.namespace,
-        host=host,
-        endpoints=router_endpoints(file, host),
-        others=[file.endpoint(other) for other in others],
-        vehicles=list(file.vehicles),
-        snapshot="",
-        credentials=shown(file, host),
-    )
+    return record_of(file, next(iter(file.hosts)))

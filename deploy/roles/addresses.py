@@ -1,12 +1,13 @@
-"""Where the processes of a fleet find the bus."""
+"""Where the processes of a fleet, and programs that join it, find the bus."""
 
 from dataclasses import replace
 
 from rcopterx.bus.channels import FIXED_UNITS
 from rcopterx.bus.clock import Clock
 from rcopterx.bus.session import BusAddress
-from rcopterx.deploy.certificates.files import own_credentials
+from rcopterx.deploy.certificates.files import own_credentials, shown
 from rcopterx.deploy.hosts.run_directory import lockstep_path, router_socket, run_directory
+from rcopterx.deploy.hosts.running import RunningFleet
 from rcopterx.fleet.schema import FleetFile
 
 
@@ -42,3 +43,18 @@ def router_endpoints(fleet: FleetFile, host: str) -> list[str]:
     local = router_socket(host, run_directory(fleet.name, fleet.bus.namespace))
     others = [fleet.endpoint(host)] if fleet.listens(host) or local is None else []
     return others if local is None else [local, *others]
+
+
+def record_of(fleet: FleetFile, host: str, digest: str = "", snapshot: str = "") -> RunningFleet:
+    """Return the record of a fleet that is up, as seen from a host, with what programs need to join it."""
+    return RunningFleet(
+        fleet=fleet.name,
+        digest=digest,
+        namespace=fleet.bus.namespace,
+        host=host,
+        endpoints=router_endpoints(fleet, host),
+        others=[fleet.endpoint(other) for other in fleet.hosts if other != host],
+        vehicles=list(fleet.vehicles),
+        snapshot=snapshot,
+        credentials=shown(fleet, host),
+    )

@@ -6,10 +6,10 @@ from rcopterx.bus.access import access_control
 from rcopterx.bus.endpoints import Protection
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.router import run_router
-from rcopterx.deploy.certificates.files import credentials, directory_of, host_name, shown, subjects
+from rcopterx.deploy.certificates.files import credentials, directory_of, host_name, subjects
 from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
-from rcopterx.deploy.hosts.running import RunningFleet, recorded
-from rcopterx.deploy.roles.addresses import router_endpoints
+from rcopterx.deploy.hosts.running import recorded
+from rcopterx.deploy.roles.addresses import record_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.reading import digest_of, write_snapshot
 from rcopterx.fleet.schema import FleetFile
@@ -23,18 +23,7 @@ def run(fleet: FleetFile, host: str) -> None:
     snapshot = snapshot_path(host, directory)
     digest = digest_of(fleet)
     write_snapshot(fleet, snapshot)
-    endpoints = router_endpoints(fleet, host)
-    running = RunningFleet(
-        fleet=fleet.name,
-        digest=digest,
-        namespace=fleet.bus.namespace,
-        host=host,
-        endpoints=endpoints,
-        others=[fleet.endpoint(other) for other in others],
-        vehicles=list(fleet.vehicles),
-        snapshot=str(snapshot),
-        credentials=shown(fleet, host),
-    )
+    running = record_of(fleet, host, digest, str(snapshot))
     identity = IdentifyReply(
         accepted=True,
         fleet=fleet.name,
@@ -47,7 +36,7 @@ def run(fleet: FleetFile, host: str) -> None:
     earlier = [fleet.endpoint(other) for other in hosts[: hosts.index(host)]]
     with recorded(directory, running):
         run_router(
-            endpoints,
+            running.endpoints,
             earlier,
             fleet.bus.namespace,
             Priority.ROUTER.of(fleet),

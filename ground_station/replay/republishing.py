@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from rcopterx.bus.clock import NANO
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.hosts.resources import check_router
 from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
@@ -19,7 +20,6 @@ from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
 from rcopterx.flights.mcap_reading import FlightLogError, contents_of, messages_of
 
 ROUTER_S: Final = 15.0  # how long the router may take to start
-NANO: Final = 1e9
 
 
 def fleet_of(parts: Sequence[Path]) -> FleetFile:

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
+from rcopterx.bus.clock import NANO
 from rcopterx.bus.session import RawMessage
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import METADATA
@@ -16,7 +17,6 @@ from rcopterx.ground_station.replay.republishing import fleet_of
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recording
 
-NANO: Final = 1e9
 NEEDED: Final[tuple[Channel[Any], ...]] = (
     channels.POSE, channels.PLAN, channels.APPLIED, channels.LABORATORY, channels.ROUTER_STATUS,
     *EVENT_CHANNELS,
