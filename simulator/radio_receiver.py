@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from enum import StrEnum
 
-from msgspec import Struct
-
 from rcopterx.simulator.radio_module import AirPacket
 
 CENTER_US = 1500.0
@@ -25,13 +23,6 @@ class ReceiverState(StrEnum):
     HOLD = "hold"
     FAILSAFE = "failsafe"
     BIND = "bind"
-
-
-class ReceiverOutput(Struct, frozen=True):
-    """State and the channel pulse widths [us] given to the vehicle, throttle, aileron, elevator, ..."""
-
-    state: ReceiverState
-    pulses_us: tuple[float, ...]
 
 
 class Receiver:
@@ -118,16 +109,12 @@ class Receiver:
             return self._pulses
         return (self._failsafe_throttle_us, *self._pulses[1:])
 
-    def output(self, now_s: float) -> ReceiverOutput:
-        """Outputs to the vehicle at `now_s`, and their source."""
+    def state(self, now_s: float) -> ReceiverState:
+        """Return the source of the outputs at `now_s`."""
         if self._bind_mode:
-            state = ReceiverState.BIND
-        elif self._linked_to is None:
-            state = ReceiverState.SEARCHING
-        elif now_s < self._last_packet_s + 2 * 0.022:
-            state = ReceiverState.LINKED
-        elif now_s < self._last_packet_s + HOLD_S:
-            state = ReceiverState.HOLD
-        else:
-            state = ReceiverState.FAILSAFE
-        return ReceiverOutput(state, self.pulses_us(now_s))
+            return ReceiverState.BIND
+        if self._linked_to is None:
+            return ReceiverState.SEARCHING
+        if now_s < self._last_packet_s + 2 * 0.022:
+            return ReceiverState.LINKED
+        return ReceiverState.HOLD if now_s < self._last_packet_s + HOLD_S else ReceiverState.FAILSAFE

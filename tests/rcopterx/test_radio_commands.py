@@ -185,7 +185,7 @@ def test_range_check_sends_weakly_with_motors_off_and_ends_at_full_power(laborat
     states = set()
 
     def ended() -> bool:
-        states.add(laboratory.radio.link.receiver.output(time.monotonic()).state)
+        states.add(laboratory.radio.link.receiver.state(time.monotonic()))
         return process.poll() is not None
 
     wait_for(ended, "the range check does not end", 60.0)

@@ -44,7 +44,7 @@ class Bench:
 
     @property
     def state(self) -> ReceiverState:
-        return self.radio.link.receiver.output(self.now_s).state
+        return self.radio.link.receiver.state(self.now_s)
 
     def text(self) -> str:
         return self.protocol.status(self.now_s).text
@@ -61,7 +61,7 @@ def bench(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Bench]:
 @pytest.mark.parametrize("bench", KINDS, indirect=True)
 def test_every_radio_is_set_up_as_its_protocol_expects(bench: Bench) -> None:
     bench.run(1.5)
-    assert bench.radio.link.receiver.output(bench.now_s).pulses_us[:4] == pytest.approx(
+    assert bench.radio.link.receiver.pulses_us(bench.now_s)[:4] == pytest.approx(
         [1540, 1450, 1520, 1480], abs=1.5
     )
     assert bench.protocol.status(bench.now_s).ready

@@ -28,7 +28,7 @@ def test_bind_sends_181_packets_listens_and_resumes_after_6_s() -> None:
     assert math.isclose(resumed.time_s - start_s, 6.16, abs_tol=0.02)
     assert any(status.binding for status in bench.statuses())
     assert receiver.model_match == 3
-    assert receiver.output(bench.now_s).state is ReceiverState.LINKED
+    assert receiver.state(bench.now_s) is ReceiverState.LINKED
 
 
 def test_an_answering_receiver_ends_the_bind_early() -> None:

@@ -2,19 +2,27 @@
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import pytest
 
 from rcopterx.simulator.radio import RadioLink
 from rcopterx.simulator.radio_boards import Dsm2Board, DsmpModule, TrainerTransmitter
 from rcopterx.simulator.radio_module import RadioModule
-from rcopterx.simulator.radio_receiver import Receiver, ReceiverOutput, ReceiverState
+from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
 from rcopterx.transmitter_gateway.protocols.base import FrameFlags, RadioProtocol
 from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings
 from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol, DsmpSettings
 from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol, PpmSettings
 
 HOVER = [1540.0, 1450.0, 1520.0, 1480.0]
+
+
+class Outputs(NamedTuple):
+    """Outputs of a receiver, and their source."""
+
+    state: ReceiverState
+    pulses_us: tuple[float, ...]
 
 
 class Bench:
@@ -28,7 +36,7 @@ class Bench:
 
     def run(
         self, seconds: float, pulses: list[float] | None = HOVER, flags: FrameFlags | None = None
-    ) -> ReceiverOutput:
+    ) -> Outputs:
         end_s = self.now_s + seconds
         while self.now_s < end_s - 1e-9:
             if pulses is not None:
@@ -36,7 +44,8 @@ class Bench:
                 self.link.feed(frame, self.now_s)
             self.now_s += self.protocol.keepalive_s
             self.protocol.receive(self.link.advance(self.now_s), self.now_s)
-        return self.link.receiver.output(self.now_s)
+        receiver = self.link.receiver
+        return Outputs(receiver.state(self.now_s), receiver.pulses_us(self.now_s))
 
 
 def dsm2() -> Bench:
@@ -106,7 +115,7 @@ def test_board_binds_only_when_asked_in_its_first_frame() -> None:
     late = Bench(Dsm2Board(), Dsm2SerialProtocol(Dsm2Settings(3)), receiver)
     late.run(0.1, [1100.0])
     late.run(3.0, [1100.0], FrameFlags(bind=True))
-    assert receiver.output(late.now_s).state is ReceiverState.BIND
+    assert receiver.state(late.now_s) is ReceiverState.BIND
     late.module.power_cycle(late.now_s)
     late.run(3.0, [1100.0], FrameFlags(bind=True))
     assert receiver.model_match == 3

@@ -44,7 +44,7 @@ def test_written_frames_reach_the_receiver_and_answers_come_back(radio: RadioPty
     descriptor = opened(radio)
     for n in range(100):
         write_and_service(radio, descriptor, FRAME, n * 0.02)
-    assert radio.link.receiver.output(2.0).pulses_us[0] == pytest.approx(1540, abs=1.5)
+    assert radio.link.receiver.pulses_us(2.0)[0] == pytest.approx(1540, abs=1.5)
     assert len(radio.link.take_frames()) > 80
     assert not radio.link.take_frames()
     assert b"MP\x01\x18\x47" in os.read(descriptor, 4096)

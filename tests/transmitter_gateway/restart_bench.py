@@ -73,7 +73,7 @@ class Restart:
             self.radio.service(self.now_s + 0.005)
             self.transmitter.on_readable(self.now_s + 0.005)
             self.tick(0.005)
-            states.append(self.radio.link.receiver.output(self.now_s).state)
+            states.append(self.radio.link.receiver.state(self.now_s))
         return states
 
     def tick(self, later_s: float = 0.0) -> None:

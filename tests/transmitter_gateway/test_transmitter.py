@@ -127,7 +127,7 @@ def test_a_kill_is_written_at_once_and_reaches_the_vehicle(bench: Bench) -> None
     assert bench.frames[-1].kill
     killed_s = next(frame.arrival_s for frame in bench.frames if frame.kill)
     assert bench.now_s - 0.06 <= killed_s <= bench.now_s - 0.06 + 0.0088
-    assert bench.radio.link.receiver.output(bench.now_s).pulses_us[0] < 910
+    assert bench.radio.link.receiver.pulses_us(bench.now_s)[0] < 910
     bench.run(1.0, IDLE)
     bench.request(Action.RESET)
     bench.run(0.1, IDLE)

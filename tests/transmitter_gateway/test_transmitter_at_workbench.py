@@ -144,11 +144,11 @@ def test_range_check_reduces_the_power_and_forbids_arming(bench: Bench) -> None:
     bench.run(0.1, IDLE)
     bench.radio.link.receiver.in_range_check_reach = False
     bench.run(2.0, IDLE)
-    assert bench.radio.link.receiver.output(bench.now_s).state == "failsafe"
+    assert bench.radio.link.receiver.state(bench.now_s) == "failsafe"
     assert bench.request(Action.ARM).reason == "missing: transmitter ready"
     bench.transmitter.range_check(False)
     bench.run(0.1, IDLE)
-    assert bench.radio.link.receiver.output(bench.now_s).state == "linked"
+    assert bench.radio.link.receiver.state(bench.now_s) == "linked"
     assert bench.request(Action.ARM).accepted
 
 
