@@ -29,8 +29,6 @@ class TrackerState(NamedTuple):
     """Counters of the emulator."""
 
     clients: int  # connected now
-    accepted: int  # connections so far
-    frames: int  # captured so far
     dropped: int  # frames that a client did not get because it reads too slowly
     rejected: int  # connections that ended because the client sent malformed bytes
 
@@ -63,7 +61,7 @@ class TrackerServer:
         self._clients: dict[int, TrackerLink] = {}
         self._subject_ids: dict[str, int] = {}
         self._burst_left = 0
-        self._accepted = self._frames = self._dropped = self._rejected = 0
+        self._accepted = self._dropped = self._rejected = 0
         self._listener = socket.create_server((host, port), backlog=16)
         self._selector = selectors.EpollSelector()
         self._listener.setblocking(False)
@@ -78,7 +76,7 @@ class TrackerServer:
     @property
     def state(self) -> TrackerState:
         """Counters."""
-        return TrackerState(len(self._clients), self._accepted, self._frames, self._dropped, self._rejected)
+        return TrackerState(len(self._clients), self._dropped, self._rejected)
 
     def fileno(self) -> int:
         """Return a descriptor that is readable when `poll` has something to do."""
@@ -110,7 +108,6 @@ class TrackerServer:
         """Send a frame to every client it is due for; `ValueError` for two bodies of one name."""
         if len({body.name for body in frame.bodies}) < len(frame.bodies):
             raise ValueError(f"frame {frame.frame}: two bodies have the same name")
-        self._frames += 1
         self._advance(self._clock())
         frame = self.faults.transform(frame)
         for body in frame.bodies:

@@ -11,13 +11,12 @@ from rcopterx.vicon_gateway.recording import RecordedConnection
 
 
 class ReplayProgress(NamedTuple):
-    """Connection that is replayed, of how many; its played time and length; clients that are connected."""
+    """Connection that is replayed, of how many; its played time and length."""
 
     connection: int
     connections: int
     played_s: float
     total_s: float
-    clients: int
 
 
 class TrackerReplay(TrackerServer):
@@ -49,13 +48,13 @@ class TrackerReplay(TrackerServer):
     @property
     def progress(self) -> ReplayProgress:
         """How far it is."""
-        clients, number = self.state.clients, len(self._recording)
+        number = len(self._recording)
         if not self._accepted:
-            return ReplayProgress(0, number, 0.0, 0.0, clients)
+            return ReplayProgress(0, number, 0.0, 0.0)
         current = (self._accepted - 1) % number
         total_s = _end_s(self._recording[current])
         played_s = min((self._clock() - self._begun_at_s) * self._speed, total_s)
-        return ReplayProgress(current + 1, number, played_s, total_s, clients)
+        return ReplayProgress(current + 1, number, played_s, total_s)
 
     @property
     def finished(self) -> bool:

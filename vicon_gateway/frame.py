@@ -29,8 +29,3 @@ class CapturedFrame(NamedTuple):
     latency_s: float
     latency_samples: tuple[tuple[str, float], ...]
     subjects: tuple[SubjectPose, ...]
-
-    @property
-    def captured_s(self) -> float:
-        """Local clock at the capture instant."""
-        return self.received_s - self.latency_s
