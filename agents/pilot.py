@@ -23,7 +23,7 @@ from rcopterx.agents.flight.lift_off import LiftOff
 from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
 from rcopterx.agents.guards.estimator_guard import EstimatorGuard
-from rcopterx.agents.guards.step_guard import StepGuard
+from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.phases import EVENT_OF_STATE, Event, Phase
 from rcopterx.agents.separation.avoidance import Neighbour, PlanAvoidance, SeparationEllipsoid
@@ -34,7 +34,6 @@ from rcopterx.control.references.trajectory import Trajectory, nearest_heading
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
-BRIDGED_S: Final = 0.18  # duration of the planned inputs that go with a command
 BLIND_LIMIT_S = 0.3
 OCCLUDED: Final = "occluded"  # counted when the motion capture misses the vehicle in a frame
 CONTROLLER_REPLACED: Final = "controller_replaced"  # counted when the default one takes its place
@@ -83,6 +82,7 @@ class Pilot:
         self.controller = controller
         self.controller_replaced = False  # whether the default one flies because the other failed
         self.step_guard = StepGuard(model, default_controller)
+        self.step_guard.use(controller)
         self.estimator = EstimatorGuard(estimator, default_estimator)
         self.guidance = guidance
         self.avoidance = PlanAvoidance(separation, self.step_guard)
@@ -249,8 +249,8 @@ class Pilot:
     def use_controller(self, controller: Controller) -> None:
         """Change to another controller, which starts from the input applied last."""
         self.controller, self.controller_replaced = controller, False
+        self.step_guard.use(controller)
         self.cooperation.use(controller)
-        self.step_guard.calls.failure = ""
         self._begin_transfer()
         self._flown_by_controller = False
 

@@ -156,6 +156,15 @@ SCHEMES: Final = Registry[Scheme](
 )
 
 
+def is_built_in(controller: Controller) -> bool:
+    """Return whether a controller or scheme is part of this package and no plug-in."""
+    kind = type(controller)
+    return f"{kind.__module__}:{kind.__qualname__}" in {
+        *CONTROLLERS.built_in.values(),
+        *SCHEMES.built_in.values(),
+    }
+
+
 def flying(name: str) -> Registry[Any]:
     """Return the registry of a controller or scheme; that of controllers for an unknown name."""
     return SCHEMES if name in SCHEMES.available() else CONTROLLERS

@@ -55,12 +55,12 @@ class GuardedCall:
             # The alarm rang while an exception was handled.
             late = limit.end(allowed_s)
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
-            self._note("raised", f"{name}: {type(error).__name__}: {error}")
+            self.note("raised", f"{name}: {type(error).__name__}: {error}")
             return None
         if late:
-            self._note("late", f"{name}: a call took longer than {1e3 * allowed_s:.0f} ms")
+            self.note("late", f"{name}: a call took longer than {1e3 * allowed_s:.0f} ms")
         elif found is not None:
-            self._note("unusable", f"{name}: {found}")
+            self.note("unusable", f"{name}: {found}")
         else:
             return result
         return None
@@ -70,11 +70,12 @@ class GuardedCall:
         try:
             action()
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
-            self._note("raised", f"{name}: {type(error).__name__}: {error}")
+            self.note("raised", f"{name}: {type(error).__name__}: {error}")
             return False
         return True
 
-    def _note(self, kind: str, text: str) -> None:
+    def note(self, kind: str, text: str) -> None:
+        """Count a failure and keep its description."""
         self.failures[f"{self._part}_{kind}"] += 1
         self.failure = text[:LONGEST_TEXT]
 

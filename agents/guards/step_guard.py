@@ -1,34 +1,48 @@
 """The ladder of fallbacks between a controller and its vehicle: there is a command in every control period.
 
-A controller may be a plug-in. It may raise, return something that is no command, or not return in time. Such
-a step is a failure. It is flown by the inputs of the last good step, one stage on, while these are young
-enough, else by the default controller, else by a plain feedback law. Failures that follow each other for
-`PATIENCE_S` mean that the controller is of no use; the pilot then changes to the default controller. A solver
-that finds nothing better than the previous plan has not failed, but its step is flown in the same way.
+A controller may be a plug-in. It may raise, return something that is no command, not return in time, or leave
+the flight envelope. Such a step is a failure. It is flown by the inputs of the last good step, one stage on,
+while these are young enough, else by the default controller, else by a plain feedback law. Outside the
+envelope the default controller flies at once. Failures that follow each other for `PATIENCE_S` mean that the
+controller is of no use; the pilot then changes to the default controller. A solver that finds nothing better
+than the previous plan has not failed, but its step is flown in the same way.
 """
 
 from collections import Counter
-from collections.abc import Callable
-from typing import Final, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from msgspec.structs import replace
 
+from rcopterx.agents.guards.envelope import Envelope
 from rcopterx.agents.guards.guarded_call import GuardedCall
 from rcopterx.agents.guards.time_limit import SOLVER_SHARE, STEP_SHARE
-from rcopterx.control.interfaces import Controller, ControlStep, Estimate, NoSolutionError, StopsEarly
+from rcopterx.control.interfaces import (
+    AvoidsObstacles,
+    Controller,
+    ControlStep,
+    Estimate,
+    NoSolutionError,
+    Obstacle,
+    StopsEarly,
+)
 from rcopterx.control.models.finite import is_finite
 from rcopterx.control.models.roll_out import predict
+from rcopterx.control.plugins import is_built_in
 from rcopterx.control.references.trajectory import COLUMNS, POSITION, Trajectory, hold
 from rcopterx.control.solver.candidates import shift
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, XD_BODY, YAW, Array, turned_about_z
+
+T = TypeVar("T")
 
 SHIFTED_PLAN: Final = "shifted_plan"  # counted for every step that the previous plan flew
 SHIFTED_PLAN_LIMIT_S: Final = 0.3  # age from which a plan shows nothing about an unsteered vehicle
 DEFAULT_CONTROLLER: Final = "default_controller"  # counted for its steps in the place of one that failed
 HOVER: Final = "hover"  # counted for every step that the feedback law flew, or that had no reference to fly
 
+BRIDGED_S: Final = 0.18  # duration of the planned inputs that go with a command
 PATIENCE_S: Final = 0.1  # failures in a row for so long mean that the controller is given up
 FIRST_STEPS: Final = 5
 FIRST_STEPS_FACTOR: Final = 4.0  # for first steps, which load code and fill caches
@@ -68,6 +82,9 @@ class StepGuard:
         self.calls = GuardedCall("controller", FIRST_STEPS, FIRST_STEPS_FACTOR)
         """Counts failures; a result is unusable if it has a wrong shape, is not finite or beyond limits."""
         self.model = model
+        self._envelope: Envelope | None = None  # of a controller that is not part of this package
+        self.neighbours: Sequence[Obstacle] = ()  # vehicles that may come near
+        self._exchange_failed = False  # since the last step
         self._age_s = 0.0  # time since the last usable step
         self._failed_for_s = 0.0
         self._needs_reset = False  # whether the controller has to be reset before its next step
@@ -85,6 +102,11 @@ class StepGuard:
     def given_up(self) -> bool:
         """Whether the controller has failed for so long that another one is to fly."""
         return self._failed_for_s >= PATIENCE_S - _TOLERANCE
+
+    def use(self, controller: Controller) -> None:
+        """Change to another controller; one that is not part of this package stays in the flight envelope."""
+        self.calls.failure, self._failed_for_s = "", 0.0
+        self._envelope = None if is_built_in(controller) else Envelope(self.model, BRIDGED_S)
 
     def reset(self, controller: Controller, estimate: Estimate, last_input: Array) -> None:
         """Reset a controller to a flying vehicle."""
@@ -116,6 +138,13 @@ class StepGuard:
         """Call a controller outside of its steps; return False if it raises, which counts as a failure."""
         return self.calls.try_call(type(controller).__name__, action)
 
+    def try_exchange(self, scheme: Controller, share: float, exchange: Callable[[], T]) -> T | None:
+        """Call a scheme within a share of the time of a step; None if that fails, and its next step."""
+        limit_s = share * STEP_SHARE * scheme.period_s
+        result = self.calls.attempt(type(scheme).__name__, limit_s, exchange, lambda _: None)
+        self._exchange_failed |= result is None
+        return result
+
     def _reset_controller(self, controller: Controller, estimate: Estimate, last_input: Array) -> None:
         self.try_call(controller, lambda: controller.reset(estimate, last_input))
 
@@ -139,15 +168,30 @@ class StepGuard:
         if self._needs_reset:
             self._reset_controller(controller, task.estimate, task.last_input)
             self._needs_reset = False
-        result = self._attempt(controller, task)
+        result = None if self._exchange_failed else self._attempt(controller, task)
+        self._exchange_failed = False
         if isinstance(result, NoSolutionError):
             self._failed_for_s = 0.0
             return None
+        if result is not None and self._envelope is not None:
+            result = self._within(self._envelope, controller, task, result)
         if result is None:
             # Its state may be inconsistent.
             self._needs_reset = True
             self._failed_for_s += controller.period_s
         return result
+
+    def _within(
+        self, envelope: Envelope, controller: Controller, task: _Task, step: ControlStep
+    ) -> ControlStep | None:
+        """Return a step with the plan that its inputs fly; None, and no earlier inputs, if that is unsafe."""
+        plan = predict(self.model, task.estimate, step.inputs, controller.period_s)
+        problem = envelope.problem(plan, self.neighbours)
+        if problem is None:
+            return replace(step, plan=plan)
+        self.calls.note("unsafe", f"{type(controller).__name__}: {problem}")
+        self._inputs = None
+        return None
 
     def _shifted_step(self, failed: Controller, task: _Task) -> ControlStep | None:
         """Return the inputs of the last usable step, one stage on; None if they are too old."""
@@ -165,6 +209,8 @@ class StepGuard:
             return None
         if not self._default_flies:
             self._reset_controller(default, task.estimate, task.last_input)
+        if isinstance(default, AvoidsObstacles):
+            default.set_obstacles(self.neighbours)
         result = self._attempt(default, task)
         self._default_flies = result is not None
         return replace(result, fallback=DEFAULT_CONTROLLER) if isinstance(result, ControlStep) else None

@@ -70,9 +70,18 @@ class ExternalControl:
                 self.answers.reject("value", problem)
         if controller is None:
             return
-        if controller.silent or self._pilot.guidance.phase is not Phase.FLYING:
-            self.events["external_silent" if controller.silent else "external_ended"] += 1
+        event = self._end_of_control(controller)
+        if event is not None:
+            self.events[event] += 1
             self._return_control()
+
+    def _end_of_control(self, controller: ExternalController) -> str | None:
+        """Return the event that ends the control of the client; None if it flies on."""
+        if self._pilot.step_guard.given_up:
+            return "external_unsafe"
+        if controller.silent:
+            return "external_silent"
+        return None if self._pilot.guidance.phase is Phase.FLYING else "external_ended"
 
     def after_control(self) -> None:
         """Publish the next task."""

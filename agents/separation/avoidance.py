@@ -45,7 +45,8 @@ class Neighbour(Struct, frozen=True):
 class Near(Struct, frozen=True):
     """Vehicles that come near."""
 
-    obstacles: tuple[Obstacle, ...]  # vehicles whose plans come near
+    neighbours: tuple[Obstacle, ...]  # all vehicles
+    obstacles: tuple[Obstacle, ...]  # those whose plans come near
     touching: bool  # whether any of them is, or should be, held off by the constraints
     closest_m: float  # smallest distance to any plan; infinite without one
 
@@ -60,6 +61,7 @@ def near(
 ) -> Near:
     """Find the plans that come near; the obstacles keep their places among the constraints, by name."""
     own_m = plan.resampled(period_s, period_s, stages).position_m
+    others: list[Obstacle] = []
     obstacles: list[Obstacle] = []
     closest, closest_m = np.inf, np.inf
     for _, neighbour in sorted(neighbours.items()):
@@ -74,9 +76,10 @@ def near(
             min(closest, distance),
             min(closest_m, float(np.linalg.norm(gap_m, axis=1).min())),
         )
+        others.append(Obstacle(other_m, scale * ellipsoid.horizontal_m, scale * ellipsoid.vertical_m))
         if distance < NEAR:
-            obstacles.append(Obstacle(other_m, scale * ellipsoid.horizontal_m, scale * ellipsoid.vertical_m))
-    return Near(tuple(obstacles), closest < TOUCHING, closest_m)
+            obstacles.append(others[-1])
+    return Near(tuple(others), tuple(obstacles), closest < TOUCHING, closest_m)
 
 
 class PlanAvoidance:
@@ -103,11 +106,14 @@ class PlanAvoidance:
         """
         obstacles: tuple[Obstacle, ...] = ()
         touching = False
+        self._step_guard.neighbours = ()
         if neighbours and self._ellipsoid is not None and plan is not None and free:
             found = near(self._ellipsoid, neighbours, plan, controller.period_s, controller.horizon, delay_s)
             if self.closest_m is None or found.closest_m < self.closest_m:
                 self.closest_m = found.closest_m
             obstacles, touching = found.obstacles, found.touching
+            # The next plan may differ from the last one.
+            self._step_guard.neighbours = found.neighbours
         if not obstacles and controller is self._unconstrained:
             return True
         if not isinstance(controller, AvoidsObstacles):

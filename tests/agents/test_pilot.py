@@ -11,8 +11,9 @@ from rcopterx.agents.flight.inputs import INPUT_UNIT
 from rcopterx.agents.flight.lift_off import SPOOL_UP_S
 from rcopterx.agents.flight.task import FollowedLeader
 from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.guards.step_guard import BRIDGED_S
 from rcopterx.agents.phases import Event, Phase
-from rcopterx.agents.pilot import BRIDGED_S, Pilot
+from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.message import SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.control.identification.excitation import Excitation
