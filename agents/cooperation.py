@@ -17,6 +17,7 @@ from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.schemes.interface import MAX_MESSAGE_BYTES, Neighbour, Scheme, Situation
 from rcopterx.vehicles.state import Array, turned_about_z
 
+MOST_EXCHANGES: Final = 8
 SILENT_S: Final = 1.0  # vehicles whose messages are older are unknown to the others
 
 
@@ -43,17 +44,19 @@ class Cooperation:
 
     def __init__(self, guidance: Guidance, step_guard: StepGuard, clock: FleetClock) -> None:
         self._guidance = guidance
-        self._step_guard = step_guard
+        self.step_guard = step_guard
         self.clock = clock
         self.vehicle = ""  # name of the vehicle
         self.scheme: Scheme | None = None
+        self.exchanges = 1  # in a control period
         self.rejected: Counter[str] = Counter()  # received messages that cannot be used, by reason
         self._estimate: Estimate | None = None
         self._reference: Trajectory | None = None
 
     def use(self, controller: Controller) -> None:
         """Change to another controller."""
-        self.scheme = controller if isinstance(controller, Scheme) else None
+        self.scheme = scheme = controller if isinstance(controller, Scheme) else None
+        self.exchanges = 1 if scheme is None else min(max(int(scheme.exchanges), 1), MOST_EXCHANGES)
         self._guidance.coordinated = self.scheme is not None
 
     def unpack(self, scheme: str, payload: bytes, offset_m: Array | None, age_s: float) -> Unpacked | None:
@@ -86,18 +89,17 @@ class Cooperation:
         time_s = clock.current_frame * clock.period_s + ahead_s
         neighbours = _neighbours(received, offsets)
         situation = Situation(self.vehicle, time_s, estimate, reference, neighbours)
-        payloads: list[bytes] = []
 
-        def exchange() -> None:
+        def exchange() -> list[bytes]:
             message = scheme.exchange(situation)
             if message is None:
-                return
+                return []
             payload = msgspec.msgpack.encode(message)
             if len(payload) > MAX_MESSAGE_BYTES:
                 raise ValueError(f"a message of {len(payload)} bytes, allowed are {MAX_MESSAGE_BYTES}")
-            payloads.append(payload)
+            return [payload]
 
-        self._step_guard.try_call(scheme, exchange)
+        payloads = self.step_guard.try_exchange(scheme, 1.0 / self.exchanges, exchange)
         return Sent(_name(scheme), payloads[0], offsets) if payloads else None
 
     def _offsets(self, yaw_rad: float, time_s: float) -> dict[str, Array]:

@@ -8,10 +8,11 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, AgentParts
+from rcopterx.agents.cooperation import Sent
 from rcopterx.agents.guards.time_limit import AlarmTimeLimit, NotedTimeLimit, TimeLimit
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter, command_message, plan_message, timing_of
-from rcopterx.agents.scheme_messages import newest_messages, scheme_message
+from rcopterx.agents.scheme_messages import LaterExchanges, newest_messages, scheme_message
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.bus import channels
 from rcopterx.bus.clock import Clock
@@ -60,6 +61,7 @@ class Agent:
         self._serving_since_s = math.inf
         self.control_by_s: float | None = None
         """Time by which the present control period has to be flown [monotonic s]; None if that is done."""
+        self._later_exchanges = LaterExchanges(pilot.cooperation)
         self._period_began_s = 0.0
         """When the pose of the present control period arrived."""
         self._now_s = 0.0
@@ -86,6 +88,8 @@ class Agent:
                 output, estimate, timing = self._control()
                 self._publish(output, timing)
                 self._after_control(output, self._stopwatch() - begun_s)
+            elif self._now_s >= self._later_exchanges.due_s:
+                self._send(self._later_exchanges.exchange(self.parts.scheme_messages.inboxes))
             # Nothing delays a command.
             if (
                 self.control_by_s is None
@@ -201,10 +205,8 @@ class Agent:
 
     def _publish(self, output: ControlOutput, timing: CommandTiming | None) -> None:
         """Publish command, plan, and message of a scheme."""
-        if output.sent is not None:
-            vehicle, clock = self._settings.vehicle, self._pilot.clock
-            message = scheme_message(output.sent, vehicle, clock.epoch, clock.current_frame)
-            self._bus.publish(channels.SCHEME, vehicle, message)
+        self._later_exchanges.begin_period(self._period_began_s)
+        self._send(output.sent)
         # Followers wait for the plan of a leader, so that goes first; followers send the command first.
         if self._pilot.guidance.follows:
             self._publish_command(output, timing)
@@ -212,6 +214,13 @@ class Agent:
         else:
             self._publish_plan(output)
             self._publish_command(output, timing)
+
+    def _send(self, sent: Sent | None) -> None:
+        """Publish a message of the scheme, if there is one."""
+        if sent is not None:
+            vehicle, clock = self._settings.vehicle, self._pilot.clock
+            message = scheme_message(sent, vehicle, clock.epoch, clock.current_frame)
+            self._bus.publish(channels.SCHEME, vehicle, message)
 
     def _publish_command(self, output: ControlOutput, timing: CommandTiming | None) -> None:
         settings, lease = self._settings, self.parts.lease.number
@@ -255,7 +264,7 @@ class Agent:
             return -math.inf
         if self.control_by_s is not None:
             return self.control_by_s
-        return min(parts.pacing.overdue_at_s, parts.lease.next_s())
+        return min(parts.pacing.overdue_at_s, parts.lease.next_s(), self._later_exchanges.due_s)
 
 
 class _WakeUp:

@@ -1,5 +1,6 @@
-"""Messages of schemes on the bus."""
+"""Messages of schemes on the bus, and when they are exchanged."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -44,3 +45,37 @@ def newest_messages(
             if message is not None:
                 found[name] = message
     return found
+
+
+class LaterExchanges:
+    """The exchanges of a control period after its first one, evenly spread over it.
+
+    Messages that arrive after their exchange count in the next one; exchanges that are due after the next
+    period has begun are left out.
+    """
+
+    def __init__(self, cooperation: Cooperation) -> None:
+        self._cooperation = cooperation
+        self.due_s = math.inf  # time of the next one [s]
+        self._began_s = self._ahead_s = 0.0
+        self._number = 0
+
+    def begin_period(self, began_s: float) -> None:
+        """Begin a control period, whose pose arrived at a time, after its first exchange."""
+        self._began_s, self._number = began_s, 0
+        self._schedule()
+
+    def exchange(self, inboxes: Mapping[str, Inbox[SchemeMessage]]) -> Sent | None:
+        """Make the exchange that is due; return what to send."""
+        ahead_s = self._ahead_s
+        self._schedule()
+        return self._cooperation.exchange(newest_messages(inboxes, self._cooperation), ahead_s)
+
+    def _schedule(self) -> None:
+        """Set the time of the next exchange of the period, if it has a further one."""
+        scheme, count = self._cooperation.scheme, self._cooperation.exchanges
+        self._number += 1
+        self.due_s = math.inf
+        if scheme is not None and self._number < count:
+            self._ahead_s = self._number * scheme.period_s / count
+            self.due_s = self._began_s + self._ahead_s

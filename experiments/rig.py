@@ -317,8 +317,7 @@ class Rig:
     def _exchange(self, now_s: float, messages: Mapping[str, Sent | None]) -> None:
         """Send the messages of this period, and make the exchanges between this period and the next one."""
         self._send(now_s, messages)
-        schemes = {name: self.pilots[name].cooperation.scheme for name, sent in messages.items() if sent}
-        rounds = {name: scheme.exchanges for name, scheme in schemes.items() if scheme is not None}
+        rounds = {name: self.pilots[name].cooperation.exchanges for name, sent in messages.items() if sent}
         for number in range(1, max(rounds.values(), default=1)):
             ahead_s, sent = number * PERIOD_S / max(rounds.values()), {}
             for name in (name for name, count in rounds.items() if number < count):

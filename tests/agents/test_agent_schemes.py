@@ -67,3 +67,20 @@ def test_payload_that_cannot_be_used_is_counted_in_the_status(follower: Bench) -
 
     follower.step_until(counted, "not counted")
     assert follower.status().diagnostics.rejected["scheme.payload"] >= 1
+
+
+def test_agent_makes_every_exchange_of_a_control_period_at_its_time(follower: Bench) -> None:
+    follower.pilot.use_controller(SCHEMES.build("admm", COAXIAL_LAG, 0.02, {}))
+    follower.see()
+    follower.command_of(follower.frame)
+    sent: list[SchemeMessage] = []
+
+    def exchanges(number: int) -> bool:
+        sent.extend(received.message for received in follower.messages.drain())
+        return [message.frame for message in sent].count(follower.frame) == number
+
+    follower.step_until(lambda: exchanges(1), "no first exchange")
+    assert follower.agent.next_s() == pytest.approx(follower.clock() + 0.01)
+    follower.clock.advance(0.01)
+    follower.step_until(lambda: exchanges(2), "no second exchange")
+    assert follower.agent.next_s() > follower.clock() + 0.005

@@ -1,16 +1,18 @@
 """Messages of schemes: what is sent, what is understood, what is rejected and counted."""
 
+import math
+
 import msgspec
 import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL_LAG
 
-from rcopterx.agents.cooperation import SILENT_S, Cooperation, Unpacked
+from rcopterx.agents.cooperation import MOST_EXCHANGES, SILENT_S, Cooperation, Unpacked
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_plans import followed_leader
 from rcopterx.agents.guards.step_guard import StepGuard
-from rcopterx.agents.scheme_messages import scheme_message, unpacked
+from rcopterx.agents.scheme_messages import LaterExchanges, scheme_message, unpacked
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.scheme_message import MAX_PAYLOAD_BYTES, SchemeMessage
@@ -126,3 +128,42 @@ def test_controller_without_messages_sends_none() -> None:
     assert one.exchange({}) is None
     one.use(SCHEMES.build("consensus", COAXIAL_LAG, PERIOD_S, {}))
     assert one.exchange({}) is not None
+
+
+class Failing(ConsensusScheme):
+    """Raises in its exchanges, and wants a million of them."""
+
+    exchanges = 1_000_000
+
+    def exchange(self, situation: Situation) -> msgspec.Struct | None:
+        raise RuntimeError("no message")
+
+
+def test_exchange_that_fails_fails_the_next_step_as_well() -> None:
+    one = cooperation("h1", kind=Failing)
+    assert one.exchange({}) is None
+    scheme, guard = one.scheme, one.step_guard
+    assert scheme is not None
+    place = hold(np.array([0.0, 0.0, 1.0]), 0.0, PERIOD_S, 50)
+    motion = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    estimate = Estimate(motion, COAXIAL_LAG.hover_input, np.zeros(4))
+    assert guard.step(scheme, estimate, place, COAXIAL_LAG.hover_input).fallback is not None
+    assert guard.step(scheme, estimate, place, COAXIAL_LAG.hover_input).fallback is None
+
+
+def test_number_of_exchanges_is_limited() -> None:
+    assert cooperation("h1", kind=Failing).exchanges == MOST_EXCHANGES
+    assert cooperation("h1").exchanges == 1
+
+
+def test_later_exchanges_are_spread_over_the_period() -> None:
+    one = cooperation("h1")
+    one.use(SCHEMES.build("admm", COAXIAL_LAG, PERIOD_S, {"exchanges": 4}))
+    later = LaterExchanges(one)
+    assert later.due_s == math.inf
+    later.begin_period(7.0)
+    due_s = []
+    while later.due_s < math.inf:
+        due_s.append(later.due_s)
+        assert later.exchange({}) is not None
+    assert due_s == pytest.approx([7.005, 7.01, 7.015])
