@@ -18,6 +18,7 @@ from rcopterx.bus.keys import (
     request_key,
 )
 from rcopterx.bus.message import SCHEMA_VERSION, Message
+from rcopterx.bus.requests import EXTERNAL
 from rcopterx.bus.scheme_message import SchemeMessage
 
 __all__ = [
@@ -64,7 +65,7 @@ LEASE: Final = Channel("lease", messages.Lease, "vehicle", "transmitter_gateway"
 APPLIED: Final = Channel("applied", messages.Applied, "vehicle", "transmitter_gateway", 50, 0.2, DATA_HIGH)
 CONTROL_TASK: Final = Channel("control_task", messages.ControlTask, "vehicle", "agent", 50, 0.1, REAL_TIME)
 EXTERNAL_INPUT: Final = Channel(
-    "external_input", messages.ExternalInput, "vehicle", "external controller", 50, 0.1, REAL_TIME
+    "external_input", messages.ExternalInput, "vehicle", EXTERNAL, 50, 0.1, REAL_TIME
 )
 AGENT_STATUS: Final = Channel("status", messages.AgentStatus, "vehicle", "agent", 5, 1.0, DATA_LOW)
 INTENT: Final = Channel("intent", Intent, "vehicle", "agent", 5, 3.0, DATA_LOW)

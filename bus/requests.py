@@ -28,6 +28,7 @@ REST_TOLERANCE: Final = 1e-6
 
 OPERATOR: Final = "operator"
 ANYBODY: Final = "anybody"
+EXTERNAL: Final = "external controller"
 MAX_FAULTS: Final = 200
 """In one request."""
 MAX_FAULT_FIELDS: Final = 12
@@ -323,8 +324,8 @@ VERBS: Final = {
         Verb("lead", "agent", Lead),
         Verb("tune", "agent", Tune),
         Verb("excite", "agent", Excite),
-        Verb("take_control", "agent", TakeControl),
-        Verb("release_control", "agent", ReleaseControl),
+        Verb("take_control", "agent", TakeControl, asker=EXTERNAL),
+        Verb("release_control", "agent", ReleaseControl, asker=EXTERNAL),
         Verb("prepare_leaders", "agent", PrepareLeaders),
         Verb("commit_leaders", "agent", CommitLeaders),
         Verb("withdraw_leaders", "agent", WithdrawLeaders),

@@ -21,6 +21,11 @@ def agent_name(vehicle: str) -> str:
     return f"agent.{vehicle}"
 
 
+def program_name(vehicle: str) -> str:
+    """Return the name of the certificate of a program that flies a vehicle by external control only."""
+    return f"program.{vehicle}"
+
+
 def people(fleet: FleetFile) -> list[str]:
     """Return the names of the certificates of operators, then of watchers."""
     security = fleet.security
@@ -31,7 +36,8 @@ def people(fleet: FleetFile) -> list[str]:
 
 def certificate_names(fleet: FleetFile) -> list[str]:
     """Return the names of all certificates of a fleet."""
-    return [*map(host_name, fleet.hosts), *map(agent_name, fleet.vehicles), *people(fleet)]
+    agents, programs = map(agent_name, fleet.vehicles), map(program_name, fleet.vehicles)
+    return [*map(host_name, fleet.hosts), *agents, *programs, *people(fleet)]
 
 
 def subjects(fleet: FleetFile, here: str) -> list[Subject]:
@@ -40,6 +46,10 @@ def subjects(fleet: FleetFile, here: str) -> list[Subject]:
     found = [Subject(None, host_seats(fleet, here))]
     found += [Subject(host_name(host), host_seats(fleet, host)) for host in fleet.hosts]
     found += [Subject(agent_name(vehicle), (Seat("agent", (vehicle,)),)) for vehicle in fleet.vehicles]
+    found += [
+        Subject(program_name(vehicle), (Seat(EXTERNAL_INPUT.publisher, (vehicle,)),))
+        for vehicle in fleet.vehicles
+    ]
     found += [Subject(name, steering if name.startswith("operator.") else ()) for name in people(fleet)]
     return found
 

@@ -39,10 +39,11 @@ class ExternalControl:
 
     `fleet` is the name in the fleet file; `name` is the name of this program in small letters, digits and
     underscores; `router` is the address of the fleet's router, needed on another computer; `namespace` is
-    that of the bus, if the fleet file sets one.
+    that of the bus, if the fleet file sets one. In a fleet with certificates, `certificates` is the directory
+    with `authority.pem` and the two files of `program.VEHICLE`.
     """
 
-    def __init__(self, fleet, vehicle, name="my_controller", router=None, namespace=None):
+    def __init__(self, fleet, vehicle, name="my_controller", router=None, namespace=None, certificates=None):
         settings = {
             "mode": "client",
             "connect": {"endpoints": [router or router_of(fleet)]},
@@ -50,6 +51,8 @@ class ExternalControl:
         }
         if namespace:
             settings["namespace"] = namespace
+        if certificates:
+            settings["transport"] = {"link": {"protocols": ["tls"], "tls": _tls(certificates, vehicle)}}
         self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
         self._name = name
         self._prefix = f"rcopterx/{fleet}/{vehicle}"
@@ -129,6 +132,16 @@ class ExternalControl:
                 raise RuntimeError(answer["reason"])
             return
         raise RuntimeError(f"no process serves {self._prefix}/request/{verb}: is the fleet up?")
+
+
+def _tls(directory, vehicle):
+    own = pathlib.Path(directory, f"program.{vehicle}")
+    return {
+        "root_ca_certificate": str(pathlib.Path(directory, "authority.pem")),
+        "enable_mtls": True,
+        "connect_certificate": f"{own}.pem",
+        "connect_private_key": f"{own}.key",
+    }
 
 
 def _rows(array):

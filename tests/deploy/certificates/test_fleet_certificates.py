@@ -16,7 +16,10 @@ from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 
 NOW = datetime(2026, 11, 22, 12, tzinfo=UTC)
-NAMES = ["host.main", "host.second", "agent.h1", "agent.h2", "operator.ann", "watcher.lab"]
+NAMES = [
+    *("host.main", "host.second", "agent.h1", "agent.h2"),
+    *("program.h1", "program.h2", "operator.ann", "watcher.lab"),
+]
 
 
 def fleet_in(directory: Path, second: str = "192.0.2.2") -> FleetFile:

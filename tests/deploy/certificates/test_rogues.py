@@ -89,6 +89,7 @@ def test_no_other_member_adds_a_link_to_those_of_a_router(bus: SecuredBus, name:
         ("operator.lab", key("lab", FLEET_UNIT, KILL.topic)),
         ("operator.lab", key(EVERY_FLEET, FLEET_UNIT, KILL.topic)),
         ("operator.lab", key("lab", "h2", EXTERNAL_INPUT.topic)),
+        ("program.h1", key("lab", "h1", EXTERNAL_INPUT.topic)),
     ],
 )
 def test_members_may_publish_what_is_permitted(bus: SecuredBus, sender: str, on_key: str) -> None:
@@ -102,6 +103,10 @@ FORBIDDEN = [
     ("agent.h1", key("lab", "h1", POSE.topic)),
     ("agent.h1", key("lab", FLEET_UNIT, KILL.topic)),
     ("agent.h1", key(EVERY_FLEET, FLEET_UNIT, KILL.topic)),
+    ("program.h1", key("lab", "h2", EXTERNAL_INPUT.topic)),
+    ("program.h1", key("lab", "h1", COMMAND.topic)),
+    ("program.h1", key("lab", "h1", PLAN.topic)),
+    ("program.h1", key("lab", FLEET_UNIT, KILL.topic)),
     ("host.second", key("lab", "h1", COMMAND.topic)),
     ("host.second", key("lab", "h2", POSE.topic)),
     ("host.second", key("lab", FLEET_UNIT, KILL.topic)),

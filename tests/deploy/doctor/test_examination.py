@@ -43,7 +43,7 @@ def test_every_certificate_that_is_here_is_looked_at(tmp_path: Path) -> None:
     assert not missing.good
     assert "No such file" in missing.text
     make_certificates(fleet, NOW, 20)
-    names = ["host.main", "agent.h1", "agent.h2", "operator.lab", "watcher.lab"]
+    names = ["host.main", "agent.h1", "agent.h2", "program.h1", "program.h2", "operator.lab", "watcher.lab"]
     found = list(certificates(fleet, "main", NOW))
     assert [(result.good, result.text) for result in found] == [
         (True, f"certificate {name} is valid") for name in names
