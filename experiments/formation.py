@@ -1,7 +1,7 @@
-"""The paper's Fig. 3: three vehicles keep their formation for five minutes, scheme against scheme.
+"""The paper's Fig. 3: three vehicles keep their formation for five minutes.
 
 Set points of the leader, distances and relative headings change every six seconds; the same flight is flown
-by every scheme, on the same seeds.
+by the paper's scheme and the default, on the same seeds; `rcopterx arena` compares others.
 """
 
 import math
@@ -14,14 +14,13 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.experiments.events import Event, Follow, GoTo
 from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.knowledge import COAXIAL_LAG
 from rcopterx.experiments.record import FlightRecord, rms_and_max_mm
-from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigOptions, RigVehicle
+from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
-from rcopterx.experiments.schemes import CASCADE, PAPER, Scheme, compared
+from rcopterx.experiments.schemes import CASCADE, PAPER, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array
@@ -71,7 +70,7 @@ SLOTS: Final[tuple[Slot, ...]] = (
 """One round. The second one is its mirror image: y and headings change sign, h2 and h3 change roles."""
 
 
-SHOWN: Final = (PAPER.name, CASCADE.name)  # schemes whose first flight is drawn
+SCHEMES: Final = (PAPER, CASCADE)
 DRAWN_S: Final = 0.1
 COLOURS: Final = {"x": "black", "y": "tab:red", "z": "tab:blue", "psi": "tab:green"}
 MILLIMETRES: Final = 1000.0
@@ -146,8 +145,7 @@ def fly_formation(
 ) -> Flown:
     """Fly the sequence once."""
     vehicles = formation(scheme, conditions, seed)
-    rig = Rig(vehicles, conditions, seed, RigOptions(scheme.links))
-    record = rig.fly((len(slots) + 2) * SLOT_S, events(slots), progress)
+    record = Rig(vehicles, conditions, seed).fly((len(slots) + 2) * SLOT_S, events(slots), progress)
     return Flown(
         record.formation_error_m(SETTLED_S),
         record.gap_error_m(*FOLLOWERS, SETTLED_S),
@@ -178,17 +176,10 @@ def bound_excess(record: FlightRecord) -> Array:
     return worst
 
 
-def flown_schemes(conditions: Conditions) -> dict[str, Scheme]:
-    """Schemes of these conditions whose controllers are installed, by name."""
-    available = CONTROLLERS.available()
-    return {name: scheme for name, scheme in compared(conditions).items() if scheme.controller in available}
-
-
 def cases(options: Options) -> Cases[Flown]:
     """Every scheme."""
     slots = sequence(options.quick)
-    schemes = flown_schemes(options.conditions)
-    return {name: partial(fly_formation, scheme, slots) for name, scheme in schemes.items()}
+    return {scheme.name: partial(fly_formation, scheme, slots) for scheme in SCHEMES}
 
 
 def figures(_: str, flights: Mapping[int, Flown]) -> dict[str, Any]:
@@ -221,10 +212,9 @@ def figures_of(flights: Sequence[Flown]) -> dict[str, Any]:
 
 def draw_formation(result: Result[Flown], figure: Any) -> None:
     """Draw flights side by side: the leader, the distances to it, and between the followers."""
-    schemes = [scheme for name, scheme in compared(result.options.conditions).items() if name in SHOWN]
-    figure.set_size_inches(7.5 * len(schemes), 12)
-    axes = figure.subplots(4, len(schemes), sharex=True, sharey="row", squeeze=False)
-    for column, scheme in enumerate(schemes):
+    figure.set_size_inches(7.5 * len(SCHEMES), 12)
+    axes = figure.subplots(4, len(SCHEMES), sharex=True, sharey="row", squeeze=False)
+    for column, scheme in enumerate(SCHEMES):
         axes[0, column].set_title(scheme.title)
         tracks = next(iter(result.flown[scheme.name].values())).tracks
         leader, second, third = tracks.transpose(1, 0, 2, 3)
@@ -256,8 +246,8 @@ def _draw_four(axes: Any, pair: Array) -> None:
 
 EXPERIMENT: Final = Experiment(
     "formation",
-    "Fig. 3: formation errors of every scheme over five minutes",
-    {"laboratory": 5, "helicopters": 2},
+    "Fig. 3: formation errors over five minutes",
+    {"laboratory": 5},
     cases,
     figures,
     draw_formation,

@@ -1,6 +1,6 @@
 """The paper's Fig. 1: hovering flights of two minutes, mean square error per axis and yaw."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final
@@ -8,35 +8,24 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.experiments.figures import finish_figure
-from rcopterx.experiments.knowledge import beyond_equation_1
 from rcopterx.experiments.rig import SETTLED_S, Progress, Rig
-from rcopterx.experiments.runner import Cases, Experiment, Options, Result, median_and_worst
-from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES, KUNZ, PAPER, Scheme
+from rcopterx.experiments.runner import Cases, Experiment, Options, Result
+from rcopterx.experiments.schemes import CASCADE, KUNZ, PAPER, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import YAW, Array
 
 FLIGHT_S: Final = 120.0
-HELICOPTER_FLIGHT_S: Final = 20.0
-"""Drawn vehicles differ more than minutes do: many short flights say more than few long ones."""
 QUICK_FLIGHT_S: Final = 15.0
 PAPER_HORIZON: Final = 18
 SET_POINT_M: Final = (0.0, 0.0, 1.0)
 AXES: Final = ("x", "y", "z")
 
-
-LAG_SCHEMES: Final = (
+SCHEMES: Final = (
     *(replace(scheme, horizon=PAPER_HORIZON) for scheme in (KUNZ, PAPER, CASCADE)),
     replace(CASCADE, name="cascade_50", title="Cascade, N = 50"),
 )
 """[11] (no z integrator, no terminal cost), the paper's scheme and ours with N = 18; ours with N = 50."""
-
-
-def schemes_in(conditions: Conditions) -> tuple[Scheme, ...]:
-    """Schemes of these conditions; on helicopters also the cascade without each of its parts."""
-    if beyond_equation_1(conditions):
-        return (*HELICOPTER_SCHEMES.values(), *ABLATIONS.values())
-    return LAG_SCHEMES
 
 
 def fly_hover(
@@ -49,14 +38,13 @@ def fly_hover(
 
 
 def cases(options: Options) -> Cases[Array]:
-    """Every scheme of these conditions."""
-    drawn = beyond_equation_1(options.conditions)
-    flight_s = QUICK_FLIGHT_S if options.quick else HELICOPTER_FLIGHT_S if drawn else FLIGHT_S
-    return {scheme.name: partial(fly_hover, scheme, flight_s) for scheme in schemes_in(options.conditions)}
+    """Every scheme."""
+    flight_s = QUICK_FLIGHT_S if options.quick else FLIGHT_S
+    return {scheme.name: partial(fly_hover, scheme, flight_s) for scheme in SCHEMES}
 
 
 def figures(_: str, flights: Mapping[int, Array]) -> dict[str, Any]:
-    """Root mean squares and mean squares of flights together, in mm and rad, and their distribution."""
+    """Root mean squares and mean squares of flights together, in mm and rad."""
     square = np.mean(np.square(np.concatenate(list(flights.values()))), axis=0)
     table: dict[str, Any] = {
         axis: {
@@ -69,28 +57,17 @@ def figures(_: str, flights: Mapping[int, Array]) -> dict[str, Any]:
         "rms_rad": round(float(np.sqrt(square[YAW])), 6),
         "mean_square_rad2": round(float(square[YAW]), 9),
     }
-    return table | {"vehicles": over_vehicles(list(flights.values()))}
-
-
-def over_vehicles(flights: Sequence[Array]) -> dict[str, dict[str, float]]:
-    """Median and worst vehicle: root mean squares of the worse horizontal axis, of height, of yaw."""
-    rms = 1e3 * np.sqrt([np.mean(np.square(errors), axis=0) for errors in flights])
-    return {
-        "horizontal_mm": median_and_worst(rms[:, :2].max(axis=1).tolist()),
-        "height_mm": median_and_worst(rms[:, 2].tolist()),
-        "yaw_mrad": median_and_worst(rms[:, YAW].tolist()),
-    }
+    return table
 
 
 def draw_hover(result: Result[Array], figure: Any) -> None:
     """Draw bars of the mean squares as in the paper's Fig. 1, on a logarithmic scale."""
     figure.set_size_inches(9, 4.5)
     left, right = figure.subplots(1, 2, width_ratios=(3, 1))
-    schemes = schemes_in(result.options.conditions)
-    width = 0.8 / len(schemes)
-    for index, scheme in enumerate(schemes):
+    width = 0.8 / len(SCHEMES)
+    for index, scheme in enumerate(SCHEMES):
         table = result.document[scheme.name]
-        shift = (index - (len(schemes) - 1) / 2) * width
+        shift = (index - (len(SCHEMES) - 1) / 2) * width
         places = np.arange(len(AXES)) + shift
         squares = [table[axis]["mean_square_mm2"] for axis in AXES]
         left.bar(places, squares, width, label=scheme.title)
@@ -106,7 +83,7 @@ def draw_hover(result: Result[Array], figure: Any) -> None:
 EXPERIMENT: Final = Experiment(
     "hover",
     "Fig. 1: hovering errors of [11], the paper and the cascade",
-    {"laboratory": 3, "helicopters": 5},
+    {"laboratory": 3},
     cases,
     figures,
     draw_hover,

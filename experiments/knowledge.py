@@ -1,4 +1,4 @@
-"""Models that pilots get of their vehicles: of the type only, the true parameters, or wrong ones.
+"""Models that pilots get of their vehicles: of the type only, identified, or the true parameters.
 
 In conditions with first-order plants there is one model, their nominal parameters. Helicopters and Crazyflies
 are flown at several levels of knowledge, so that experiments can compare them.
@@ -36,14 +36,11 @@ COAXIAL: Final = vehicle_type("coaxial").model
 COAXIAL_LAG: Final = vehicle_type("coaxial_lag").model
 CRAZYFLIE: Final = vehicle_type("crazyflie").model
 
-Knowledge = Literal["default", "identified", "exact", "lag", "late"]
+Knowledge = Literal["default", "identified", "exact"]
 """`default`: the type. `identified`: fitted to a flight of the vehicle; the type where the fit was refused.
-`exact`: the true parameters. `lag`: the type with first-order lags in place of the tilt. `late`: the type
-with a transport delay that is one period too short."""
+`exact`: the true parameters."""
 
 LEVELS: Final[tuple[Knowledge, ...]] = ("default", "identified", "exact")
-"""Levels of knowledge that a laboratory may have of its vehicles; the others are for comparisons."""
-LATE_S: Final = 0.02
 PROMPT_S: Final = 0.005  # servo lag of a vehicle without servos
 EXCITED_S: Final = 70.0
 SETTLING_S: Final = 6.0
@@ -87,10 +84,6 @@ def known_model(
         return exact_crazyflie(crazyflie_of(name, conditions, seed))
     if knowledge == "exact":
         return exact_model(helicopter_of(name, conditions, seed))
-    if knowledge == "lag":
-        return replace(nominal, tilt=None)
-    if knowledge == "late":
-        return replace(nominal, delay_s=nominal.delay_s - LATE_S)
     return nominal
 
 

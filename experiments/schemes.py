@@ -1,14 +1,12 @@
 """Control schemes that the experiments compare, by name."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Final
 
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.experiments.knowledge import Knowledge, beyond_equation_1, known_model, plant_type
-from rcopterx.experiments.network import PERFECT, LinkQuality
-from rcopterx.experiments.rig import PERIOD_S, RigVehicle
+from rcopterx.experiments.knowledge import Knowledge, known_model, plant_type
+from rcopterx.experiments.rig import RigVehicle
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 
@@ -28,7 +26,6 @@ class Scheme:
     title: str
     controller: str
     settings: Mapping[str, object] = field(default_factory=dict)
-    links: LinkQuality = PERFECT
     estimator_settings: Mapping[str, object] = field(default_factory=dict)
     knowledge: Knowledge = "default"
     horizon: int = HORIZON
@@ -75,34 +72,13 @@ KUNZ: Final = Scheme(
 )
 PAPER: Final = Scheme("paper", "Paper's scheme", "paper", NO_HURRY)
 CASCADE: Final = Scheme("cascade", "Cascade", "cascade")
-PREVIOUS_FRAME: Final = Scheme(
-    "cascade_previous_frame", "Cascade, previous frame's plan", "cascade", links=LinkQuality(delay_s=PERIOD_S)
+
+TUNED_PAPER: Final = replace(
+    PAPER, title="Paper's scheme, tuned", settings={**NO_HURRY, "input_weights": (2.5, 2.5, 5.0, 100.0)}
 )
-NO_FEED_FORWARD: Final = Scheme(
-    "cascade_no_feed_forward", "Cascade, no feed-forward", "cascade", {"feed_forward": False}
-)
-LQR: Final = Scheme("lqr", "LQR", "lqr")
-PID: Final = Scheme("pid", "PID", "pid")
-
-
-def by_name(schemes: Sequence[Scheme]) -> Mapping[str, Scheme]:
-    """Schemes by name."""
-    return MappingProxyType({scheme.name: scheme for scheme in schemes})
-
-
-SCHEMES: Final = by_name((PAPER, CASCADE, PREVIOUS_FRAME, NO_FEED_FORWARD, LQR, PID))
-"""Schemes of the formation experiment on first-order plants."""
-
-PRINTED_PAPER: Final = replace(PAPER, title="Paper's scheme, weights as printed")
-TUNED_PAPER: Final = Scheme(
-    "paper_tuned",
-    "Paper's scheme, tuned",
-    "paper",
-    {**NO_HURRY, "input_weights": (2.5, 2.5, 5.0, 100.0)},
-)
-TUNED_LQR: Final = Scheme("lqr_tuned", "LQR, tuned", "lqr", {"input_weights": (1.0, 1.0, 5.0, 100.0)})
+TUNED_LQR: Final = Scheme("lqr", "LQR, tuned", "lqr", {"input_weights": (1.0, 1.0, 5.0, 100.0)})
 TUNED_PID: Final = Scheme(
-    "pid_tuned",
+    "pid",
     "PID, tuned",
     "pid",
     {
@@ -112,43 +88,8 @@ TUNED_PID: Final = Scheme(
     },
 )
 """The simple schemes with the best settings of several for helicopters, see `docs/experiments.md`."""
-
-HELICOPTER_SCHEMES: Final = by_name(
-    (
-        PRINTED_PAPER,
-        *(
-            variant
-            for scheme in (TUNED_PAPER, TUNED_LQR, TUNED_PID, CASCADE)
-            for variant in (scheme, scheme.knowing("exact"))
-        ),
-    )
+NO_FEED_FORWARD: Final = Scheme(
+    "cascade_no_feed_forward", "Cascade, no feed-forward", "cascade", {"feed_forward": False}
 )
-"""Schemes that are compared on helicopters, with knowledge of the type and of the exact parameters."""
-
-NO_DISTURBANCE: Final = Scheme(
-    "cascade_no_disturbance",
-    "Cascade, disturbance not compensated",
-    "cascade",
-    {"disturbance_compensation": False, "integrators": False},
-)
-POSITIONS_ONLY: Final = Scheme(
-    "cascade_positions_only",
-    "Cascade, positions only",
-    "cascade",
-    estimator_settings={"measured_tilt": False},
-)
-ABLATIONS: Final = by_name(
-    (
-        POSITIONS_ONLY,
-        NO_DISTURBANCE,
-        NO_FEED_FORWARD,
-        replace(CASCADE.knowing("lag"), title="Cascade, lags in place of the tilt"),
-        replace(CASCADE.knowing("late"), title="Cascade, delay one period longer than known"),
-    )
-)
-"""The cascade with knowledge of the type, each time without one of its parts."""
-
-
-def compared(conditions: Conditions) -> Mapping[str, Scheme]:
-    """Schemes that are compared in these conditions, by name."""
-    return HELICOPTER_SCHEMES if beyond_equation_1(conditions) else SCHEMES
+TUNED: Final = {scheme.name: scheme for scheme in (TUNED_PAPER, TUNED_LQR, TUNED_PID, NO_FEED_FORWARD)}
+"""Schemes of the arena with settings of their own, by name."""

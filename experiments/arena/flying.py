@@ -3,10 +3,11 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from rcopterx.agents.pilot import CONTROLLER_REPLACED
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Plan
 from rcopterx.bus.trajectory_array import TrajectoryArray
@@ -14,7 +15,7 @@ from rcopterx.control.plugins import CONTROLLERS, SCHEMES
 from rcopterx.experiments.arena.tasks import Task
 from rcopterx.experiments.record import FlightRecord, rms
 from rcopterx.experiments.rig import PERIOD_S, Progress, Rig
-from rcopterx.experiments.schemes import TUNED_LQR, TUNED_PAPER, TUNED_PID, Scheme
+from rcopterx.experiments.schemes import TUNED, Scheme
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import XD_BODY, Array, four
@@ -27,17 +28,15 @@ FAST: Final = 1.1
 place at the end, a vehicle is lost."""
 DRAWN_S: Final = 0.2
 
-_TUNED: Final = {"paper": TUNED_PAPER, "lqr": TUNED_LQR, "pid": TUNED_PID}
-
 
 def arena_scheme(name: str) -> Scheme:
     """Scheme or controller of this name, with the settings that the experiments use for helicopters."""
-    return replace(_TUNED.get(name, Scheme(name, name, name)), name=name)
+    return TUNED.get(name, Scheme(name, name, name))
 
 
 def arena_schemes() -> list[str]:
     """Names of all schemes, and of the controllers that take part with the plans of their leaders."""
-    return sorted({*SCHEMES.available(), *CONTROLLERS.available()})
+    return sorted({*SCHEMES.available(), *CONTROLLERS.available(), *TUNED})
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,8 @@ class Flown:
     step_mean_ms: float
     step_p99_ms: float
     fallbacks: int
-    lost: list[str]  # vehicles that left the room, touched the floor or ended far from their places
+    # vehicles that left the room, touched the floor, got another controller or ended far from their places
+    lost: list[str]
     tracks_m: Array  # x and y of each vehicle every 0.2 s, shape (vehicles, K, 2)
 
 
@@ -76,33 +76,41 @@ def fly_task(
         # All schemes get the same references.
         vehicles.append(replace(vehicle, model=vehicle.model.within(*room_m), as_published=False))
     rig = Rig(vehicles, conditions, seed, task.options)
-    return _figures(rig, rig.fly(task.duration_s, task.events, progress), task.errors_from_s)
+    record = rig.fly(task.duration_s, task.events, progress)
+    bounds = {name: np.array(pilot.model.state_max[3:6]) for name, pilot in rig.pilots.items()}
+    steps_s = np.concatenate([rig.step_times_s[name] for name in rig.pilots])
+    return figures_of(record, task.errors_from_s, bounds, _traffic(rig), steps_s)
 
 
-def _figures(rig: Rig, record: FlightRecord, from_s: float) -> Flown:
+def figures_of(
+    record: FlightRecord,
+    from_s: float,
+    bounds_m_s: Mapping[str, Array],
+    traffic: "Traffic",
+    steps_s: Array,
+) -> Flown:
+    """Figures of a flight: bounds of velocities by vehicle, shape (3,); times of steps, shape (n,)."""
     flown = record.vehicles
     errors = {name: vehicle.formation_error_m(from_s) for name, vehicle in flown.items()}
     on_task = {}
     for name, vehicle in flown.items():
         alone = np.isnan(vehicle.station[vehicle.time_s >= from_s, 0])
-        on_task[name] = np.linalg.norm(vehicle.reference_error(from_s)[alone, :3], axis=1)
+        off = np.linalg.norm(vehicle.reference_error(from_s)[alone, :3], axis=1)
+        on_task[name] = off[np.isfinite(off)]
     duration_s = PERIOD_S * len(next(iter(flown.values())).time_s)
-    steps_ms = 1000.0 * np.concatenate([rig.step_times_s[name] for name in flown])
     distances = _distances(record)
     fast = np.zeros(distances.shape[1], dtype=bool)
     for name, vehicle in flown.items():
-        bounds = FAST * np.array(rig.pilots[name].model.state_max)[3:6]
-        fast |= (np.abs(vehicle.motion[:, XD_BODY : XD_BODY + 3]) > bounds).any(axis=1)
-    messages, size = _traffic(rig)
+        fast |= (np.abs(vehicle.motion[:, XD_BODY : XD_BODY + 3]) > FAST * bounds_m_s[name]).any(axis=1)
     return Flown(
         *_rms_and_max_mm(list(errors.values())),
         *_rms_and_max_mm(list(on_task.values())),
         round(1000.0 * float(distances.min()), 1),
         round(PERIOD_S * int((fast | (distances < CLOSE_M).any(axis=0)).sum()), 2),
-        round(messages / duration_s / len(flown), 2),
-        round(size / duration_s / len(flown), 1),
-        round(float(steps_ms.mean()), 3),
-        round(float(np.percentile(steps_ms, 99)), 3),
+        round(traffic.messages / duration_s / len(flown), 2),
+        round(traffic.bytes / duration_s / len(flown), 1),
+        round(1000.0 * float(steps_s.mean()), 3),
+        round(1000.0 * float(np.percentile(steps_s, 99)), 3),
         sum(record.fallbacks().values()),
         [name for name in flown if _lost(record, name, (*errors[name][-1:], *on_task[name][-1:]))],
         np.stack([vehicle.motion[:: round(DRAWN_S / PERIOD_S), :2] for vehicle in flown.values()]).round(3),
@@ -124,15 +132,23 @@ def _distances(record: FlightRecord) -> Array:
 
 def _lost(record: FlightRecord, name: str, errors_m: Sequence[float]) -> bool:
     vehicle = record[name]
-    return vehicle.left_volume or vehicle.touchdowns > 0 or max(errors_m, default=0.0) > LOST_M
+    gone = vehicle.left_volume or vehicle.touchdowns > 0 or vehicle.fallbacks.get(CONTROLLER_REPLACED, 0) > 0
+    return gone or max(errors_m, default=0.0) > LOST_M
 
 
-def _traffic(rig: Rig) -> tuple[int, int]:
+class Traffic(NamedTuple):
+    """Messages of a flight."""
+
+    messages: int
+    bytes: int
+
+
+def _traffic(rig: Rig) -> Traffic:
     """Number and bytes of all messages: those of schemes, else the plans."""
     if sum(rig.message_network.sent.values()):
-        return sum(rig.message_network.sent.values()), sum(rig.message_network.bytes.values())
+        return Traffic(sum(rig.message_network.sent.values()), sum(rig.message_network.bytes.values()))
     count = sum(rig.plan_network.sent.values())
-    return count, count * _plan_bytes(rig)
+    return Traffic(count, count * _plan_bytes(rig))
 
 
 def _plan_bytes(rig: Rig) -> int:

@@ -184,6 +184,7 @@ _ROWS: Final = (
         title="5 vehicles, the agent of a leader among them computes every third period only",
         options=RigOptions(slow={"h2": 3}),
     ),
+    _task("hover", "3 vehicles hover", 3, (), 20.0),
     THREE,
     _task("eight", "8 vehicles, two set points of the head", 8, MOVES, 10.0),
     _task("twenty", "20 vehicles, two set points of the head", 20, MOVES, 10.0),

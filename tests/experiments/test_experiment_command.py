@@ -27,7 +27,6 @@ def test_experiments_are_listed() -> None:
     assert [line.split()[0] for line in result.stdout.splitlines()] == [
         "hover",
         "formation",
-        "preview",
         "chain",
         "family",
         "fleets",
@@ -106,7 +105,7 @@ def test_seeds_are_consecutive_or_those_named(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("rcopterx.experiments.catalogue.EXPERIMENTS", without_flights(seen))
     for arguments in (
         ["chain", "--conditions", "laboratory"],
-        ["preview", "--seeds", "9,4", "--quick", "--conditions", "laboratory"],
+        ["hover", "--seeds", "9,4", "--quick", "--conditions", "laboratory"],
         ["family", "--quick"],
     ):
         assert runner.invoke(app, ["experiment", *arguments]).exit_code == 0
@@ -118,26 +117,26 @@ def test_experiments_fly_first_order_plants_and_helicopters_and_keep_them_apart(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rcopterx.experiments.catalogue.EXPERIMENTS", without_flights([]))
-    arguments = ["experiment", "hover", "--json", "--plot", str(tmp_path / "hover.svg")]
+    arguments = ["experiment", "chain", "--json", "--plot", str(tmp_path / "chain.svg")]
     result = runner.invoke(app, arguments)
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout) == {
         "laboratory": {"case": {"seeds": [0, 1, 2]}},
-        "helicopters": {"case": {"seeds": list(range(100, 105))}},
+        "helicopters": {"case": {"seeds": [100, 101, 102]}},
     }
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "hover_helicopters.svg",
-        "hover_laboratory.svg",
+        "chain_helicopters.svg",
+        "chain_laboratory.svg",
     ]
     alone = runner.invoke(app, [*arguments, "--conditions", "helicopter"])
     assert json.loads(alone.stdout) == {"case": {"seeds": [0, 1, 2]}}
-    assert (tmp_path / "hover.svg").exists()
+    assert (tmp_path / "chain.svg").exists()
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["tea"], "known are hover, formation, preview, chain"),
+        (["tea"], "known are hover, formation, chain"),
         (["hover", "--seeds", "1,x"], "different whole numbers"),
         (["hover", "--seeds", "1,1"], "different whole numbers"),
         (

@@ -20,14 +20,13 @@ from rcopterx.experiments.formation import (
     draw_formation,
     events,
     figures,
-    flown_schemes,
     fly_formation,
     mirrored,
     sequence,
 )
 from rcopterx.experiments.runner import Options, Result
-from rcopterx.experiments.schemes import CASCADE, HELICOPTER_SCHEMES, PAPER, SCHEMES
-from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
+from rcopterx.experiments.schemes import CASCADE, PAPER
+from rcopterx.simulator.conditions import IDEAL, LABORATORY
 
 
 def test_sequence_changes_set_points_distances_and_headings() -> None:
@@ -97,9 +96,7 @@ def test_figures_of_several_seeds_are_those_of_all_samples_together() -> None:
     assert table["fallbacks"] == {"hover": 2}
 
 
-def test_every_scheme_with_an_installed_controller_is_flown(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert list(flown_schemes(LABORATORY)) == list(SCHEMES)
-    assert list(flown_schemes(HELICOPTERS)) == list(HELICOPTER_SCHEMES)
+def test_the_papers_scheme_and_the_default_are_flown(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[str] = []
 
     def no_flight(*_: object, **__: object) -> Flown:
@@ -107,6 +104,6 @@ def test_every_scheme_with_an_installed_controller_is_flown(monkeypatch: pytest.
 
     monkeypatch.setattr("rcopterx.experiments.formation.fly_formation", no_flight)
     result = EXPERIMENT.fly(Options((7, 8)), lambda label, fraction: shown.append(f"{label} {fraction:.2f}"))
-    assert set(result.document["ideal"]) == set(SCHEMES)
-    assert set(result.document["laboratory"]["pid"]["per_seed"]) == {"7", "8"}
+    assert set(result.document["ideal"]) == {"paper", "cascade"}
+    assert set(result.document["laboratory"]["paper"]["per_seed"]) == {"7", "8"}
     assert shown[-1].endswith("1.00")

@@ -8,9 +8,9 @@ from support.vehicle_types import COAXIAL, COAXIAL_LAG, CRAZYFLIE
 
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import predict
-from rcopterx.experiments.knowledge import LATE_S, exact_crazyflie, exact_model, known_model
+from rcopterx.experiments.knowledge import exact_crazyflie, exact_model, known_model
 from rcopterx.experiments.rig import Rig
-from rcopterx.experiments.schemes import ABLATIONS, CASCADE, HELICOPTER_SCHEMES
+from rcopterx.experiments.schemes import CASCADE
 from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS, IDEAL, LABORATORY
 from rcopterx.simulator.conditions import IDENTIFIED as IDENTIFIED_CRAZYFLIES
 from rcopterx.simulator.helicopter import Helicopter, helicopter_of
@@ -106,7 +106,7 @@ def test_exact_model_predicts_the_flight_of_a_drawn_crazyflie(seed: int) -> None
     assert (errors < 0.1 * np.abs(flown).max(axis=0)).all()
 
 
-def test_pilots_know_the_type_the_truth_or_something_wrong() -> None:
+def test_pilots_know_the_type_or_the_truth() -> None:
     def known(knowledge: str) -> object:
         return known_model(knowledge, HELICOPTERS, "h1", 100)  # type: ignore[arg-type]  # of the table
 
@@ -115,8 +115,6 @@ def test_pilots_know_the_type_the_truth_or_something_wrong() -> None:
     assert known("exact") == exact_model(helicopter_of("h1", HELICOPTERS, 100))
     exact = exact_model(helicopter_of("h1", HELICOPTERS, 100))
     assert replace(exact.uncertainty, tilt_damping=None) == IDENTIFIED
-    assert known("lag") == replace(COAXIAL, tilt=None)
-    assert known("late") == replace(COAXIAL, delay_s=COAXIAL.delay_s - LATE_S)
     assert known_model("default", CRAZYFLIES, "h1", 100) is CRAZYFLIE
     assert known_model("exact", CRAZYFLIES, "h1", 100) == exact_crazyflie(crazyflie_of("h1", CRAZYFLIES, 100))
 
@@ -128,7 +126,7 @@ def test_first_order_plants_are_known_by_their_nominal_parameters_only() -> None
 
 
 def test_knowledge_of_the_pilot_does_not_change_the_plant() -> None:
-    schemes = (CASCADE, CASCADE.knowing("exact"), CASCADE.knowing("lag"), CASCADE.knowing("late"))
+    schemes = (CASCADE, CASCADE.knowing("exact"))
     states = []
     for scheme in schemes:
         vehicle = replace(scheme, horizon=10).vehicle("h1", Pose((0.0, 0.0, 1.0)), HELICOPTERS, 3)
@@ -138,14 +136,3 @@ def test_knowledge_of_the_pilot_does_not_change_the_plant() -> None:
         plant.advance(0.1)
         states.append(plant.motion)
     assert len(set(states)) == 1
-
-
-def test_every_scheme_is_flown_with_both_levels_of_knowledge() -> None:
-    levels = {(scheme.controller, scheme.knowledge) for scheme in HELICOPTER_SCHEMES.values()}
-    assert levels == {
-        (controller, knowledge)
-        for controller in ("paper", "lqr", "pid", "cascade")
-        for knowledge in ("default", "exact")
-    }
-    assert {scheme.controller for scheme in ABLATIONS.values()} == {"cascade"}
-    assert not set(ABLATIONS) & set(HELICOPTER_SCHEMES)
