@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from rcopterx.control.plugins import flying
 from rcopterx.experiments.arena.flying import TIMES, Flown, arena_scheme, figures, fly_task
+from rcopterx.experiments.arena.real_processes import fly_with_processes
 from rcopterx.experiments.arena.tasks import TASKS, quick
 from rcopterx.experiments.runner import Cases, Experiment, Options
 
@@ -19,14 +20,15 @@ DEFAULT_SCHEMES: Final = (
 )  # fmt: skip
 
 
-def arena(schemes: Sequence[str], tasks: Sequence[str]) -> Experiment[Flown]:
-    """The experiment for schemes and tasks by name."""
+def arena(schemes: Sequence[str], tasks: Sequence[str], processes: bool = False) -> Experiment[Flown]:
+    """The experiment for schemes and tasks by name, in the rig or with all `processes` of a fleet."""
+    fly = fly_with_processes if processes else fly_task
 
     def cases(options: Options) -> Cases[Flown]:
         chosen = [TASKS[name] for name in tasks]
         chosen = [quick(task) for task in chosen] if options.quick else chosen
         return {
-            f"{task.name} / {name}": partial(fly_task, arena_scheme(name), task)
+            f"{task.name} / {name}": partial(fly, arena_scheme(name), task)
             for task in chosen
             for name in schemes
         }

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rcopterx.commands.fleet_option import user_errors
 from rcopterx.commands.output import (
     JsonOption,
     ProcessesOption,
@@ -37,14 +38,19 @@ def arena(
     ] = "helicopters",
     processes: ProcessesOption = 1,
     resume: ResumeOption = None,
+    up: Annotated[
+        bool,
+        typer.Option("--up", help="Fly with all processes of a fleet, in lockstep; one flight at a time."),
+    ] = False,
     quick: QuickOption = False,
     show_list: Annotated[bool, typer.Option("--list", help="List schemes and tasks.")] = False,
 ) -> None:
-    """Fly schemes of distributed control on the same tasks, faster than real time, and compare them."""
+    """Fly schemes of distributed control on the same tasks, and compare them; without --up in one process."""
     from rcopterx.control.plugins import SettingsError
     from rcopterx.experiments.arena.arena import DEFAULT_SCHEMES, arena, digest, foreign_digests
     from rcopterx.experiments.arena.flying import arena_schemes
     from rcopterx.experiments.arena.page import write_arena
+    from rcopterx.experiments.arena.real_processes import FLOWN
     from rcopterx.experiments.arena.tasks import TASKS
     from rcopterx.experiments.runner import Options
     from rcopterx.simulator.conditions import PRESETS
@@ -55,16 +61,18 @@ def arena(
             typer.echo(f"{task.name:14} {task.title}")
         return
     chosen = _names(schemes, DEFAULT_SCHEMES)
-    flown = _names(tasks, tuple(TASKS))
+    possible = {name: task for name, task in TASKS.items() if not up or task.options in FLOWN}
+    flown = _names(tasks, tuple(possible))
     check_known(chosen, arena_schemes(), "scheme", "--schemes")
-    check_known(flown, TASKS, "task", "--tasks")
+    check_known(flown, possible, "task", "--tasks")
     check_known([conditions], PRESETS, "preset", "--conditions")
     numbers, progress = different_numbers(seeds, "--seeds"), Progress("arena")
-    context = {"conditions": conditions, "quick": quick, "packages": foreign_digests(chosen)}
+    packages = foreign_digests(chosen)
+    context = {"conditions": conditions, "quick": quick, "up": up, "packages": packages}
     try:
-        with kept_flights(resume, context) as kept:
-            options = Options(numbers, quick, processes, conditions, kept)
-            result = arena(chosen, flown).fly(options, progress.show_share)
+        with kept_flights(resume, context) as kept, user_errors():
+            options = Options(numbers, quick, 1 if up else processes, conditions, kept)
+            result = arena(chosen, flown, up).fly(options, progress.show_share)
     except SettingsError as error:
         raise typer.BadParameter(str(error), param_hint="--schemes") from None
     document = {"digest": digest(result.document), "tasks": result.document}
