@@ -66,8 +66,8 @@ class InnovationGate:
         self._fastest = _SPEED_FACTOR * np.array(3 * [speed_m_s] + [model.state_max[6]])
         self._limit_s = settings.gate_limit_s
         self._run: _Run | None = None
-        self._last_sudden: Array | None = None
-        self._sudden = 0  # innovation of the last pose if that was sudden, and how many were in a row
+        self._last_sudden: Array | None = None  # innovation of the last pose if that was sudden
+        self._sudden = 0  # how many were in a row
         self.rejected = 0  # poses refused so far
         self.restarts = 0  # times the refused poses were believed after all
 
@@ -228,9 +228,10 @@ class PoseEstimator(ABC):
     def _start(self, pose: Array, rates: Array) -> None:
         """Start at a pose with inertial velocity and yaw rate, both of shape (4,)."""
 
-    @abstractmethod
     def _move(self, offset: Array) -> None:
         """Move position and yaw by an offset, shape (4,); the inertial motion stays."""
+        motion = self.estimate.motion
+        self._start(motion[:INPUT_SIZE] + offset, inertial_rates(motion))
 
     @abstractmethod
     def _predict(self, applied_input: Array, period_s: float) -> None:

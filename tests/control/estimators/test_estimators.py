@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from support.vehicle_types import COAXIAL_LAG, TYPES
 
+from rcopterx.control.estimators.base import PoseEstimator
+from rcopterx.control.estimators.finite_difference import FiniteDifferenceEstimator, FiniteDifferenceSettings
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.simulator.conditions import HELICOPTERS, IDEAL, LABORATORY
@@ -176,6 +178,24 @@ def test_an_impact_on_the_floor_is_not_taken_for_a_fall_through_it(name: str, fa
         estimator.correct(Measurement(np.array([0.0, 0.0, height_m]), 0.0))
     assert abs(estimator.estimate.motion[2]) < 0.12
     assert abs(estimator.estimate.motion[6]) < 0.4
+
+
+class WithoutMove(FiniteDifferenceEstimator):
+    """Like estimators of packages, which need not define how they are moved."""
+
+    _move = PoseEstimator._move
+
+
+def test_an_estimator_that_does_not_define_how_it_is_moved_keeps_its_velocity() -> None:
+    estimator = WithoutMove(COAXIAL_LAG, 0.02, FiniteDifferenceSettings())
+    estimator.reset(Measurement(np.array([0.0, 0.0, 1.0]), 0.0))
+    for number in range(1, 60):
+        estimator.predict(COAXIAL_LAG.hover_input, 0.02)
+        aside_m = 0.06 if number > 55 else 0.0
+        estimator.correct(Measurement(np.array([0.01 * number, aside_m, 1.0]), 0.0))
+    assert estimator.rejected == 1
+    assert estimator.estimate.motion[:2] == pytest.approx([0.59, 0.06], abs=0.001)
+    assert estimator.estimate.motion[4:6] == pytest.approx([0.5, 0.0], abs=0.05)
 
 
 @every_estimator
