@@ -12,6 +12,7 @@ import zenoh
 TLS: Final = "tls/"  # prefix of an endpoint at which both ends show a certificate
 QUEUE_SIZE = 16
 LEASE_MS = 1000
+PATIENT_LEASE_MS: Final = 100 * LEASE_MS  # in lockstep, where no process has to be in time
 _THREADS: Final = "ZENOH_RUNTIME", "(rx: (handover: app), tx: (handover: app), acc: (handover: app))"
 """Environment variable of Zenoh: one thread reads, handles and writes each message instead of three."""
 _SOURCE_PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
@@ -41,14 +42,19 @@ def open_session(config: zenoh.Config) -> zenoh.Session:
 
 
 def router_config(
-    listen: list[str], connect: list[str], namespace: str | None, protection: Protection | None = None
+    listen: list[str],
+    connect: list[str],
+    namespace: str | None,
+    protection: Protection | None = None,
+    *,
+    patient: bool = False,
 ) -> zenoh.Config:
     """Return the configuration of the router of a host; it does no discovery.
 
     Links to the routers `connect` are retried. `namespace` is for tests, `protection` None admits every
-    client.
+    client. A `patient` router waits for clients that get no processor.
     """
-    settings = _common(namespace, None if protection is None else protection.credentials) | {
+    settings = _common(namespace, None if protection is None else protection.credentials, patient) | {
         "mode": "router",
         "listen": {"endpoints": listen},
         "connect": {
@@ -64,10 +70,15 @@ def router_config(
 
 
 def client_config(
-    endpoints: list[str], namespace: str | None, timeout_s: float, credentials: Credentials | None = None
+    endpoints: list[str],
+    namespace: str | None,
+    timeout_s: float,
+    credentials: Credentials | None = None,
+    *,
+    patient: bool = False,
 ) -> zenoh.Config:
     """Return the configuration of a client of its host's router, which reconnects automatically."""
-    settings = _common(namespace, credentials) | {
+    settings = _common(namespace, credentials, patient) | {
         "mode": "client",
         "connect": {
             "endpoints": endpoints,
@@ -84,7 +95,7 @@ def reason_of(error: zenoh.ZError) -> str:
     return _SOURCE_PLACE.sub("", str(error))
 
 
-def _common(namespace: str | None, credentials: Credentials | None) -> dict[str, object]:
+def _common(namespace: str | None, credentials: Credentials | None, patient: bool) -> dict[str, object]:
     settings: dict[str, object] = {
         "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "queries_default_timeout": 500,
@@ -95,7 +106,7 @@ def _common(namespace: str | None, credentials: Credentials | None) -> dict[str,
                 **({} if credentials is None else {"tls": _tls(credentials)}),
                 "rx": {"max_message_size": 65536},
                 "tx": {
-                    "lease": LEASE_MS,
+                    "lease": PATIENT_LEASE_MS if patient else LEASE_MS,
                     "keep_alive": 4,
                     "queue": {"size": {"real_time": QUEUE_SIZE, "interactive_high": QUEUE_SIZE}},
                 },

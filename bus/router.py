@@ -50,7 +50,8 @@ def run_router(
     if protection is not None:
         zenoh.init_log_from_env_or(REFUSALS)
     try:
-        session = open_session(router_config(listen, connect, namespace, protection))
+        config = router_config(listen, connect, namespace, protection, patient=clock.lockstep)
+        session = open_session(config)
     except zenoh.ZError as error:
         raise OSError(f"router cannot listen on {', '.join(listen)}: {reason_of(error)}") from None
     credentials = None if protection is None else protection.credentials
@@ -62,7 +63,7 @@ def run_router(
             links = LinkService(session, fleet, host, others, speed=clock.speed) if others else None
             if links is not None:
                 stack.callback(links.close)
-            ends = client_config([listen[0]], namespace, OPENING_LIMIT_S, credentials)
+            ends = client_config([listen[0]], namespace, OPENING_LIMIT_S, credentials, patient=clock.lockstep)
             probe_until(ended, ends, probe_key(fleet, host), clock.real_s(PERIOD_S))
         else:
             os.read(ended, 1)

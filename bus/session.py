@@ -108,9 +108,14 @@ def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
             left_s = max(0.0, give_up_s - time.monotonic())
             limit_s = min(attempt_s, left_s)
             try:
-                return open_session(
-                    client_config([endpoint], address.namespace, limit_s, address.credentials)
+                config = client_config(
+                    [endpoint],
+                    address.namespace,
+                    limit_s,
+                    address.credentials,
+                    patient=address.clock.lockstep,
                 )
+                return open_session(config)
             except zenoh.ZError as error:
                 reason = reason_of(error)
         if time.monotonic() >= give_up_s:

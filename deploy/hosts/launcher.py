@@ -90,7 +90,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         check_certificate(fleet, host)
         watchdog = watchdog and not self._clock.lockstep  # a process that waits for its turn does not hang
         missing = check_resources(fleet, host, directory, without)
-        self._forks = ForkServer(modules_of(fleet, specs), Priority.SUPERVISOR.of(fleet))
+        priority, patient = Priority.SUPERVISOR.of(fleet), self._clock.lockstep
+        self._forks = ForkServer(modules_of(fleet, specs), priority, patient=patient)
         try:
             check_in_process(fleet, directory, self._forks)
         except BaseException:

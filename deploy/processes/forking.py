@@ -103,14 +103,20 @@ class ForkedProcess:
 class ForkServer:
     """Starts processes; itself a process, started when first needed and when it has ended.
 
-    It imports `modules` once. `priority` is its own, 0 for none: vehicles may wait for a process.
+    It imports `modules` once. `priority` is its own, 0 for none: vehicles may wait for a process. In lockstep
+    they do not: it is `patient`, and may be slow.
     """
 
     def __init__(
-        self, modules: Sequence[str] = (), priority: int = 0, clock: Callable[[], float] = time.monotonic
+        self,
+        modules: Sequence[str] = (),
+        priority: int = 0,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        patient: bool = False,
     ) -> None:
         self._words = (str(priority), ",".join(modules))
-        self._urgent = priority > 0
+        self._patient = patient
         self._pilots: tuple[str, ...] = ()
         self._clock = clock
         self._process: subprocess.Popen[bytes] | None = None
@@ -149,7 +155,7 @@ class ForkServer:
         return again
 
     def start(self, command: Sequence[str], log: Path, *, piped: bool = False) -> ForkedProcess:
-        """Start a supervised process, with a priority before other programs if that is permitted.
+        """Start a supervised process, before other programs if that is permitted and it is not patient.
 
         `command`: command line. A module of this interpreter (`python -m MODULE ...`) runs in the forked
         process; any other program is executed there. `log`: file its output is appended to. `piped`: whether
@@ -170,9 +176,9 @@ class ForkServer:
             inherited.callback(os.close, permit)
             order: Order = {"command": list(command), "environment": child_environment()}
             self._send(order, [stdin, output.fileno(), page.descriptor, permission])
-            pid = self._answer(ANSWER_LIMIT_S)["pid"]
+            pid = self._answer(START_LIMIT_S if self._patient else ANSWER_LIMIT_S)["pid"]
             process = ForkedProcess(pid, page, pipe)
-            if self._urgent:
+            if not self._patient:
                 with suppress(OSError):
                     os.setpriority(os.PRIO_PROCESS, pid, URGENT_NICE)
             os.write(permit, PERMISSION)

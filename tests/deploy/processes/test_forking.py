@@ -258,6 +258,23 @@ def test_a_fork_server_that_hangs_is_ended_and_leaves_no_unknown_process(
     assert not journal.exists()
 
 
+def test_a_patient_fork_server_may_answer_late(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rcopterx.deploy.processes.forking, "ANSWER_LIMIT_S", 0.1)
+    forks = ForkServer(patient=True)
+    try:
+        end(sleeping(forks, tmp_path))
+        server = forks.pid
+        assert server is not None
+        os.kill(server, signal.SIGSTOP)
+        timer = threading.Timer(0.5, os.kill, (server, signal.SIGCONT))
+        timer.start()
+        assert end(sleeping(forks, tmp_path)) == -signal.SIGKILL
+        assert forks.pid == server
+        timer.join()
+    finally:
+        forks.close()
+
+
 def test_a_fork_server_that_cannot_import_says_so(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     forks = ForkServer(["rcopterx.no_such_module"])
     with pytest.raises(OSError, match="has ended"):
