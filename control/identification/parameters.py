@@ -123,6 +123,7 @@ DAMPING: Final = _number("tilt damping", "model.tilt.damping_ratio", "", 0.7)
 _DELAY: Final = Parameter(
     "transport delay", "s", 0.01, False, lambda candidate: candidate.model.delay_s, _with_delay
 )
+# In hover the air moves more than the vehicle: its ratio to the drag shows, and either alone hardly.
 FLAPPING: Final = _number("flapping", "model.tilt.flapping_rad_s_m", "rad/(s m)", 0.35)
 _HORIZONTAL: Final = (PITCH_GAIN, ROLL_GAIN, _of_both("drag", "damping", "1/s", 0.4, -1.0), _DELAY)
 _TRIM: Final = (
