@@ -1,0 +1,98 @@
+"""Grade controllers and schemes by flights in the arena, and keep a leaderboard.
+
+python grade.py NAME AFTERNOON [--seed N] [--leaderboard FILE]
+python grade.py --leaderboard FILE
+"""
+
+import argparse
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from rcopterx.experiments.arena.flying import arena_scheme, arena_schemes, fly_task
+from rcopterx.experiments.arena.tasks import TASKS
+from rcopterx.simulator.conditions import PRESETS
+
+AFTERNOONS = {
+    "lqr": {"hover": 60.0, "three": 90.0, "gusts": 200.0},
+    "mpc": {"three": 80.0, "figure_eight": 120.0, "slow": 120.0},
+    "scheme": {"three": 80.0, "loss_20": 90.0, "delay_60": 120.0, "killed": 130.0},
+    "race": {"geometry": 45.0, "figure_eight": 40.0, "gusts": 100.0, "loss_50": 45.0, "delay_100": 50.0},
+}
+"""Tasks of each afternoon with the error for full points: formation and task error together, rms [mm]."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Result of one flight."""
+
+    task: str
+    points: float
+    text: str
+
+
+def mark(name, task, limit_mm, seed):
+    """Fly a task: full points up to the limit, less beyond, none for losses and violations."""
+    flown = fly_task(arena_scheme(name), TASKS[task], PRESETS["helicopters"], seed)
+    error_mm = math.hypot(flown.rms_mm, flown.task_rms_mm)
+    if flown.lost:
+        return Mark(task, 0.0, f"lost: {', '.join(flown.lost)}")
+    if flown.violated_s > 0.0:
+        return Mark(task, 0.0, f"too close or too fast for {flown.violated_s:g} s")
+    return Mark(
+        task, round(min(1.0, limit_mm / error_mm), 2), f"{error_mm:.0f} mm, full points {limit_mm:g} mm"
+    )
+
+
+def grade(name, afternoon, seed):
+    """Marks of a controller or scheme in all tasks of an afternoon."""
+    return [mark(name, task, limit_mm, seed) for task, limit_mm in AFTERNOONS[afternoon].items()]
+
+
+def read(file):
+    """Points by name and afternoon; none before the first."""
+    return json.loads(file.read_text()) if file.exists() else {}
+
+
+def enter(file, name, afternoon, points):
+    """Enter points into the file; better ones that are there stay."""
+    board = read(file)
+    row = board.setdefault(name, {})
+    row[afternoon] = max(points, row.get(afternoon, 0.0))
+    file.write_text(json.dumps(board, indent=2) + "\n")
+
+
+def table(board):
+    """The leaderboard as text, the best one first."""
+    lines = [f"{'':20}" + "".join(f"{afternoon:>8}" for afternoon in AFTERNOONS) + f"{'sum':>8}"]
+    for name, row in sorted(board.items(), key=lambda item: -sum(item[1].values())):
+        points = [row.get(afternoon, 0.0) for afternoon in AFTERNOONS]
+        lines.append(f"{name:20}" + "".join(f"{each:8.2f}" for each in (*points, sum(points))))
+    return "\n".join(lines)
+
+
+def main(arguments=None):
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description="Grade controllers and schemes by flights in the arena.")
+    parser.add_argument("name", nargs="?", help="controller or scheme of an installed package")
+    parser.add_argument("afternoon", nargs="?", choices=AFTERNOONS)
+    parser.add_argument("--seed", type=int, default=100, help="of vehicles, weather and losses")
+    parser.add_argument("--leaderboard", type=Path, help="file to enter the points into, and to print")
+    given = parser.parse_args(arguments)
+    if given.name is not None:
+        if given.name not in arena_schemes() or given.afternoon is None:
+            parser.error(f"give one of {', '.join(arena_schemes())}, and one of {', '.join(AFTERNOONS)}")
+        marks = grade(given.name, given.afternoon, given.seed)
+        for each in marks:
+            print(f"{each.task:14} {each.points:5.2f}  {each.text}")
+        points = round(sum(each.points for each in marks) / len(marks), 2)
+        print(f"{given.afternoon:14} {points:5.2f}")
+        if given.leaderboard is not None:
+            enter(given.leaderboard, given.name, given.afternoon, points)
+    if given.leaderboard is not None:
+        print(table(read(given.leaderboard)))
+
+
+if __name__ == "__main__":
+    main()
