@@ -59,6 +59,7 @@ endif
 
 campaign: $(VENV)/.browser
 	$(BIN)/python -m pytest -m campaign $(ARGS)
+	$(BIN)/python -m pytest -m lockstep --real-time $(ARGS)
 	$(BIN)/python -m pytest -n 2 -m "hypothesis and not integration" --hypothesis-profile=search
 
 fuzz: $(VENV)/.fuzz

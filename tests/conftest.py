@@ -20,6 +20,13 @@ settings.register_profile("search", max_examples=300, **COMMON)
 settings.load_profile("repeatable")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options of this project."""
+    parser.addoption(
+        "--real-time", action="store_true", help="fly in real time what otherwise flies in lockstep"
+    )
+
+
 @pytest.fixture
 def bus_address() -> Iterator[BusAddress]:
     """Address of a running router that only this test uses."""

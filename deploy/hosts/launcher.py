@@ -109,8 +109,8 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._snapshot,
             self._logs,
             self._forks,
-            # Agents of another host may all have to be started at once.
-            spares=self._make_spares(specs, SPARES + len(guests)),
+            # Agents of another host may all have to be started at once. In lockstep time waits for them.
+            spares=None if patient else self._make_spares(specs, SPARES + len(guests)),
             watchdog=stretched(fleet.watchdog, fleet.clock) if watchdog and fleet.watchdog.enabled else None,
             without=absent,
             lived_s=None if self._clock.page is None else self._lived_s,

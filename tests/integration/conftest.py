@@ -4,18 +4,33 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from integration_support import Flying, fleets
+from integration_support import Flying, fleets, in_lockstep
+
+LOCKSTEP_LIMIT_S = 600
+"""Only bounds how long a test takes to fail: in lockstep a fleet is as slow as the machine is busy."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let tests in lockstep take longer than others."""
+    for item in items:
+        if in_lockstep(item):
+            item.add_marker(pytest.mark.timeout(LOCKSTEP_LIMIT_S))
 
 
 @pytest.fixture
-def launch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Flying]]:
+def launch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> Iterator[Callable[..., Flying]]:
     """Start a fleet; it is cut and stopped after the test."""
-    with fleets(tmp_path, monkeypatch) as start:
+    with fleets(tmp_path, monkeypatch, lockstep=in_lockstep(request.node)) as start:
         yield start
 
 
 @pytest.fixture(scope="module")
-def launch_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Flying]]:
+def launch_once(
+    tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> Iterator[Callable[..., Flying]]:
     """Start a fleet that all tests of a file fly with; it is cut and stopped after the last one."""
-    with pytest.MonkeyPatch.context() as patch, fleets(tmp_path_factory.mktemp("fleet"), patch) as start:
+    directory, lockstep = tmp_path_factory.mktemp("fleet"), in_lockstep(request.node)
+    with pytest.MonkeyPatch.context() as patch, fleets(directory, patch, lockstep=lockstep) as start:
         yield start

@@ -3,7 +3,6 @@
 import math
 import os
 import signal
-import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -17,9 +16,11 @@ from support.bus import free_port
 
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LaboratoryVehicle
+from rcopterx.bus.lockstep_page import opened_page
 from rcopterx.bus.session import RequestFailedError
+from rcopterx.bus.turns import SCRIPT
 from rcopterx.deploy.hosts.launcher import Launcher
-from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.reading import at_speed, load_fleet
 from rcopterx.ground_station.report.promises import NEEDED, broken_promises
 from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -58,19 +59,56 @@ class Flying:
         assert pid is not None, f"{process} does not run"
         return pid
 
+    def now_s(self) -> float:
+        """Time of the fleet [s]."""
+        return self.fleet.session.clock()
+
     def wait_for_spare(self, process: str) -> None:
-        """Wait until a warm process could replace this one."""
+        """Wait until a warm process could replace this one; in lockstep the fleet waits for any other."""
+        if self.fleet.session.turns is not None:
+            return
         supervisor = self.launcher_of(process).supervisor
         self.fleet.wait_until(lambda: supervisor.spares.ready() > 0, 60, "no spare process")
 
     def kill(self, process: str) -> int:
         """SIGKILL a process of the fleet; returns the pid it had."""
-        pid = self.pid(process)
-        os.kill(pid, signal.SIGKILL)
+        pid, turns = self.pid(process), self.fleet.session.turns
+        if turns is None:
+            os.kill(pid, signal.SIGKILL)
+        else:
+            turns.kill(process)
         return pid
 
+    def want(self, process: str, wanted: bool) -> None:
+        """Have a process run from now on, or end now and not be started again."""
+        self.launcher_of(process).supervisor.children[process].wanted = wanted
+        page = self.fleet.session.address.clock.page
+        if page is not None:
+            opened_page(page).want(process, wanted)
+
+    @contextmanager
+    def stopped(self, process: str) -> Iterator[None]:
+        """Stop a process meanwhile, as if the network to another host hung."""
+        pid, turns = self.pid(process), self.fleet.session.turns
+        if turns is not None:
+            turns.stop(process, math.inf)
+            yield
+            turns.stop(process, 0.0)
+            return
+        with self.unwatched():
+            os.kill(pid, signal.SIGSTOP)
+            try:
+                yield
+            finally:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGCONT)
+
     def started_s(self, process: str) -> float:
-        """When the process that runs now was started [monotonic s]."""
+        """When the process that runs now was started [s]."""
+        page = self.fleet.session.address.clock.page
+        if page is not None:
+            opened = opened_page(page)
+            return float(opened.players[opened.player(process)].began_s)
         return self.launcher_of(process).supervisor.children[process].started_s
 
     @contextmanager
@@ -155,8 +193,11 @@ def cut(fleet: Fleet) -> None:
 
 
 @contextmanager
-def fleets(directory: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Flying]]:
+def fleets(
+    directory: Path, monkeypatch: pytest.MonkeyPatch, *, lockstep: bool = False
+) -> Iterator[Callable[..., Flying]]:
     """Start fleets; vehicles that still fly are cut at the end, which saves the time of a landing."""
+    script = SCRIPT if lockstep else ""
     with ExitStack() as stack:
         # A short path, because the router's socket lives in it.
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
@@ -167,9 +208,11 @@ def fleets(directory: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callabl
                 text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, **options)
             path = directory / "lab.toml"
             path.write_text(text)
-            file = load_fleet(path)
-            launchers = {host: stack.enter_context(Launcher(file, host, without)) for host in file.hosts}
-            fleet = Fleet(file, timeout_s=30)
+            file = at_speed(load_fleet(path), None, lockstep)
+            launchers = {
+                host: stack.enter_context(Launcher(file, host, without, script=script)) for host in file.hosts
+            }
+            fleet = Fleet(file, timeout_s=30, process=script)
             flying = Flying(path, fleet, launchers, Recorder(fleet.session, only=NEEDED))
             flying.recorder.start()
             stack.callback(flying.check_promises)
@@ -189,7 +232,8 @@ class Truth:
     def __init__(self, flying: Flying) -> None:
         self._inbox = flying.fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT)
         self._touchdowns: dict[str, int] = {}
-        self._slow_since_s = time.monotonic()
+        self._now_s = flying.now_s
+        self._slow_since_s = self._now_s()
 
     def __call__(self, name: str) -> LaboratoryVehicle | None:
         received = self._inbox.latest()
@@ -197,7 +241,7 @@ class Truth:
 
     def start_watch(self) -> None:
         """Count touchdowns and rest from now on."""
-        self._slow_since_s = time.monotonic()
+        self._slow_since_s = self._now_s()
         for name in NAMES:
             vehicle = self(name)
             assert vehicle is not None
@@ -214,12 +258,17 @@ class Truth:
         """Whether all have been slow for a while, so that the arbiters know the thrust of hover."""
         vehicles = [self(name) for name in NAMES]
         if any(v is None or math.hypot(*v.velocity_m_s) > SLOW_M_S for v in vehicles):
-            self._slow_since_s = time.monotonic()
-        return time.monotonic() > self._slow_since_s + REST_S
+            self._slow_since_s = self._now_s()
+        return self._now_s() > self._slow_since_s + REST_S
 
     def height_m(self, name: str) -> float:
         vehicle = self(name)
         return -1.0 if vehicle is None else vehicle.position_m[2]
+
+
+def in_lockstep(node: pytest.Item | pytest.Collector) -> bool:
+    """Whether tests fly in lockstep, by their marker and the option that overrides it."""
+    return node.get_closest_marker("lockstep") is not None and not node.config.getoption("--real-time")
 
 
 def transmitter_state(flying: Flying, name: str) -> str:

@@ -1,6 +1,5 @@
 """Emulated Crazyflies with real processes: they fly, survive their gateway, and stop when they are killed."""
 
-import time
 from collections.abc import Callable
 
 import pytest
@@ -22,7 +21,7 @@ from support.udp import udp_paths
 from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Recover
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
 Launch = Callable[..., Flying]
 UNTHRUSTED_US = 1110.0
@@ -46,7 +45,7 @@ def test_crazyflies_fly_a_formation_survive_their_gateway_and_stop_when_they_are
     truth.assert_none_touched_down()
 
     log.frames("h3")
-    killed_s = time.monotonic()
+    killed_s = flying.now_s()
     fleet["h3"].kill()
     fleet.wait_until(lambda: "locked" in module(flying, "h3"), 30, "not locked", ["h3"])
 

@@ -18,7 +18,7 @@ from support.udp import udp_paths
 from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakRadio, Recover
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
 Launch = Callable[..., Flying]
 TYPES = {"h1": "coaxial", "h2": "crazyflie", "h3": "mavlink_quadrotor"}

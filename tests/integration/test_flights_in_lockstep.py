@@ -12,7 +12,7 @@ from rcopterx.flights.flights import flights_in
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(240)]
 
 
 @pytest.fixture

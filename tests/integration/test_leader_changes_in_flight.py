@@ -10,7 +10,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.messages import Plan
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
 BUMPLESS = 0.02
 """By so much may a step of a stick between two commands be larger around a change of leaders than before.

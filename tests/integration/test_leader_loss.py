@@ -1,7 +1,5 @@
 """A leader is lost in flight: its followers hold, promote one of themselves or land, and take it back."""
 
-import os
-import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -16,7 +14,7 @@ from integration_support import (
     transmitter_state,
 )
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
 Launch = Callable[..., Flying]
 PLACE_M = 0.15
@@ -57,25 +55,16 @@ def start(launch: Launch, then: dict[str, str]) -> tuple[Flying, Truth]:
 @contextmanager
 def cut_off(flying: Flying, name: str) -> Iterator[None]:
     """The agent's host hangs; its vehicle is brought down by its transmitter gateway meanwhile."""
-    pid = flying.pid(f"agent-{name}")
-    with flying.unwatched():
-        os.kill(pid, signal.SIGSTOP)
-        try:
-            yield
-        finally:
-            os.kill(pid, signal.SIGCONT)
+    with flying.stopped(f"agent-{name}"):
+        yield
 
 
 @contextmanager
 def gone(flying: Flying, name: str) -> Iterator[None]:
     """The agent is killed and not started again for a while."""
-    child = flying.launcher_of(f"agent-{name}").supervisor.children[f"agent-{name}"]
-    child.wanted = False
-    flying.kill(f"agent-{name}")
-    try:
-        yield
-    finally:
-        child.wanted = True
+    flying.want(f"agent-{name}", False)
+    yield
+    flying.want(f"agent-{name}", True)
 
 
 def followed(flying: Flying, name: str) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from rcopterx.bus import channels
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recorder
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(120)]
 
 Launch = Callable[..., Flying]
 NAMES = ("h1", "h2")

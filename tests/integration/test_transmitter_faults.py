@@ -4,7 +4,6 @@ import math
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -57,6 +56,7 @@ transmitter = {{ port = "radio-{name}", model_match = {number}, protocol = "{kin
 
 
 @pytest.mark.campaign
+@pytest.mark.lockstep
 def test_vehicles_with_different_radios_fly_together(launch: Launch) -> None:
     flying = launch(trio_text(RADIOS))
     assert {v.transmitter.protocol for v in load_fleet(flying.path).vehicles.values()} == set(RADIOS.values())
@@ -83,17 +83,18 @@ STILL_S = 1.0
 class Still:
     """Whether a vehicle has hung still in the air for a while."""
 
-    def __init__(self, truth: Truth, name: str) -> None:
-        self._truth, self._name = truth, name
-        self._since_s = time.monotonic()
+    def __init__(self, flying: Flying, truth: Truth, name: str) -> None:
+        self._truth, self._name, self._now_s = truth, name, flying.now_s
+        self._since_s = self._now_s()
 
     def __call__(self) -> bool:
         vehicle = self._truth(self._name)
         if vehicle is None or vehicle.on_floor or math.hypot(*vehicle.velocity_m_s) > STILL_M_S:
-            self._since_s = time.monotonic()
-        return time.monotonic() > self._since_s + STILL_S
+            self._since_s = self._now_s()
+        return self._now_s() > self._since_s + STILL_S
 
 
+@pytest.mark.lockstep
 @pytest.mark.parametrize(
     ("condition", "reported"),
     [
@@ -110,7 +111,7 @@ def test_failed_radio_is_reported_grounds_its_vehicle_and_no_other(
     flying.fleet.take_off(["h1", "h3"], height_m=0.8, timeout_s=40)
     flying.fleet.take_off(["h2"], height_m=SAFE_FALL_M, timeout_s=40)
     truth.start_watch()
-    flying.fleet.wait_until(Still(truth, "h2"), 30, "h2 does not hang still")
+    flying.fleet.wait_until(Still(flying, truth, "h2"), 30, "h2 does not hang still")
     inject_faults(flying.fleet.session, BreakRadio("h2", condition))
 
     def told() -> bool:

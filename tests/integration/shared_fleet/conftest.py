@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from integration_support import NAMES, Flying, Truth, fleets, not_killed, transmitter_state
+from integration_support import NAMES, Flying, Truth, fleets, in_lockstep, not_killed, transmitter_state
 
 from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import Recover
@@ -34,22 +34,26 @@ class Hangar:
         self._directory = directory
         self._stack = ExitStack()
         self._present: tuple[Flying, Truth] | None = None
+        self._lockstep = False
 
-    def fleet(self) -> tuple[Flying, Truth]:
-        """The fleet, and its true states."""
+    def fleet(self, lockstep: bool) -> tuple[Flying, Truth]:
+        """The fleet, in lockstep or in real time, and its true states."""
+        if self._lockstep != lockstep:
+            self.close()
         if self._present is None:
+            self._lockstep = lockstep
             patch = self._stack.enter_context(pytest.MonkeyPatch.context())
-            start = self._stack.enter_context(fleets(self._directory, patch))
+            start = self._stack.enter_context(fleets(self._directory, patch, lockstep=lockstep))
             flying = start(simulator=SIMULATOR)
             self._present = flying, Truth(flying)
         return self._present
 
-    def fleet_with_room(self) -> tuple[Flying, Truth]:
+    def fleet_with_room(self, lockstep: bool) -> tuple[Flying, Truth]:
         """The fleet, or a new one where vehicles that came down by themselves stand too close together."""
-        _, truth = self.fleet()
+        _, truth = self.fleet(lockstep)
         if room_m(truth) < ROOM_M:
             self.close()
-        return self.fleet()
+        return self.fleet(lockstep)
 
     def close(self) -> None:
         """Stop the fleet; the next test gets a new one."""
@@ -103,7 +107,7 @@ def closed_on_failure(hangar: Hangar, request: pytest.FixtureRequest) -> Iterato
 def flying(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
     """The fleet, in formation at `HOME_M` and at rest."""
     with closed_on_failure(hangar, request):
-        flying, truth = hangar.fleet_with_room()
+        flying, truth = hangar.fleet_with_room(in_lockstep(request.node))
         bring_up(flying, truth)
         yield flying
         flying.check_promises()
@@ -113,7 +117,7 @@ def flying(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
 def grounded(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]:
     """The fleet on the floor, for tests that start there."""
     with closed_on_failure(hangar, request):
-        flying, _ = hangar.fleet_with_room()
+        flying, _ = hangar.fleet_with_room(in_lockstep(request.node))
         restore(flying)
         flying.fleet.land(timeout_s=30)
         yield flying
@@ -121,9 +125,9 @@ def grounded(hangar: Hangar, request: pytest.FixtureRequest) -> Iterator[Flying]
 
 
 @pytest.fixture
-def truth(flying: Flying, hangar: Hangar) -> Truth:
+def truth(flying: Flying, hangar: Hangar, request: pytest.FixtureRequest) -> Truth:
     """True states of the fleet, with touchdowns counted from now on."""
-    return hangar.fleet()[1]
+    return hangar.fleet(in_lockstep(request.node))[1]
 
 
 def room_m(truth: Truth) -> float:
@@ -142,8 +146,9 @@ def restore(flying: Flying) -> None:
     fleet = flying.fleet
     inject_faults(fleet.session, Recover())
     for launcher in flying.launchers.values():
-        for child in launcher.supervisor.children.values():
-            child.wanted = True
+        for process, child in launcher.supervisor.children.items():
+            if not child.wanted:
+                flying.want(process, True)
     fleet.wait_until(lambda: fleet.present() == list(NAMES), 30, "not all vehicles take part", NAMES)
     for name in NAMES:
         fleet.wait_until(lambda name=name: not_killed(flying, name), 30, "not reset", [name])  # type: ignore[misc]

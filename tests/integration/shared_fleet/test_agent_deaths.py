@@ -5,8 +5,7 @@ import os
 import re
 import signal
 import subprocess
-import time
-from contextlib import suppress
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -41,6 +40,7 @@ def kill_and_wait(flying: Flying, name: str) -> None:
     wait_for_successor(flying, name, flying.kill(f"agent-{name}"))
 
 
+@pytest.mark.lockstep
 def test_leader_and_fleet_fly_on_when_its_agent_is_killed(flying: Flying, truth: Truth) -> None:
     restarts = flying.restarts("agent-h1")
     kill_and_wait(flying, "h1")
@@ -50,6 +50,7 @@ def test_leader_and_fleet_fly_on_when_its_agent_is_killed(flying: Flying, truth:
     assert flying.restarts("agent-h1") == restarts + 1
 
 
+@pytest.mark.lockstep
 def test_follower_keeps_its_task_when_its_agent_is_killed(flying: Flying, truth: Truth) -> None:
     fleet, file_offset_m = flying.fleet, (-0.4, 0.5, 0.0)
     asked_m = pytest.approx((-0.5, 0.4, 0.1), abs=1e-6)
@@ -81,46 +82,33 @@ def pids_named(title: str) -> set[int]:
     return {int(line) for line in done.stdout.split()}
 
 
-def resume(pid: int) -> None:
-    """Let a stopped process go on, unless it has been replaced."""
-    with suppress(ProcessLookupError):
-        os.kill(pid, signal.SIGCONT)
-
-
+@pytest.mark.lockstep
 def test_frozen_agent_is_bridged_by_its_plan_then_landed_until_it_flies_again(
     flying: Flying, truth: Truth
 ) -> None:
     before = {what: counter(flying, "h2", what) for what in ("planned inputs played", "entered LAND")}
-    pid = flying.pid("agent-h2")
-    with flying.unwatched():
-        os.kill(pid, signal.SIGSTOP)
-        try:
-            flying.fleet.wait_until(
-                lambda: all(counter(flying, "h2", what) > count for what, count in before.items()),
-                30,
-                "not bridged and landed",
-                ["h2"],
-            )
-        finally:
-            resume(pid)
+    with flying.stopped("agent-h2"):
+        flying.fleet.wait_until(
+            lambda: all(counter(flying, "h2", what) > count for what, count in before.items()),
+            30,
+            "not bridged and landed",
+            ["h2"],
+        )
     flying.fleet.wait_until(lambda: flown_by(flying, "h2") is not None, 30, "not flown again", ["h2"])
     flying.fleet.wait_until(lambda: in_formation(flying, truth), 30, "no formation")
     assert truth.height_m("h1") > 0.5
     assert transmitter_state(flying, "h2") == "armed"
 
 
+@pytest.mark.lockstep
 def test_vehicles_whose_agents_hang_for_two_seconds_are_flown_again(flying: Flying, truth: Truth) -> None:
     # High, because they descend until they are flown again.
     fly_to(flying, truth, (0.0, 0.0, 1.4))
     flying.fleet.wait_until(truth.rested, 30, "not hovering", NAMES)
-    pids = [flying.pid(f"agent-{name}") for name in NAMES]
-    with flying.unwatched():
-        for pid in pids:
-            os.kill(pid, signal.SIGSTOP)
-        hung_s = time.monotonic()
-        flying.fleet.wait_until(lambda: time.monotonic() > hung_s + 2.0, 30, "no time passes")
-        for pid in pids:
-            resume(pid)
+    with ExitStack() as stack:
+        for name in NAMES:
+            stack.enter_context(flying.stopped(f"agent-{name}"))
+        flying.fleet.wait(2.0)
     flying.fleet.wait_until(
         lambda: all(flown_by(flying, name) is not None for name in NAMES) and truth.rested(),
         30,
@@ -130,13 +118,11 @@ def test_vehicles_whose_agents_hang_for_two_seconds_are_flown_again(flying: Flyi
     truth.assert_none_touched_down()
 
 
+@pytest.mark.lockstep
 def test_vehicles_whose_agents_never_come_back_land_where_they_were(flying: Flying, truth: Truth) -> None:
     places = {name: vehicle.position_m for name in NAMES if (vehicle := truth(name)) is not None}
     for name in NAMES:
-        pid = flying.pid(f"agent-{name}")
-        flying.launcher_of(f"agent-{name}").supervisor.children[f"agent-{name}"].wanted = False
-        with suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
+        flying.want(f"agent-{name}", False)
     flying.fleet.wait_until(
         lambda: all(on_floor(truth, name) for name in NAMES) and all_states(flying, "cut"), 30, "not landed"
     )

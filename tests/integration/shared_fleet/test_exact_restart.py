@@ -8,7 +8,7 @@ from integration_support import Flying, Truth, counter, wait_for_successor
 from rcopterx.control.references.path_shapes import circle
 from rcopterx.ground_station.scripting.state import VehicleState
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
 TURNED_RAD = 2 * math.pi
 """A turn, which a motion capture cannot distinguish from none."""

@@ -12,7 +12,7 @@ from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
 
 TICKS = 5
@@ -82,5 +82,5 @@ def test_second_launch_is_refused_and_the_fleet_is_undisturbed(flying: Flying, t
     with pytest.raises(FleetError, match=r"^lab is already up on this computer; stop it first$"):
         Launcher(load_fleet(flying.path), "main")
     with Fleet(flying.fleet.file) as another:
-        another.wait_until(lambda: another.present() == list(NAMES), 30, "the fleet is disturbed", NAMES)
+        flying.fleet.wait_until(lambda: another.present() == list(NAMES), 30, "the fleet is disturbed", NAMES)
     truth.assert_none_touched_down()

@@ -33,10 +33,11 @@ from rcopterx.ground_station.scripting.vehicle import RefusedError
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
 
+@pytest.mark.lockstep
 def test_vehicles_fly_on_when_their_transmitter_gateway_is_killed(flying: Flying, truth: Truth) -> None:
     log, restarts = RadioLog(flying), flying.restarts("transmitters")
     flying.wait_for_spare("transmitters")
-    killed_s = time.monotonic()
+    killed_s = flying.now_s()
     flying.kill("transmitters")
     flying.fleet.wait_until(
         lambda: (
@@ -77,6 +78,7 @@ def test_gateway_that_is_back_too_late_is_disarmed_and_flies_after_arming_again(
     flying.fleet.wait_until(lambda: all(truth.height_m(name) > 0.4 for name in NAMES), 30, "not flying again")
 
 
+@pytest.mark.lockstep
 def test_sigusr1_kills_all_vehicles_of_the_gateway_and_latches(flying: Flying) -> None:
     restarts = flying.restarts("transmitters")
     os.kill(flying.pid("transmitters"), signal.SIGUSR1)
@@ -141,9 +143,10 @@ def test_key_on_the_gateways_terminal_kills_and_is_explained(grounded: Flying) -
         assert process.wait(20) == 0
 
 
+@pytest.mark.lockstep
 def test_sigterm_brings_everybody_down_and_ends_on_throttle_low(flying: Flying, truth: Truth) -> None:
     log, restarts = RadioLog(flying), flying.restarts("transmitters")
-    terminated_s = time.monotonic()
+    terminated_s = flying.now_s()
     os.kill(flying.pid("transmitters"), signal.SIGTERM)
     flying.fleet.wait_until(
         lambda: (

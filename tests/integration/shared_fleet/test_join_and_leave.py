@@ -5,7 +5,7 @@ from integration_support import Flying, Truth
 
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
 
 def test_a_vehicle_leaves_a_flying_fleet_and_joins_it_again(flying: Flying, truth: Truth) -> None:

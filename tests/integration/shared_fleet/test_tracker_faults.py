@@ -11,7 +11,7 @@ from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator import faults
 from rcopterx.simulator.faults import Fault, fault_text
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
 SHORT_S = 0.06
 """Shorter than the limit at which a vehicle without a pose is held."""

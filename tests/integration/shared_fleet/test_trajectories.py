@@ -9,7 +9,7 @@ from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
 ERROR_MM = 80.0
 """Half of it on a machine that does nothing else: previewed and fed forward, far better than set points."""

@@ -5,7 +5,7 @@ from integration_support import Flying, Truth, flown_by
 
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.timeout(180)]
 
 WEIGHTS = (15.0, 15.0, 15.0, 120.0)
 
