@@ -99,6 +99,9 @@ EIGHT_PATH: Final = figure_eight(START_M, (0.7, 0.4), 8.0)
 _BEHIND: Final[Three] = (-0.6, 0.0, 0.0)
 
 
+FAR: Final = {name: (x, -y, z) for name, (x, y, z) in WIDE.items()}  # on the sides that wedges have
+
+
 def _slots(shape: Mapping[str, Three], time_s: float) -> list[Follow]:
     return [Follow(time_s, name, link(offset_m)) for name, offset_m in shape.items()]
 
@@ -138,7 +141,7 @@ _ROWS: Final = (
         THREE,
         name="formation",
         title="the paper's formation: set points and distances in turns",
-        events=(*PAPER, *_slots(WIDE, 9.0), *_slots(LINE, 21.0)),
+        events=(*PAPER, *_slots(FAR, 9.0), *_slots(LINE, 21.0)),
         duration_s=29.0,
     ),
     replace(

@@ -103,6 +103,20 @@ NOT_TYPED = {
             "--knowledge default",
         )
     },
+    "rcopterx arena --processes 2 --resume arena.jsonl --page arena": (
+        HOURS,
+        "tests/experiments/test_arena.py",
+    ),
+    "pip install -e examples/own_scheme": (INSTALLS, "tests/experiments/test_arena.py"),
+    "rcopterx arena --schemes courier,cascade --tasks eight,loss_50,delay_100": (
+        "needs that installation",
+        "tests/experiments/test_arena.py",
+    ),
+    "pip install -e examples/lab_class": (INSTALLS, "tests/examples/test_lab_class.py"),
+    "python examples/lab_class/grade.py own_lqr lqr --leaderboard leaderboard.json": (
+        "needs that installation",
+        "tests/examples/test_lab_class.py",
+    ),
     "rcopterx experiment real-flights nanobench --json --plot docs/figures/real_flights.svg": (
         "wants recorded flights",
         "tests/experiments/test_real_flights.py",
