@@ -1,8 +1,8 @@
-"""Run everything that must pass: fleets of real processes, and beside them what needs no real time.
+"""Run everything that must pass: fleets of real processes, and the unit tests beside them.
 
-Fleets in real time leave much of two cores unused. Unit tests and fleets in lockstep run in what they leave,
-at the lowest priority, so that they delay none. Lines of all are printed at once, failed tests again at the
-end; the exit code is 1 if any fails. A run that hangs prints its threads and fails; a run that leaves
+Fleets leave much of two cores unused. The unit tests run in what they leave, at the lowest priority, so that
+they delay no fleet. Lines of both are printed at once, failed tests again at the end; the exit code is 1 if
+either fails. A run that hangs prints its threads and fails; a run that leaves
 processes behind fails, too.
 """
 
@@ -22,19 +22,16 @@ LIMIT_S = 1800.0
 """Several times the usual length: such a run hangs outside the time limit of a test."""
 LAST_LINES_S = 10.0
 """For the last output of a run."""
-LOW = ("nice", "-n", "19", *PYTEST)
-
-
-def files_with(mark: str) -> list[str]:
-    """Files that use a mark: importing all the others would take ten seconds, in which no fleet flies."""
-    paths = sorted(TESTS.rglob("test_*.py"))
-    return [str(path) for path in paths if f"mark.{mark}" in path.read_text(encoding="utf-8")]
-
-
+# Importing all the others would take ten seconds, in which no fleet flies.
+FILES_WITH_FLEETS = sorted(
+    str(path) for path in TESTS.rglob("test_*.py") if "mark.integration" in path.read_text(encoding="utf-8")
+)
 RUNS = {
-    "fleets": (*PYTEST, *files_with("integration"), "-m", "integration and not lockstep and not campaign"),
-    "lockstep": (*LOW, *files_with("lockstep"), "-m", "lockstep and not campaign"),
-    "units": (*LOW, "-n", "2", "--timeout", "600", "-m", "not integration and not campaign"),
+    "fleets": (*PYTEST, *FILES_WITH_FLEETS, "-m", "integration and not campaign"),
+    "units": (
+        *("nice", "-n", "19", *PYTEST, "-n", "2", "--timeout", "600"),
+        *("-m", "not integration and not campaign"),
+    ),
 }
 
 
@@ -60,7 +57,7 @@ class Run:
     def _print(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            print(f"{self.name:8} | {line}", end="", flush=True)
+            print(f"{self.name:6} | {line}", end="", flush=True)
             if line.startswith(("FAILED ", "ERROR ")):
                 self.broken.append(line.rstrip())
 
@@ -113,7 +110,7 @@ def _holds(process: Path, pipe: int) -> bool:
 
 
 def main() -> int:
-    """Run all and show their durations."""
+    """Run both and show their durations."""
     # A background job of a shell ignores Ctrl-C, and its children inherit that; some tests send it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Fleets would wait for unit tests that compile the kernels at the lowest priority.

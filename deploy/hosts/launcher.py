@@ -163,9 +163,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         write_snapshot(self._fleet, self._snapshot)
         # The supervisor runs in the interpreter of this program and waits for its other threads.
         share_interpreter()
-        if not self._clock.lockstep:
-            with suppress(OSError):
-                os.setpriority(os.PRIO_PROCESS, 0, URGENT_NICE)
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, URGENT_NICE)
         self._begin_flight()
         self._thread.start()
         try:

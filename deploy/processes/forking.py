@@ -155,7 +155,7 @@ class ForkServer:
         return again
 
     def start(self, command: Sequence[str], log: Path, *, piped: bool = False) -> ForkedProcess:
-        """Start a supervised process, before other programs if that is permitted and it is not patient.
+        """Start a supervised process, before other programs if that is permitted.
 
         `command`: command line. A module of this interpreter (`python -m MODULE ...`) runs in the forked
         process; any other program is executed there. `log`: file its output is appended to. `piped`: whether
@@ -178,9 +178,8 @@ class ForkServer:
             self._send(order, [stdin, output.fileno(), page.descriptor, permission])
             pid = self._answer(START_LIMIT_S if self._patient else ANSWER_LIMIT_S)["pid"]
             process = ForkedProcess(pid, page, pipe)
-            if not self._patient:
-                with suppress(OSError):
-                    os.setpriority(os.PRIO_PROCESS, pid, URGENT_NICE)
+            with suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, pid, URGENT_NICE)
             os.write(permit, PERMISSION)
             own.pop_all()
         return process

@@ -22,6 +22,6 @@ class Priority(IntEnum):
     RECORDER = -1
 
     def of(self, fleet: FleetFile) -> int:
-        """Return the SCHED_FIFO priority; 0 if the fleet file asks for none, or nothing has to be in time."""
-        base = 0 if fleet.clock.lockstep else fleet.bus.realtime_priority
+        """Return the SCHED_FIFO priority; 0 if the fleet file asks for none."""
+        base = fleet.bus.realtime_priority
         return max(1, base + self) if base else 0
