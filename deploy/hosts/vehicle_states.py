@@ -29,7 +29,7 @@ def begin_states(vehicles: Iterable[str], directory: Path) -> None:
         except OSError as error:
             raise FleetError(f"vehicles.{name}: its state cannot be kept in {path}: {error}") from None
     with suppress(OSError):
-        (states / OWNER).symlink_to(directory)
+        (states / OWNER).symlink_to(directory.absolute())
 
 
 def remove_states(vehicles: Iterable[str], directory: Path) -> None:
