@@ -51,16 +51,25 @@ def grade(name, afternoon, seed):
 
 
 def read(file):
-    """Points by name and afternoon; none before the first."""
-    return json.loads(file.read_text()) if file.exists() else {}
+    """Points by name and afternoon; none before the first. Raises `ValueError`: it is no leaderboard."""
+    if not file.exists():
+        return {}
+    board = json.loads(file.read_text(encoding="utf-8"))
+    rows = board.values() if isinstance(board, dict) else [None]
+    if not all(isinstance(row, dict) and all(map(is_number, row.values())) for row in rows):
+        raise ValueError("rows of points by afternoon are expected")
+    return board
 
 
-def enter(file, name, afternoon, points):
-    """Enter points into the file; better ones that are there stay."""
-    board = read(file)
+def is_number(points):
+    """Whether points can be added."""
+    return isinstance(points, int | float)
+
+
+def enter(board, name, afternoon, points):
+    """Enter points into a leaderboard; better ones that are there stay."""
     row = board.setdefault(name, {})
     row[afternoon] = max(points, row.get(afternoon, 0.0))
-    file.write_text(json.dumps(board, indent=2) + "\n")
 
 
 def table(board):
@@ -80,6 +89,12 @@ def main(arguments=None):
     parser.add_argument("--seed", type=int, default=100, help="of vehicles, weather and losses")
     parser.add_argument("--leaderboard", type=Path, help="file to enter the points into, and to print")
     given = parser.parse_args(arguments)
+    if given.name is None and given.leaderboard is None:
+        parser.error("give a name and an afternoon, or --leaderboard")
+    try:
+        board = {} if given.leaderboard is None else read(given.leaderboard)
+    except (OSError, ValueError) as error:
+        parser.error(f"{given.leaderboard}: {error}")
     if given.name is not None:
         if given.name not in arena_schemes() or given.afternoon is None:
             parser.error(f"give one of {', '.join(arena_schemes())}, and one of {', '.join(AFTERNOONS)}")
@@ -89,9 +104,10 @@ def main(arguments=None):
         points = round(sum(each.points for each in marks) / len(marks), 2)
         print(f"{given.afternoon:14} {points:5.2f}")
         if given.leaderboard is not None:
-            enter(given.leaderboard, given.name, given.afternoon, points)
+            enter(board, given.name, given.afternoon, points)
+            given.leaderboard.write_text(json.dumps(board, indent=2) + "\n", encoding="utf-8")
     if given.leaderboard is not None:
-        print(table(read(given.leaderboard)))
+        print(table(board))
 
 
 if __name__ == "__main__":

@@ -69,7 +69,6 @@ def riccati(model: Model, period_s: float) -> Array:
 def test_what_students_get_flies_and_leaves_room_for_better(name: str, task: str) -> None:
     limit_mm = next(tasks[task] for tasks in grade.AFTERNOONS.values() if task in tasks)
     given = grade.mark(name, task, limit_mm, seed=100)
-    print(given)
     assert 0.0 < given.points < 1.0
 
 
@@ -77,7 +76,6 @@ def test_a_better_answer_gets_more_points(monkeypatch: pytest.MonkeyPatch) -> No
     before = grade.mark("own_lqr", "three", 60.0, seed=100)
     monkeypatch.setattr(own_lqr, "gain", riccati)
     after = grade.mark("own_lqr", "three", 60.0, seed=100)
-    print(before, after)
     assert after.points > before.points
 
 
@@ -108,8 +106,20 @@ def test_points_are_entered_and_better_ones_stay(
     assert [line.split()[0] for line in lines[1:]] == ["cascade", "own_lqr"]
 
 
-@pytest.mark.parametrize("arguments", [["nobody", "lqr"], ["own_lqr"], ["own_lqr", "tea"]])
+@pytest.mark.parametrize("arguments", [[], ["nobody", "lqr"], ["own_lqr"], ["own_lqr", "tea"]])
 def test_mistakes_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         grade.main(arguments)
     assert "usage" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"own_lqr": 1}', '{"own_lqr": {"lqr": "much"}}'])
+def test_a_file_that_is_no_leaderboard_is_refused_and_stays(
+    tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = tmp_path / "leaderboard.json"
+    board.write_text(text)
+    with pytest.raises(SystemExit):
+        grade.main(["own_lqr", "lqr", "--leaderboard", str(board)])
+    assert f"{board}: " in capsys.readouterr().err
+    assert board.read_text() == text
