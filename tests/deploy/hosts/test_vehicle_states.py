@@ -67,3 +67,14 @@ def test_pages_of_fleets_whose_run_directory_is_gone_are_removed_by_the_next_sta
     page.close()
     begin_states(["h1"], runs[3])
     assert not landing.exists()
+
+
+def test_pages_of_a_fleet_with_a_relative_run_directory_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    relative, other = Path("relative"), tmp_path / "other"
+    for run in (relative, other):
+        run.mkdir()
+        begin_states(["h1"], run)
+    assert (states_directory(relative) / "h1").exists()
