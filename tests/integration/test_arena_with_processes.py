@@ -20,7 +20,7 @@ RMS_SHARE = 0.25
     ("scheme", "task"),
     [
         ("cascade", "three"),
-        ("admm", "three"),
+        pytest.param("admm", "three", marks=pytest.mark.campaign),
         pytest.param("cascade", "figure_eight", marks=pytest.mark.campaign),
         pytest.param("admm", "figure_eight", marks=pytest.mark.campaign),
         pytest.param("cascade", "formation", marks=pytest.mark.campaign),

@@ -70,6 +70,7 @@ def faults(fleet: Fleet) -> None:
     assert all(vehicle.state.phase == "flying" for vehicle in fleet)
 
 
+@pytest.mark.campaign
 def test_flights_of_one_seed_are_identical(flown: Callable[..., FlightDigest]) -> None:
     assert flown(formation) == flown(formation)
 

@@ -15,9 +15,16 @@ EXAMPLE = Path(__file__).parents[3] / "examples" / "external_control"
 FLOWN_S = 5.0
 SOFT_M_S = 1.0
 STEADY_M = 0.25
+ALWAYS_FLOWN = ("not_finite", "dives", "attacks", "flooding")
 
 
-@pytest.mark.parametrize("kind", hostile_program.DEEDS)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(kind, marks=() if kind in ALWAYS_FLOWN else pytest.mark.campaign)
+        for kind in hostile_program.DEEDS
+    ],
+)
 def test_no_vehicle_falls_whatever_a_program_outside_does(kind: str, flying: Flying, truth: Truth) -> None:
     fleet, host = flying.fleet, flying.fleet.file.hosts["main"]
     arguments = (
@@ -49,7 +56,8 @@ def test_no_vehicle_falls_whatever_a_program_outside_does(kind: str, flying: Fly
     print(f"{kind}: moved {moved}, states {states}, {events}")
     for name in ("h1", "h3"):
         assert moved[name] < STEADY_M
-        assert states[name] == {"armed"}
+        # A flood from the same computer may delay poses by the 0.1 s after which the arbiter holds the place.
+        assert states[name] <= {"armed", "hold"}
     fleet.wait_until(lambda: client_of(flying) == "", 10, "h2 is not flown by its own controller again")
 
 
