@@ -12,14 +12,13 @@ import numpy as np
 from rcopterx.control.interfaces import Obstacle
 from rcopterx.control.references.trajectory import ACCELERATION, POSITION, VELOCITY, YAW_RATE, Trajectory
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array
+from rcopterx.vehicles.state import Array, Z
 
 BRAKING_SHARE: Final = 0.8  # share of the acceleration that the weakest vehicle of a type surely has
 FAST: Final = 1.5  # largest share of the horizontal velocity bounds
 SPINNING: Final = 3.0  # the same of the yaw rate, which sharp changes of the thrust move
 TOUCHDOWN_M_S: Final = 0.5  # largest speed at which the floor may be reached
 TOO_NEAR: Final = 1.0  # smallest distance from another vehicle, in its ellipsoids
-HEIGHT: Final = 2
 
 
 class Envelope:
@@ -45,10 +44,10 @@ class Envelope:
         velocity = sample[VELOCITY] + fading
         begins = sample[POSITION] + self._reaction_s * velocity
         rests = begins + velocity * np.abs(velocity) / (2.0 * self._braking_m_s2)
-        sinking, braking = -min(velocity[HEIGHT], 0.0), self._braking_m_s2[HEIGHT]
-        if sinking**2 - 2.0 * braking * max(begins[HEIGHT], 0.0) > TOUCHDOWN_M_S**2:
+        sinking, braking = -min(velocity[Z], 0.0), self._braking_m_s2[Z]
+        if sinking**2 - 2.0 * braking * max(begins[Z], 0.0) > TOUCHDOWN_M_S**2:
             return "the vehicle would hit the floor"
-        if (rests > self._high_m).any() or (rests[:HEIGHT] < self._low_m[:HEIGHT]).any():
+        if (rests > self._high_m).any() or (rests[:2] < self._low_m[:2]).any():
             return "the vehicle would leave its volume"
         if np.hypot(*sample[VELOCITY][:2]) > self._fastest_m_s or abs(sample[YAW_RATE]) > self._fastest_rad_s:
             return "the vehicle would be too fast"
