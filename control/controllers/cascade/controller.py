@@ -121,9 +121,8 @@ class CascadeController(MpcController):
 
     def _weights(self) -> CascadeWeights:
         settings, model = self._settings, self._model
-        default = default_weights(model, self._period_s)
-        states = np.array(settings.state_weights or default.states)
-        efforts = np.array(settings.input_weights or default.inputs)
+        states = np.array(settings.state_weights or default_weights(model, self._period_s).states)
+        efforts = np.array(settings.input_weights or default_weights(model, self._period_s).inputs)
         return CascadeWeights(states[:4], states[4:], efforts * self._effort_factors, settings.soft_weight)
 
     def _axis(self, axis: int, weights: CascadeWeights, stages: int) -> AxisProblem:
