@@ -106,7 +106,7 @@ def test_points_are_entered_and_better_ones_stay(
     assert [line.split()[0] for line in lines[1:]] == ["cascade", "own_lqr"]
 
 
-@pytest.mark.parametrize("arguments", [[], ["nobody", "lqr"], ["own_lqr"], ["own_lqr", "tea"]])
+@pytest.mark.parametrize("arguments", [[], ["unknown", "lqr"], ["own_lqr"], ["own_lqr", "tea"]])
 def test_mistakes_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         grade.main(arguments)

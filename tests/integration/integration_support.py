@@ -291,25 +291,6 @@ def land_gently(flying: Flying, truth: Truth) -> None:
         assert vehicle.touchdown_speed_m_s < 1.0
 
 
-class RadioLog:
-    """Frames that reached the radio modules, with the time of their arrival."""
-
-    def __init__(self, flying: Flying) -> None:
-        self._inbox = flying.fleet.session.subscribe(channels.LABORATORY, channels.SIMULATOR_UNIT, depth=4096)
-        self._frames: dict[str, list[tuple[float, float]]] = {name: [] for name in NAMES}
-
-    def frames(self, name: str) -> list[tuple[float, float]]:
-        """Arrival time [s] and throttle [us] of all frames so far."""
-        for received in self._inbox.drain():
-            for unit, vehicle in received.message.vehicles.items():
-                self._frames[unit] += [(frame[0], frame[1]) for frame in vehicle.radio]
-        return self._frames[name]
-
-    def throttles(self, name: str, from_s: float, until_s: float = math.inf) -> list[float]:
-        """Pulse widths [us] in a time [monotonic s]."""
-        return [throttle for at_s, throttle in self.frames(name) if from_s <= at_s < until_s]
-
-
 def counter(flying: Flying, name: str, what: str) -> int:
     status = flying.fleet.state_of(name).transmitter
     return 0 if status is None else status.counters.get(what, 0)
@@ -411,25 +392,3 @@ transmitter = {{ port = "{port}" }}
         for name, port, side in zip(NAMES, ports, (0.0, 0.5, -0.5), strict=True)
     )
     return fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, vehicles=vehicles)
-
-
-def module(flying: Flying, name: str) -> str:
-    """What the radio module of a vehicle reports, empty before its first report."""
-    status = flying.fleet.state_of(name).transmitter
-    return "" if status is None else status.module
-
-
-def kill_gateway_in_flight(flying: Flying) -> None:
-    """Kill the transmitter gateway and wait until its successor flies all vehicles."""
-    flying.wait_for_spare("transmitters")
-    restarts = flying.restarts("transmitters")
-    flying.kill("transmitters")
-    flying.fleet.wait_until(
-        lambda: (
-            flying.restarts("transmitters") == restarts + 1
-            and all(counter(flying, name, "openings") == 1 and flown_by(flying, name) for name in NAMES)
-        ),
-        30,
-        "not taken over",
-        NAMES,
-    )

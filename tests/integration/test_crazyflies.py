@@ -6,16 +6,14 @@ import pytest
 from integration_support import (
     NAMES,
     Flying,
-    RadioLog,
     Truth,
     flown_by,
     fly_to,
-    kill_gateway_in_flight,
     landed_gently,
-    module,
     of_types,
     transmitter_state,
 )
+from radio_support import RadioLog, kill_gateway_in_flight, module
 from support.udp import udp_paths
 
 from rcopterx.ground_station.terminal.scenario import inject_faults

@@ -3,16 +3,8 @@
 from collections.abc import Callable
 
 import pytest
-from integration_support import (
-    NAMES,
-    Flying,
-    Truth,
-    fly_to,
-    kill_gateway_in_flight,
-    landed_gently,
-    module,
-    of_types,
-)
+from integration_support import NAMES, Flying, Truth, fly_to, landed_gently, of_types
+from radio_support import kill_gateway_in_flight, module
 from support.udp import udp_paths
 
 from rcopterx.ground_station.terminal.scenario import inject_faults

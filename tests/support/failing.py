@@ -46,12 +46,11 @@ FAILURES: dict[str, Callable[[ControlStep], object]] = {
 }
 
 
-class FailingController:
-    """Wraps a sound controller, with the failures of `course` in its steps, cyclically; None for none."""
+class WrappingController:
+    """Wraps a sound controller, and counts its steps."""
 
-    def __init__(self, sound: Controller, course: Sequence[str | None]) -> None:
+    def __init__(self, sound: Controller) -> None:
         self._sound = sound
-        self._course = course
         self.steps = 0
 
     @property
@@ -65,10 +64,22 @@ class FailingController:
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         self._sound.reset(estimate, last_input)
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
-        step = self._sound.step(estimate, reference, last_input)
-        failure = self._course[self.steps % len(self._course)]
+    def sound_step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+        """The next step of the sound controller."""
         self.steps += 1
+        return self._sound.step(estimate, reference, last_input)
+
+
+class FailingController(WrappingController):
+    """Has the failures of `course` in its steps, cyclically; None for none."""
+
+    def __init__(self, sound: Controller, course: Sequence[str | None]) -> None:
+        super().__init__(sound)
+        self._course = course
+
+    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+        failure = self._course[self.steps % len(self._course)]
+        step = self.sound_step(estimate, reference, last_input)
         return step if failure is None else FAILURES[failure](step)  # type: ignore[return-value]
 
 

@@ -9,12 +9,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from msgspec import Struct
 
-from rcopterx.control.interfaces import Controller, ControlStep, Estimate
+from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.schemes.interface import Situation
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
+from support.failing import WrappingController
 
 SOUND_S = 1.0
 """How long a hostile controller is sound."""
@@ -49,7 +50,7 @@ def pushed(model: Model, shares: Sequence[float]) -> Array:
     return np.asarray(hover + pushing * way)
 
 
-class HostileController:
+class HostileController(WrappingController):
     """A controller of some kind of `KINDS`."""
 
     class Settings(Struct):
@@ -57,24 +58,11 @@ class HostileController:
         kind: str = "raising"
 
     def __init__(self, model: Model, period_s: float, settings: Settings) -> None:
-        self._sound: Controller = CONTROLLERS.build("pid", model, period_s, {"horizon": settings.horizon})
+        super().__init__(CONTROLLERS.build("pid", model, period_s, {"horizon": settings.horizon}))
         self._model, self._kind = model, settings.kind
-        self.steps = 0
-
-    @property
-    def horizon(self) -> int:
-        return self._sound.horizon
-
-    @property
-    def period_s(self) -> float:
-        return self._sound.period_s
-
-    def reset(self, estimate: Estimate, last_input: Array) -> None:
-        self._sound.reset(estimate, last_input)
 
     def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
-        step = self._sound.step(estimate, reference, last_input)
-        self.steps += 1
+        step = self.sound_step(estimate, reference, last_input)
         hostile_s = self.steps * self.period_s - SOUND_S
         return step if hostile_s < 0.0 else self._hostile(step, hostile_s)
 

@@ -17,7 +17,6 @@ from integration_support import (
     NAMES,
     THROTTLE_LOW_US,
     Flying,
-    RadioLog,
     Truth,
     all_states,
     counter,
@@ -26,6 +25,7 @@ from integration_support import (
     landed_gently,
     on_floor,
 )
+from radio_support import RadioLog
 
 import rcopterx.deploy.processes.supervisor
 from rcopterx.ground_station.scripting.vehicle import RefusedError
