@@ -10,9 +10,12 @@ from typing import Final
 import zenoh
 
 TLS: Final = "tls/"  # prefix of an endpoint at which both ends show a certificate
-QUEUE_SIZE = 16
+QUEUE_SIZE = 16  # batches of 64 kB that wait for one client, the most that Zenoh permits
 LEASE_MS = 1000
 PATIENT_LEASE_MS: Final = 100 * LEASE_MS  # in lockstep, where no process has to be in time
+_QUICK: Final = "real_time", "interactive_high"
+# In lockstep nothing is dropped: a queue that is full would block the thread of the router that empties it.
+_ALL: Final = *_QUICK, "interactive_low", "data_high", "data", "data_low"
 _THREADS: Final = "ZENOH_RUNTIME", "(rx: (handover: app), tx: (handover: app), acc: (handover: app))"
 """Environment variable of Zenoh: one thread reads, handles and writes each message instead of three."""
 _SOURCE_PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
@@ -108,7 +111,7 @@ def _common(namespace: str | None, credentials: Credentials | None, patient: boo
                 "tx": {
                     "lease": PATIENT_LEASE_MS if patient else LEASE_MS,
                     "keep_alive": 4,
-                    "queue": {"size": {"real_time": QUEUE_SIZE, "interactive_high": QUEUE_SIZE}},
+                    "queue": {"size": dict.fromkeys(_ALL if patient else _QUICK, QUEUE_SIZE)},
                 },
             },
             "shared_memory": {"enabled": False},
