@@ -10,7 +10,7 @@ from typing import Final
 
 from rcopterx.vehicles.state import Array
 
-WINDOW_S: Final = 2.0  # time constant of the mean size of third differences
+WINDOW_S: Final = 0.5  # time constant of the mean size of third differences
 SMALLEST_WINDOW: Final = 25  # third differences before which the noise is unknown
 OUTLIER: Final = 4.0  # a third difference counts at most as so many times the mean one: outliers are no noise
 REGULAR: Final = 0.2  # largest relative difference of periods of regular poses

@@ -8,9 +8,10 @@ vehicle. Only how they swing counts: how the markers sit on the body shifts the 
 import cmath
 from typing import Final
 
-from rcopterx.control.estimators.noise_meter import WINDOW_S, NoiseMeter
+from rcopterx.control.estimators.noise_meter import NoiseMeter
 from rcopterx.vehicles.state import Array
 
+WINDOW_S: Final = 2.0  # time constant of all means
 LEAST_TILT: Final = 0.008  # root mean square of the expected swing below which nothing can be compared
 DISTRUSTED_BELOW: Final = 0.2
 TRUSTED_ABOVE: Final = 0.4  # limits of the concordance

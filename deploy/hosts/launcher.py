@@ -62,6 +62,12 @@ def stretched(limits: WatchdogConfig, clock: Clock) -> WatchdogConfig:
     return replace(limits, flight_s=flight_s, floor_s=floor_s)
 
 
+def spare_turns(fleet: FleetFile, host: str) -> dict[str, int]:
+    """Return the place of a host among those that may run the agent of each vehicle that has spare hosts."""
+    vehicles = [name for name in fleet.agents_on(host) if fleet.vehicles[name].spares]
+    return {name: fleet.agent_hosts(name).index(host) for name in vehicles}
+
+
 class Launcher(AbstractContextManager["Launcher"]):
     """A host's processes under supervision, in a thread of their own.
 
@@ -119,12 +125,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._unpublished: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="supervisor", daemon=True)
-        turns = {
-            name: fleet.agent_hosts(name).index(host)
-            for name in fleet.agents_on(host)
-            if fleet.vehicles[name].spares
-        }
-        self._guard = Guard(host, turns)
+        self._guard = Guard(host, spare_turns(fleet, host))
         self._floor_due_s = self._measure_due_s = 0.0
         self._recall: RecallService | None = None
         self._membership: MembershipService | None = None

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.records import replace
 
 from rcopterx.flights.digest import digest_of
 from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
@@ -30,14 +31,14 @@ def test_order_and_begin_of_the_recording_do_not_count(
     tmp_path_factory: pytest.TempPathFactory, messages: list[LoggedMessage], begin_ns: int
 ) -> None:
     directory = tmp_path_factory.mktemp("flights")
-    later = [message._replace(time_ns=message.time_ns + begin_ns) for message in messages]
+    later = [replace(message, time_ns=message.time_ns + begin_ns) for message in messages]
     assert digest_of(log(directory / "a", FLOWN)) == digest_of(log(directory / "b", later))
 
 
 def test_every_message_counts(tmp_path: Path) -> None:
     digests = {digest_of(log(tmp_path / "all", FLOWN)).digest}
     for index, message in enumerate(FLOWN):
-        changed = [*FLOWN[:index], message._replace(payload=b"another"), *FLOWN[index + 1 :]]
+        changed = [*FLOWN[:index], replace(message, payload=b"another"), *FLOWN[index + 1 :]]
         digests.add(digest_of(log(tmp_path / "changed", changed)).digest)
     assert len(digests) == 1 + len(FLOWN)
 

@@ -239,9 +239,10 @@ def state_tilting(
             demand[k, 0], demand[k, 1] = in_body(-middle_rad, pitch, roll)
     x, y = p.x_end[servo], p.x_end[servo + 1]
     p.x_end[servo], p.x_end[servo + 1] = in_body(steering.coupling_rad, x, y)
-    p.x_0[VELOCITY], p.x_0[VELOCITY + 1] = in_body(-motion[YAW], motion[4], motion[5])
+    to_inertial_rad = -motion[YAW]
+    p.x_0[VELOCITY], p.x_0[VELOCITY + 1] = in_body(to_inertial_rad, motion[4], motion[5])
     pitch, roll = gain[0] * tilt.servo[0], gain[1] * tilt.servo[1]
-    p.x_0[servo], p.x_0[servo + 1] = in_body(-motion[YAW], pitch, roll)
+    p.x_0[servo], p.x_0[servo + 1] = in_body(to_inertial_rad, pitch, roll)
     for i in range(len(tilt.core)):
         p.x_0[4 + i] = tilt.core[i]
 
