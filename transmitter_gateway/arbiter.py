@@ -64,6 +64,7 @@ class Arbiter:
         self._arming = self._shutdown = False
         self._motion: Motion | None = None
         self._climb_m_s: float | None = None
+        self._located = False
         self._now_s = self._shaped_s = -math.inf
         self._entered_s = -math.inf
         self._landing_since_s = -math.inf
@@ -246,7 +247,8 @@ class Arbiter:
         """Judge the raw poses; a vehicle that stands on the floor is left alone unless it is to be armed."""
         flying = self.state in FLYING
         self._motion = self._climb_m_s = None
-        if flying and self._grounded(now_s):
+        self._located = flying and self._grounded(now_s)
+        if self._located:
             found.add(Condition.GROUNDED)
             return
         self._judge_motion(found, now_s)
@@ -266,6 +268,7 @@ class Arbiter:
             self._touchdown.release()
             return
         found.add(Condition.SEEN)
+        self._located = True
         if motion.position_m[2] >= self._floor_m + self.limits.airborne_m:
             found.add(Condition.AIRBORNE)
             self._climb_m_s = motion.velocity_m_s[2]
@@ -352,7 +355,7 @@ class Arbiter:
 
     def _shape(self, now_s: float, elapsed_s: float, acting: Stream | None) -> None:
         shaping, motion = self._shaping, self._motion
-        shaping.learn_hover(elapsed_s, self._climb_m_s)
+        shaping.learn_hover(elapsed_s, self._climb_m_s, located=self._located)
         if acting is not None:
             shaping.play(played_input(acting.command, self._bridging_step), now_s)
         elif self.state is State.HOLD:

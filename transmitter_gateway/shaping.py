@@ -30,6 +30,7 @@ class Shaping:
         self._law = LandingLaw(limits.landing)
         self._moved_s = 4 * [-math.inf]
         self._braked = 0.0
+        self._flew = False  # whether the vehicle was in the air when it was located last
 
     @property
     def hover_thrust(self) -> float:
@@ -45,6 +46,7 @@ class Shaping:
         """Apply nothing."""
         self.u = NEUTRAL
         self._braked = 0.0
+        self._flew = False
         self._law.renew()
         self._hover.begin(self._u_hover, 0.0)
 
@@ -70,8 +72,13 @@ class Shaping:
         if self.u != target:
             self._counters["steps slew limited"] += 1
 
-    def learn_hover(self, elapsed_s: float, climb_m_s: float | None) -> None:
-        """Use the climb rate after `elapsed_s` of the present inputs, None if not seen in the air."""
+    def learn_hover(self, elapsed_s: float, climb_m_s: float | None, *, located: bool) -> None:
+        """Use the climb rate after `elapsed_s` of the present inputs, None if not seen in the air.
+
+        A vehicle is `located` while it is certain whether it is in the air.
+        """
+        if located:
+            self._flew = climb_m_s is not None
         self._hover.note(self.u[THRUST], elapsed_s, climb_m_s)
 
     def hold(self, motion: Motion | None, elapsed_s: float) -> None:
@@ -95,13 +102,17 @@ class Shaping:
             self._level(sinking, self._limits.descend_rate_per_s, elapsed_s)
 
     def _level(self, thrust: float, rate_per_s: float, elapsed_s: float) -> None:
-        """Lower the thrust to this one, and further while the vehicle climbs; never raise it otherwise."""
+        """Lower the thrust to this one, and further while the vehicle climbs.
+
+        A thrust that was lower for a moment of its flight is raised to this one, else the vehicle would fall.
+        """
         self._law.release()
         before = min(self.u[THRUST] + self._braked, self._hover.value)
-        lowered = max(min(before, thrust), before - rate_per_s * elapsed_s)
+        raised = before + (self._slew_per_s[THRUST] * elapsed_s if self._flew else 0.0)
+        level = max(min(raised, thrust), before - rate_per_s * elapsed_s)
         self._braked = BRAKING * self._hover.scale * max(self._hover.climb_m_s, 0.0)
-        self._braked = min(self._braked, (1.0 - LEAST_SHARE) * lowered)
-        self.u = (0.0, 0.0, lowered - self._braked, 0.0)
+        self._braked = min(self._braked, (1.0 - LEAST_SHARE) * level)
+        self.u = (0.0, 0.0, level - self._braked, 0.0)
 
     def _fly(self, motion: Motion, climb_m_s: float, elapsed_s: float) -> None:
         self._braked = 0.0

@@ -1,12 +1,12 @@
 """Descents of the arbiter, flown: vehicles that are not as calibrated land gently all the same."""
 
-from arbiter_bench import PERIOD_S, Bench
+from arbiter_bench import PERIOD_S, U_HOVER, Bench
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
-from rcopterx.transmitter_gateway.inputs import State
+from rcopterx.transmitter_gateway.inputs import Position, State
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.vehicles.state import U_THRUST, ZD_BODY
 
@@ -49,3 +49,23 @@ def test_vehicles_land_gently_whatever_their_true_hover_thrust_is() -> None:
 def test_without_the_correction_of_the_hover_thrust_they_do_not() -> None:
     speeds_m_s = [touchdown_m_s(seed, ArbiterLimits(hover_correction=0.0)) for seed in range(12)]
     assert max(speeds_m_s) > 2.5
+
+
+def thrusts_after_poses_end(position_m: Position, thrust: float) -> list[float]:
+    """Fly, lower the thrust for a moment, and see no pose any more; thrusts of the arbiter after that."""
+    bench = Bench()
+    bench.yaw_rad, bench.position = 0.0, position_m
+    bench.fly((0.0, 0.0, U_HOVER if position_m[2] > 0.0 else thrust, 0.0))
+    bench.position = None
+    while bench.state is State.ARMED:
+        bench.run(PERIOD_S, (0.0, 0.0, thrust, 0.0))
+    return [bench.wait(PERIOD_S).u[U_THRUST] for _ in range(10)]
+
+
+def test_a_thrust_that_was_low_for_a_moment_in_the_air_is_raised_to_that_of_a_hover() -> None:
+    thrusts = thrusts_after_poses_end((0.0, 0.0, 1.0), 0.3)
+    assert 0.8 * U_HOVER < max(thrusts) <= U_HOVER + 0.01
+
+
+def test_on_the_floor_it_is_not_raised() -> None:
+    assert max(thrusts_after_poses_end((0.0, 0.0, 0.0), 0.3)) <= 0.3
