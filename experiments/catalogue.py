@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
-from rcopterx.experiments import chain, family, fleets, formation, hover
+from rcopterx.experiments import bound, chain, family, fleets, formation, hover
 from rcopterx.experiments.runner import Experiment
 
-_MODULES: Final = (hover, formation, chain, family, fleets)
+_MODULES: Final = (hover, formation, chain, family, fleets, bound)
 EXPERIMENTS: Final[Mapping[str, Experiment[Any]]] = MappingProxyType(
     {module.EXPERIMENT.name: module.EXPERIMENT for module in _MODULES}
 )

@@ -76,6 +76,7 @@ class Experiment(Generic[T]):
     # first-order plants also fly the first seed in ideal conditions; the document is then by preset
     beside_ideal: bool = False
     compares_knowledge: bool = False  # whether it flies at every level of `Options.knowledge`
+    helicopters_only: bool = False  # whether it needs conditions with helicopters
 
     def seeds(self, preset: str) -> tuple[int, ...]:
         """Consecutive seeds for a preset."""

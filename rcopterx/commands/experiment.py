@@ -109,6 +109,7 @@ def _judge(directory: Path, plot: Path | None, as_json: bool) -> None:
 
 def _presets(row: "Experiment[Any]", conditions: str | None) -> list[str]:
     """Conditions to fly under, which this computer can simulate."""
+    from rcopterx.experiments.knowledge import COAXIAL, plant_type
     from rcopterx.simulator.identified_crazyflie import missing_library
 
     presets = list(row.flights) if conditions is None else [conditions]
@@ -116,6 +117,8 @@ def _presets(row: "Experiment[Any]", conditions: str | None) -> list[str]:
     for preset in presets:
         if (missing := missing_library(PRESETS[preset])) is not None:
             raise typer.BadParameter(f"{preset}: {missing}", param_hint="--conditions")
+        if row.helicopters_only and plant_type(PRESETS[preset]) is not COAXIAL:
+            raise typer.BadParameter(f"{preset}: no helicopters fly there", param_hint="--conditions")
     return presets
 
 

@@ -30,6 +30,7 @@ def test_experiments_are_listed() -> None:
         "chain",
         "family",
         "fleets",
+        "bound",
         "real-flights",
     ]
 
