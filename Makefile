@@ -6,6 +6,8 @@ ARGS ?=
 # Matrices are small: threads of the linear algebra would only wait for each other.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
+# A fleet is many processes: without stored bytecode each would compile the sources of all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help demo kernels test campaign fuzz measure mutation lint docs wheel clean
 
