@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, TypeVar
@@ -86,6 +87,7 @@ T = TypeVar("T")
 
 DEEPEST = 16  # tables and arrays within each other
 _STEP = re.compile(r"\.(\w+)|\[")
+_type_info = cache(inspect.type_info)
 
 
 def load_fleet(path: Path) -> FleetFile:
@@ -206,7 +208,7 @@ def dataclass_from(kind: type[T], table: Mapping[str, Any], where: str) -> T:
 
 def _refuse_unknown(kind: Any, table: Mapping[str, Any], where: str) -> None:
     allowed = {item.name: item.type for item in fields(kind)}
-    hints = inspect.type_info(kind)
+    hints = _type_info(kind)
     types = {item.name: item.type for item in getattr(hints, "fields", ())}
     for name, value in table.items():
         if name not in allowed:
@@ -217,13 +219,15 @@ def _refuse_unknown(kind: Any, table: Mapping[str, Any], where: str) -> None:
 
 
 def replaced(original: T, table: Mapping[str, Any], where: str) -> T:
-    """Copy a dataclass object with fields changed by a table; errors as in `dataclass_from`."""
+    """Return a dataclass object with fields changed by a table; errors as in `dataclass_from`."""
+    if not table:
+        return original
     return dataclass_from(type(original), merged(msgspec.to_builtins(original), table), where)
 
 
 def _allowed_at(kind: Any, below: str) -> tuple[str, ...]:
     """Return the fields or words allowed at a place below a type, such as `.follow[0].frame`."""
-    node: Any = inspect.type_info(kind)
+    node: Any = _type_info(kind)
     for step in _STEP.finditer(below):
         node = _inside(_without_none(node), step[1])
     node = _without_none(node)
