@@ -7,13 +7,14 @@ from rcopterx.simulator.radio_module import RadioEnd, RadioModule
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.simulator.settings import SimulatedRadio
-from rcopterx.simulator.vehicle_udp import UdpVehicle, VehicleUdp
+from rcopterx.simulator.vehicle_udp import UdpVehicle, VehicleOnAir, VehicleUdp
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
 from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
 from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
 from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
 from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
+from rcopterx.transmitter_gateway.udp_port import UDP, udp_address
 
 
 def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
@@ -33,7 +34,8 @@ def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
 def radio_end_of(port: str, radio: SimulatedRadio, start_s: float) -> RadioEnd:
     """Emulated radio of a vehicle at a port; raises `OSError` if the port cannot be used."""
     if isinstance(radio.protocol, SetPointRadio):
-        return VehicleUdp(port, _vehicle_of(radio.protocol, start_s))
+        vehicle = _vehicle_of(radio.protocol, start_s)
+        return VehicleUdp(udp_address(port), vehicle) if port.startswith(UDP) else VehicleOnAir(port, vehicle)
     return RadioPty(port, RadioLink(module_of(radio, start_s), Receiver(radio.model_match)))
 
 

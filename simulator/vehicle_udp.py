@@ -1,4 +1,4 @@
-"""Emulated vehicles behind a UDP port, with a firmware and a battery of their own."""
+"""Emulated vehicles behind a socket, with a firmware and a battery of their own."""
 
 import socket
 from abc import ABC, abstractmethod
@@ -6,7 +6,7 @@ from contextlib import suppress
 
 from rcopterx.simulator.plant import Plant
 from rcopterx.simulator.radio_module import RadioEnd, Reception
-from rcopterx.transmitter_gateway.udp_port import LONGEST_DATAGRAM, udp_address
+from rcopterx.transmitter_gateway.udp_port import LONGEST_DATAGRAM
 
 
 class UdpVehicle(Reception, ABC):
@@ -41,15 +41,17 @@ class UdpVehicle(Reception, ABC):
 class VehicleUdp(RadioEnd):
     """A vehicle behind a UDP port; it reports to the newest datagram's sender. May raise `OSError`."""
 
-    def __init__(self, path: str, vehicle: UdpVehicle) -> None:
+    family = socket.AF_INET
+
+    def __init__(self, address: tuple[str, int] | str, vehicle: UdpVehicle) -> None:
         super().__init__(vehicle)
         self.vehicle = vehicle
-        self._address = udp_address(path)
+        self._address = address
         self._socket: socket.socket | None = self._bound()
-        self._peer: tuple[str, int] | None = None
+        self._peer: tuple[str, int] | bytes | None = None
 
     def _bound(self) -> socket.socket:
-        bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        bound = socket.socket(self.family, socket.SOCK_DGRAM)
         bound.setblocking(False)
         try:
             bound.bind(self._address)
@@ -111,3 +113,19 @@ class VehicleUdp(RadioEnd):
         """Put the battery in; the firmware starts."""
         if not self.vehicle.powered:
             self.vehicle.power_cycle(now_s)
+
+
+class VehicleOnAir(VehicleUdp):
+    """A vehicle in reach of an `EmulatedDongle`; without power it is not."""
+
+    family = socket.AF_UNIX
+
+    def switch_off(self) -> None:
+        """Remove the battery."""
+        super().switch_off()
+        self.unplug()
+
+    def switch_on(self, now_s: float) -> None:
+        """Put the battery in; the firmware starts."""
+        self.replug(now_s)
+        super().switch_on(now_s)

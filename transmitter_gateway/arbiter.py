@@ -111,10 +111,11 @@ class Arbiter:
             self.surveillance.own_pose(pose, now_s, airborne=airborne)
 
     def link(self, link: LinkState, problem: str | None = None) -> None:
-        """Take the state of port and module, and why it is lost; it takes effect with the next step."""
+        """Take the state of port and module, and why it is not ready; it takes effect with the next step."""
         self._link = link
+        self._details.pop(Condition.READY, None)
         if problem is not None:
-            self._details[Condition.LINK_LOST] = problem
+            self._details[Condition.LINK_LOST if link is LinkState.LOST else Condition.READY] = problem
 
     def request(self, request: ActionRequest, now_s: float) -> Answer:
         """Carry out or refuse a request; see `FOR_OPERATORS`."""
@@ -160,11 +161,12 @@ class Arbiter:
             return None
         if state is State.KILLED:
             return "killed: an operator must reset first"
-        missing = sorted(f"missing: {c}" for c in ARMING.needs - conditions - {Condition.ARM})
-        present = sorted(
-            f"{c}: {self._details[c]}" if c in self._details else str(c) for c in ARMING.unless & conditions
-        )
-        return "; ".join(missing + present)
+        missing = sorted(f"missing: {self._detailed(c)}" for c in ARMING.needs - conditions - {Condition.ARM})
+        return "; ".join(missing + sorted(map(self._detailed, ARMING.unless & conditions)))
+
+    def _detailed(self, condition: Condition) -> str:
+        """A condition with its detail, if any."""
+        return f"{condition}: {self._details[condition]}" if condition in self._details else str(condition)
 
     def take_over(self, last: LastApplied, now_s: float) -> Answer:
         """Continue the flight of an earlier process, by landing until fresh commands; or answer why not."""

@@ -12,6 +12,8 @@ from functools import cache
 from threading import Condition, RLock, Thread
 from typing import Final, Protocol
 
+from rcopterx.bus.clock import Clock
+from rcopterx.bus.rounding import monotonic_s
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 from rcopterx.transmitter_gateway.protocols.crtp import RadioAddress, joined, separated
 
@@ -27,6 +29,9 @@ ACKNOWLEDGED: Final = 0x01
 RETRY_S: Final = 0.3
 SERVICE_S: Final = 0.02
 MOST_ANSWERS: Final = 64
+PACKETS_PER_S: Final = 60
+"""What each vehicle needs in flight: 50 set points, and two requests with every tenth of them."""
+TIMED: Final = 200  # newest packets whose duration is averaged
 MISSING_LIBRARY: Final = "the library pyusb is not installed: pip install 'rcopterx[crazyflie]'"
 
 
@@ -60,22 +65,46 @@ def find_dongle(number: int) -> UsbDevice:
 
 
 class Crazyradio:
-    """A dongle, opened by `find`, and the ports of its vehicles; `problem` is why it is not open."""
+    """A dongle, opened by `find`, and the ports of its vehicles; `problem` is why it is not open.
 
-    def __init__(self, find: Callable[[], UsbDevice]) -> None:
+    With `at_once` there is no thread: packets are exchanged while a port hands them over.
+    """
+
+    def __init__(
+        self,
+        find: Callable[[], UsbDevice],
+        now: Callable[[], float] = monotonic_s,
+        *,
+        at_once: bool = False,
+    ) -> None:
         self.problem: str | None = "not opened yet"
-        self._find = find
+        self._find, self._now, self._at_once = find, now, at_once
         self._ports: list[CrazyradioPort] = []
         self._changed = Condition()
         self._thread: Thread | None = None
+        self._device: UsbDevice | None = None
         self._tuned: RadioAddress | None = None
+        self._taken_s: deque[float] = deque(maxlen=TIMED)  # by the newest packets
+
+    @property
+    def overload(self) -> str | None:
+        """Why it cannot carry the packets of all its vehicles in flight, as timed; None if it can."""
+        taken_s = list(self._taken_s)
+        vehicles, needed = len(self._ports), PACKETS_PER_S * len(self._ports)
+        if len(taken_s) < TIMED or len(taken_s) >= needed * sum(taken_s):
+            return None
+        carried = len(taken_s) / sum(taken_s)
+        return f"this Crazyradio carries {carried:.0f} packets/s, {vehicles} vehicles need {needed}: use more"
 
     def attach(self, port: CrazyradioPort) -> None:
         """Serve a port from now on."""
         with self._changed:
             if port not in self._ports:
                 self._ports = [*self._ports, port]
-            if self._thread is None:
+            if self._at_once:
+                if self.problem is not None:
+                    self._attempt(self._open)
+            elif self._thread is None:
                 self._thread = Thread(target=self._run, name="crazyradio", daemon=True)
                 self._thread.start()
 
@@ -87,43 +116,59 @@ class Crazyradio:
 
     def notify(self) -> None:
         """Begin with what a port has to send."""
+        if self._at_once:
+            self._attempt(self._exchange_all)
+            return
         with self._changed:
             self._changed.notify()
+
+    def _attempt(self, work: Callable[[], None]) -> None:
+        """Use the dongle, and note why it fails."""
+        try:
+            work()
+        except OSError as error:
+            self.problem = f"Crazyradio: {error.strerror or error}"
 
     def _run(self) -> None:
         """Open the dongle, serve ports until it fails, and begin again, while there are ports."""
         while True:
-            try:
-                device = self._find()
-                device.ctrl_transfer(TO_DEVICE, SET_POWER, FULL_POWER, 0, None)
-                device.ctrl_transfer(TO_DEVICE, SET_RETRIES, RETRIES, 0, None)
-                self._tuned, self.problem = None, None
-                self._serve(device)
-            except OSError as error:
-                self.problem = f"Crazyradio: {error.strerror or error}"
+            self._attempt(self._serve)
             with self._changed:
                 if not self._ports:
                     self.problem, self._thread = "closed", None
                     return
                 self._changed.wait(RETRY_S)
 
-    def _serve(self, device: UsbDevice) -> None:
-        while ports := self._ports:
-            # In turn, one packet each: no vehicle waits for the whole frame of another.
-            exchanged = [self._exchange(device, port) for port in ports]
-            if not any(exchanged):
-                with self._changed:
-                    if not any(port.waiting for port in self._ports):
-                        self._changed.wait(SERVICE_S)
+    def _open(self) -> None:
+        self._device = device = self._find()
+        device.ctrl_transfer(TO_DEVICE, SET_POWER, FULL_POWER, 0, None)
+        device.ctrl_transfer(TO_DEVICE, SET_RETRIES, RETRIES, 0, None)
+        self._tuned, self.problem = None, None
+
+    def _serve(self) -> None:
+        self._open()
+        while self._ports:
+            self._exchange_all()
+            with self._changed:
+                if not any(port.waiting for port in self._ports):
+                    self._changed.wait(SERVICE_S)
+
+    def _exchange_all(self) -> None:
+        """Send what waits, in turn one packet each: no vehicle waits for the whole frame of another."""
+        assert self._device is not None
+        while [port for port in self._ports if self._exchange(self._device, port)]:
+            pass
 
     def _exchange(self, device: UsbDevice, port: CrazyradioPort) -> bool:
         """Send one packet of a port, and pass on what the vehicle answers."""
         packet = port.next_packet()
         if packet is None:
             return False
+        began_s = self._now()
         self._tune(device, port.address)
         device.write(OUT, packet, TIMEOUT_MS)
         status, *answer = device.read(IN, LONGEST_ANSWER, TIMEOUT_MS) or [0]
+        self._taken_s.append(self._now() - began_s)
         port.deliver(status, bytes(answer))
         return True
 
@@ -140,9 +185,9 @@ class Crazyradio:
 
 
 @cache
-def crazyradio(number: int) -> Crazyradio:
+def crazyradio(number: int, find: Callable[[int], UsbDevice], clock: Clock) -> Crazyradio:
     """Return the dongle that all ports of this process with this number share."""
-    return Crazyradio(lambda: find_dongle(number))
+    return Crazyradio(lambda: find(number), clock.now, at_once=clock.lockstep)
 
 
 class CrazyradioPort(Port):
@@ -191,6 +236,11 @@ class CrazyradioPort(Port):
             self._packets.extend(separated(frame))
         self._dongle.notify()
         return WriteOutcome.WRITTEN
+
+    @property
+    def overload(self) -> str | None:
+        """See `Port`."""
+        return self._dongle.overload
 
     @property
     def waiting(self) -> bool:

@@ -39,6 +39,11 @@ class Port(ABC):
         """When `service` has something to do again [s]; infinite while open."""
         return math.inf if self.is_open else self._next_attempt_s
 
+    @property
+    def overload(self) -> str | None:
+        """Why no flight shall begin although the port is open; None if one may."""
+        return None
+
     @abstractmethod
     def fileno(self) -> int | None:
         """File descriptor to wait for answers on, None while closed."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.bus.turns import Turns
-from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, crazyradio
+from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, UsbDevice, crazyradio, find_dongle
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.port import Port
@@ -24,15 +24,19 @@ from rcopterx.transmitter_gateway.transmitter import Transmitter
 from rcopterx.transmitter_gateway.udp_port import UDP, UdpPort
 
 
-def port_for(settings: TransmitterSettings, *, at_once: bool = False) -> Port:
-    """Return a port for a transmitter, not yet opened."""
+def port_for(
+    settings: TransmitterSettings,
+    clock: Clock = REAL_TIME,
+    dongles: Callable[[int], UsbDevice] = find_dongle,
+) -> Port:
+    """Return a port for a transmitter, not yet opened; `dongles` finds Crazyradios by their number."""
     if settings.port.startswith(UDP) and isinstance(settings.protocol, SetPointRadio):
         return UdpPort(settings.port, settings.protocol)
     if settings.port.startswith(RADIO):
         address = RadioAddress.of(settings.port)
-        return CrazyradioPort(settings.port, address, crazyradio(address.dongle))
+        return CrazyradioPort(settings.port, address, crazyradio(address.dongle, dongles, clock))
     # In lockstep no time passes while a port opens.
-    start = (lambda work: work()) if at_once else in_thread
+    start = (lambda work: work()) if clock.lockstep else in_thread
     return SerialPort(settings.port, settings.protocol.line, start)
 
 
@@ -88,7 +92,7 @@ class Radios:
         self._wakeup, self._keys, self._heartbeat = wakeup, keys, heartbeat
         self._clock = clock
         self.transmitters = {
-            each.vehicle: Transmitter(each, port_for(each, at_once=settings.bus.clock.lockstep))
+            each.vehicle: Transmitter(each, port_for(each, settings.bus.clock, settings.dongles))
             for each in settings.transmitters
         }
         self._pages = {name: _page(settings.states / name) for name in self.transmitters}

@@ -1,10 +1,12 @@
 """Everything one transmitter gateway process needs to know at start."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from rcopterx.bus.session import BusAddress
 from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.transmitter_gateway.crazyradio import UsbDevice, find_dongle
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.protocols.base import RadioProtocol
 
@@ -31,3 +33,4 @@ class GatewaySettings:
     vehicles: tuple[str, ...]  # all whose poses matter
     states: Path  # directory of the pages with the states of its vehicles, for its successor
     realtime_priority: int = 0
+    dongles: Callable[[int], UsbDevice] = find_dongle  # returns a Crazyradio by its number

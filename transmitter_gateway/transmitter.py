@@ -72,8 +72,6 @@ class Transmitter:
         self._attempt_s = self._written_s = self._returned_s = self._opened_s = -math.inf
         self._last: LastApplied | None = None
 
-    # Inputs --------------------------------------------------------------------------------------------
-
     def on_command(self, command: CommandInput, now_s: float) -> Answer:
         """Take a command; an accepted one is written by the next `tick`, if it flies the vehicle."""
         answer = self.arbiter.command(command, now_s)
@@ -244,14 +242,13 @@ class Transmitter:
     def _link(self, module: ModuleStatus, now_s: float) -> LinkState:
         """Way to the vehicle while the port is open."""
         waits = self.busy(now_s) or self._searched(now_s)
-        return LinkState.READY if module.ready and not waits else LinkState.UP
+        overloaded = self.arbiter.state not in FLYING and self.port.overload is not None
+        return LinkState.READY if module.ready and not (waits or overloaded) else LinkState.UP
 
     def _searched(self, now_s: float) -> bool:
         """Whether a receiver still searches: its board has to see the arming channel off."""
         until_s = self._opened_s + self.protocol.receiver_search_s
         return self._calibration.arming is not None and now_s < until_s
-
-    # Time ---------------------------------------------------------------------------------------------
 
     def _decide_at_once(self, *, urgent: bool = False) -> None:
         """Make the next `tick` due now; an urgent frame does not wait for the keep-alive."""
@@ -372,6 +369,8 @@ class Transmitter:
             problem = "it may stand on the floor"
         link = self._link(module, now_s) if problem is None else LinkState.LOST
         self._ready = link is LinkState.READY
+        if link is LinkState.UP and not self.busy(now_s):
+            problem = self._module_text(module, now_s)
         self.arbiter.link(link, problem)
 
     def _module_text(self, module: ModuleStatus, now_s: float) -> str:
@@ -379,7 +378,7 @@ class Transmitter:
             return "waiting for the own pose"
         if self.port.problem is None and module.ready and self._searched(now_s):
             return "waiting until the receiver has found the radio"
-        return self.port.problem or module.text
+        return self.port.problem or (self.port.overload if module.ready else None) or module.text
 
     def snapshot(self, now_s: float) -> TransmitterSnapshot:
         """Everything a status message needs, at `now_s`."""

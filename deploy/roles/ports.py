@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
-from rcopterx.deploy.hosts.run_directory import serial_path
+from rcopterx.deploy.hosts.run_directory import serial_path, states_directory
 from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.simulator.crazyradio import place_of
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
-from rcopterx.transmitter_gateway.protocols.crtp import RadioAddress
+from rcopterx.transmitter_gateway.protocols.crtp import RADIO, RadioAddress
 from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
 from rcopterx.transmitter_gateway.udp_port import UDP, udp_address
 
@@ -16,15 +17,26 @@ def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
     """Return the port of a vehicle's transmitter; `FleetError` if it is none for the protocol."""
     port = fleet.vehicles[name].transmitter.port
     protocol, where = protocol_of(fleet, name), f"vehicles.{name}.transmitter.port"
-    addressed = isinstance(protocol, SetPointRadio)
     try:
-        if addressed and port.startswith(UDP):
+        if isinstance(protocol, SetPointRadio) and port.startswith(UDP):
             udp_address(port)
             return port
         if isinstance(protocol, CrazyflieProtocol):
             RadioAddress.of(port)
+            return port
     except ProtocolError as error:
         raise FleetError(f"{where}: {error}") from None
-    if addressed and fleet.simulator is not None:
-        raise FleetError(f"{where}: {port!r} is a radio, simulated vehicles are at udp://")
-    return port if isinstance(protocol, CrazyflieProtocol) else str(serial_path(port, directory))
+    if isinstance(protocol, SetPointRadio) and fleet.simulator is not None:
+        raise FleetError(f"{where}: {port!r} is a device, simulated vehicles are at udp://")
+    return str(serial_path(port, directory))
+
+
+def simulated_port_of(fleet: FleetFile, name: str, directory: Path) -> str:
+    """Return where a simulated vehicle receives what is sent to its port; `FleetError` as `port_of`."""
+    port = port_of(fleet, name, directory)
+    return place_of(laboratory_of(directory), RadioAddress.of(port)) if port.startswith(RADIO) else port
+
+
+def laboratory_of(directory: Path) -> str:
+    """Return the name of a simulated laboratory among all on this computer, by run directory."""
+    return states_directory(directory).name

@@ -6,7 +6,7 @@ from pathlib import Path
 from rcopterx.bus.turns import CONDUCTOR
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.addresses import bus_address
-from rcopterx.deploy.roles.ports import port_of
+from rcopterx.deploy.roles.ports import simulated_port_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.roles.tracker import tracker_address
 from rcopterx.fleet.formation_check import formation_places
@@ -75,7 +75,7 @@ def _simulated(fleet: FleetFile, name: str, directory: Path) -> SimulatedVehicle
         subject=vehicle.subject,
         model=model_of(fleet, name),
         start=Pose(place[:3], place[3]),
-        port=port_of(fleet, name, directory),
+        port=simulated_port_of(fleet, name, directory),
         radio=SimulatedRadio(protocol_of(fleet, name), vehicle.transmitter.model_match),
         calibration=calibration_of(fleet, name),
     )

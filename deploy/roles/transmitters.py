@@ -1,14 +1,18 @@
 """The role of a transmitter gateway: radios and calibrations from the fleet file."""
 
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 from rcopterx.deploy.hosts.run_directory import run_directory, states_directory
 from rcopterx.deploy.roles.addresses import bus_address
-from rcopterx.deploy.roles.ports import port_of
+from rcopterx.deploy.roles.ports import laboratory_of, port_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import limits_of
+from rcopterx.simulator.crazyradio import EmulatedDongle
+from rcopterx.transmitter_gateway.crazyradio import UsbDevice, find_dongle
 from rcopterx.transmitter_gateway.process import run_gateway
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 
@@ -38,4 +42,15 @@ def gateway_settings(fleet: FleetFile, gateway: str, directory: Path) -> Gateway
         vehicles=tuple(fleet.vehicles),
         states=states_directory(directory),
         realtime_priority=Priority.GATEWAY.of(fleet),
+        dongles=find_dongle if fleet.simulator is None else _emulated(fleet, directory),
     )
+
+
+def _emulated(fleet: FleetFile, directory: Path) -> Callable[[int], UsbDevice]:
+    """Crazyradios of a simulated laboratory; in lockstep their packets take no time."""
+
+    def sleep(seconds: float) -> None:
+        if not fleet.clock.lockstep:
+            time.sleep(fleet.clock.real_s(seconds))
+
+    return lambda number: EmulatedDongle(number, laboratory_of(directory), sleep)

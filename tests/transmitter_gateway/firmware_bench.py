@@ -20,6 +20,11 @@ class Air(Port):
         self.path, self.problem, self.counters = "air", "closed", Counter()
         self._vehicle, self._protocol = vehicle, protocol
         self.answers: list[bytes] = []
+        self.full: str | None = None
+
+    @property
+    def overload(self) -> str | None:
+        return self.full
 
     @property
     def is_open(self) -> bool:

@@ -4,7 +4,7 @@ import pytest
 from firmware_bench import FirmwareBench
 
 from rcopterx.simulator.crazyflie import LEVEL_AFTER_S, WATCHDOG_S, Crazyflie
-from rcopterx.transmitter_gateway.inputs import Action, State
+from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol, CrazyflieSettings
 
 
@@ -57,6 +57,20 @@ def test_a_kill_stops_the_motors_within_a_period_and_for_good(bench: Bench) -> N
     assert "off and on" in bench.transmitter.snapshot(bench.now_s).module
     bench.vehicle.power_cycle(bench.now_s)
     bench.fly()
+
+
+def test_an_overloaded_radio_refuses_arming_with_the_reason_and_ends_no_flight(bench: Bench) -> None:
+    bench.air.full = "too many vehicles"
+    bench.run(1.5, 0.0)
+    reason = bench.transmitter.request(ActionRequest(Action.ARM, "operator"), bench.now_s).reason
+    assert "transmitter ready: too many vehicles" in reason
+    assert bench.module == "too many vehicles"
+    bench.air.full = None
+    bench.fly()
+    bench.air.full = "too many vehicles"
+    bench.run(2.0)
+    assert bench.state is State.ARMED
+    assert bench.vehicle.motors_run
 
 
 def test_without_commands_the_arbiter_holds_and_lands_before_the_firmware_acts(bench: Bench) -> None:

@@ -1,13 +1,16 @@
 """Promises of the Crazyradio: several vehicles on one dongle, with a dongle that only exists in memory."""
 
+import re
 import select
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
 import pytest
-from support.waiting import wait_for
+from support.radio_addresses import radio_paths
+from support.waiting import FakeClock, wait_for
 
 from rcopterx.simulator.crazyflie import Crazyflie
+from rcopterx.simulator.crazyradio import EmulatedDongle
 from rcopterx.transmitter_gateway.crazyradio import (
     IN,
     OUT,
@@ -165,6 +168,40 @@ def test_a_frame_is_not_queued_behind_one_that_waits(bench: Bench) -> None:
     sent = frames.count(WriteOutcome.WRITTEN)
     wait_for(lambda: port.counters["packets acknowledged"] == 3 * sent, "the radio")
     assert sent + frames.count(WriteOutcome.BACKLOG) == 100
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "limit"),
+    [(4, None), (10, "this Crazyradio carries 3.. packets/s, 10 vehicles need 600: use more")],
+)
+def test_a_dongle_names_its_limit_when_it_has_too_many_vehicles(vehicles: int, limit: str | None) -> None:
+    clock = FakeClock()
+    dongle = EmulatedDongle(0, "nobody", clock.advance)
+    radio = Crazyradio(lambda: dongle, clock, at_once=True)
+    ports = [CrazyradioPort(path, RadioAddress.of(path), radio) for path in radio_paths(vehicles)]
+    assert all(port.service(0.0) for port in ports)
+    for _ in range(1000 // vehicles):
+        assert all(port.write_frame(joined([b"\xff"]), 0.0) is WriteOutcome.WRITTEN for port in ports)
+    texts = {port.overload for port in ports}
+    assert len(texts) == 1
+    [text] = texts
+    assert text is None if limit is None else re.fullmatch(limit, text or "")
+
+
+def test_without_a_thread_a_frame_is_sent_while_it_is_written_and_a_dongle_that_is_back_is_used(
+    bench: Bench,
+) -> None:
+    bench.radio = Crazyradio(bench.find, at_once=True)
+    port = bench.port(FIRST)
+    assert bench.opened(port)
+    assert bench.sent(port, joined([b"\xff", b"\xff"]))
+    assert port.counters["packets acknowledged"] == 2
+    bench.dongle.plugged = False
+    bench.sent(port, joined([b"\xff"]))
+    assert port.write_frame(joined([b"\xff"]), bench.now_s) is WriteOutcome.CLOSED
+    assert not bench.opened(port)
+    bench.dongle.plugged = True
+    assert bench.opened(port)
 
 
 @pytest.mark.parametrize(

@@ -229,9 +229,8 @@ def test_long_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_a
     bench.run(0.17, IDLE)
     assert bench.port.is_open
     assert bench.transmitter.snapshot(bench.now_s).link is LinkState.UP
-    assert (
-        bench.request(Action.ARM).reason
-        == "missing: commanded thrust low long enough; missing: transmitter ready"
+    assert bench.request(Action.ARM).reason.startswith(
+        "missing: commanded thrust low long enough; missing: transmitter ready: "
     )
     bench.run(1.0)
     assert bench.state is State.DISARMED

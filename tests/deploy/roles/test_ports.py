@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rcopterx.deploy.fleet_check import check_fleet
-from rcopterx.deploy.roles.ports import port_of
+from rcopterx.deploy.roles.ports import port_of, simulated_port_of
 from rcopterx.fleet.reading import fleet_path, load_fleet, parse_fleet
 from rcopterx.fleet.schema import FleetError
 
@@ -28,9 +28,23 @@ def test_a_crazyflie_has_an_address(tmp_path: Path) -> None:
         assert port_of(parse_fleet(FLEET.format(type="crazyflie", port=address)), "h1", tmp_path) == address
     with pytest.raises(FleetError, match=r"vehicles\.h1\.transmitter\.port: .*udp://127.0.0.1:19850"):
         port_of(parse_fleet(FLEET.format(type="crazyflie", port="/dev/ttyUSB0")), "h1", tmp_path)
-    simulated = FLEET.format(type="crazyflie", port="radio://0/80/2M/E7E7E7E701") + "[simulator]\n"
-    with pytest.raises(FleetError, match=r"is a radio, simulated vehicles are at udp://"):
-        port_of(parse_fleet(simulated), "h1", tmp_path)
+
+
+def test_a_simulated_crazyflie_is_at_the_address_of_its_radio(tmp_path: Path) -> None:
+    def place(address: str, directory: Path) -> str:
+        fleet = parse_fleet(FLEET.format(type="crazyflie", port=address) + "[simulator]\n")
+        assert port_of(fleet, "h1", directory) == address
+        return simulated_port_of(fleet, "h1", directory)
+
+    places = [
+        place("radio://0/80/2M/E7E7E7E701", tmp_path),
+        place("radio://0/80/2M/E7E7E7E702", tmp_path),
+        place("radio://0/90/2M/E7E7E7E701", tmp_path),
+        place("radio://0/80/2M/E7E7E7E701", tmp_path / "other"),
+    ]
+    assert len(set(places)) == len(places)
+    assert place("radio://1/80/2M/E7E7E7E701", tmp_path) == places[0], "any Crazyradio reaches a vehicle"
+    assert place("udp://127.0.0.1:19850", tmp_path) == "udp://127.0.0.1:19850"
 
 
 def test_a_vehicle_with_mavlink_is_at_a_udp_port_or_at_a_serial_device(tmp_path: Path) -> None:
@@ -47,6 +61,6 @@ def test_a_vehicle_with_mavlink_is_at_a_udp_port_or_at_a_serial_device(tmp_path:
         port_of(parse_fleet(text.format(port="/dev/ttyUSB0") + "[simulator]\n"), "h1", tmp_path)
 
 
-@pytest.mark.parametrize("name", ["crazyflies", "families"])
+@pytest.mark.parametrize("name", ["crazyflies", "families", "ten_crazyflies"])
 def test_fleets_of_vehicles_with_addresses_can_be_set_up(name: str, tmp_path: Path) -> None:
     check_fleet(load_fleet(fleet_path(name)), tmp_path)
