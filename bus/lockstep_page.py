@@ -56,6 +56,7 @@ class LockstepPage(ctypes.Structure):
         ("counter_turn", c_uint64),  # last turn in which a counter was added
         ("used_players", c_uint64),
         ("used_counters", c_uint64),
+        ("lost_routers", c_uint64),  # how often the router has died
         ("players", Player * PROCESSES),
         ("counters", Counter * COUNTERS),
     )

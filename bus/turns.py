@@ -7,6 +7,7 @@ number on the key. So nothing depends on how long a process computes, or a messa
 import os
 import select
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Collection
 from contextlib import suppress
@@ -22,6 +23,7 @@ from zenoh import ZBytes
 from rcopterx.bus.lockstep_page import Counter, LockstepPage, Player
 
 POLL_S: Final = 0.1  # real time between two checks for what rings no bell
+LOST_S: Final = 1.0  # real time after which messages are lost, once a router has died with some of them
 CONDUCTOR: Final = "simulator"  # process that advances the time; its index is 0
 SCRIPT: Final = "script"  # program that started the fleet, if time stands still while it does not wait
 RECALL: Final = "recall"  # service of the launcher
@@ -69,6 +71,10 @@ class Reception:
     def complete(self) -> bool:
         """Whether everything has arrived that was sent."""
         return all(self._received[index] >= counter.count for index, counter in self._counters.items())
+
+    def give_up(self) -> None:
+        """Wait no longer for what was sent before."""
+        self._received.update({index: counter.count for index, counter in self._counters.items()})
 
     def end(self) -> None:
         """Receive no more."""
@@ -232,12 +238,15 @@ class Turns:
         for index in range(self._found, end):
             for reception in self._receptions:
                 reception.await_counter(index, self.page.counters[index], beyond=False)
-        self._found = end
+        self._found, began_s = end, time.monotonic()
         while True:
             self.arrived.clear()
             if all(reception.complete for reception in self._receptions):
                 break
             self.arrived.wait(POLL_S)
+            if self.page.lost_routers and time.monotonic() > began_s + LOST_S:
+                for reception in self._receptions:
+                    reception.give_up()
         now_s, held = self.page.time_s, [self.held.popleft() for _ in range(len(self.held))]
         self.held.extendleft(item for item in held if item[0] >= now_s)
         for *_, deliver in sorted((item for item in held if item[0] < now_s), key=itemgetter(0, 1, 2, 3)):

@@ -1,6 +1,7 @@
 """In lockstep a fleet flies the same flight on every run."""
 
 import os
+import signal
 from collections.abc import Callable, Collection
 from pathlib import Path
 
@@ -77,3 +78,21 @@ def test_flights_of_one_seed_are_identical(flown: Callable[..., FlightDigest]) -
 
 def test_flights_with_faults_at_stated_times_are_identical(flown: Callable[..., FlightDigest]) -> None:
     assert flown(faults, without=["h3"]) == flown(faults, without=["h3"])
+
+
+def router_killed(fleet: Fleet) -> None:
+    """The router is killed in flight; messages are lost with it."""
+    fleet.take_off()
+    assert fleet.launcher is not None
+    router = fleet.launcher.supervisor.pid("router")
+    assert router is not None
+    os.kill(router, signal.SIGKILL)
+    fleet.wait(2.0)
+    fleet["h1"].go_to((0.3, 0.2, 1.2))
+    fleet.wait_for_arrival(["h1"])
+    fleet.wait_for_formation()
+    assert all(vehicle.state.phase == "flying" for vehicle in fleet)
+
+
+def test_a_flight_goes_on_after_the_death_of_the_router(flown: Callable[..., FlightDigest]) -> None:
+    flown(router_killed)
