@@ -1,6 +1,6 @@
 """States of processes that serve a whole host or fleet: Vicon gateway, simulator, launcher, router."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from msgspec import Meta, Struct, field
 
@@ -57,6 +57,8 @@ class LaboratoryVehicle(Struct, frozen=True, kw_only=True):
 
 class LaboratoryState(Message, frozen=True, kw_only=True):
     """True state of the simulated laboratory, for measurement only; no controller reads it."""
+
+    MAX_BYTES: ClassVar[int] = 65_000
 
     frame: Count
     sent_s: Clock

@@ -14,6 +14,7 @@ from msgspec import inspect
 from support.messages import MESSAGE_TYPES, valid_messages, wire_maps
 
 from rcopterx.bus.codec import RejectedError, decode, encode
+from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.message import LONGEST_PERIOD_S, MAX_COUNT, SHORTEST_PERIOD_S, FloatArray, Message
 from rcopterx.bus.messages import (
     MAX_NEXT_INPUTS,
@@ -209,6 +210,16 @@ def test_oversize_messages_are_refused_before_they_are_unpacked(message_type: ty
 def test_the_longest_allowed_plan_fits_into_a_message() -> None:
     plain = PLAN | {"trajectory": TRAJECTORY | {"data": bytes(24 * MAX_STAGES)}}
     assert decode(msgpack.packb(plain), Plan).samples().shape == (MAX_STAGES, 12)
+
+
+def test_the_state_of_a_laboratory_with_a_hundred_vehicles_fits_into_a_message() -> None:
+    frames = 2 * ((1000.5, *8 * (1500.25,)),)  # more than one arrives between two messages
+    vehicle = LaboratoryVehicle(
+        position_m=(0.1, 0.2, 0.3), yaw_rad=0.1, velocity_m_s=(0.1, 0.2, 0.3), on_floor=False, outside=False,
+        touchdown_speed_m_s=0.3, touchdowns=1, radio=frames,
+    )  # fmt: skip
+    state = LaboratoryState(frame=1, sent_s=1.0, vehicles={f"h{number}": vehicle for number in range(100)})
+    assert decode(encode(state), LaboratoryState) == state
 
 
 @pytest.mark.parametrize(
