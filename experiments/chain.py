@@ -143,7 +143,7 @@ def fly_helicopters(
             replace(vehicle, model=vehicle.model.within(low_m, high_m), deviation_share=share)
             for vehicle in vehicles(links, conditions, seed, scheme, DEEP_START)
         ],
-        conditions,
+        replace(conditions, volume_min_m=low_m, volume_max_m=high_m),
         seed,
     )
     stepped_s, end_s = (HOVER_FROM_S + 1.0, HOVER_FROM_S + 3.0) if quick else (STEPPED_S, STEPPED_S + STEP_S)

@@ -49,6 +49,9 @@ class Conditions:
     """Lower corner of the flight volume."""
     volume_max_m: Three = (2.5, 2.5, 3.0)
     """Corners of the flight volume. Leaving it is flagged and has no other effect."""
+    walls: bool = False
+    """Whether sides and top of the volume are walls and a ceiling: within 0.2 m a wall tilts helicopters
+    towards it, within 0.3 m a ceiling lifts."""
     coaxial_plant: str = "first_order"
     """Plant of a coaxial vehicle, of `COAXIAL_PLANTS`: equation (1) with its mismatches; the helicopter with
     stabilizer bar in the middle of its family; or one drawn from the family for each vehicle. The latter
@@ -124,6 +127,7 @@ HELICOPTER: Final = replace(
     coaxial_plant="helicopter",
     battery_sag=0.15,
     downwash_m_s2=2.5,
+    walls=True,
     radio_period_s=0.022,
     dropout_fraction=0.001,
     substep_s=0.004,

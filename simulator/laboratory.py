@@ -12,6 +12,8 @@ from rcopterx.simulator.helicopter import Helicopter, helicopter_of
 from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, crazyflie_of
 from rcopterx.simulator.plant import STILL, Plant, Pose, Wake
 from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import GRAVITY_M_S2
+from rcopterx.vehicles.tuples import Three
 
 CLOSE_M: Final = 0.3
 """Distance below a rotor up to which its downwash is at full strength; beyond, it falls with 1 / distance."""
@@ -20,6 +22,13 @@ BEGIN_M: Final = 0.1
 WIDTH_M: Final = 0.1
 SPREAD: Final = 0.2
 """Horizontal distance at which it has fallen by e: at the rotor, and what is added per distance below."""
+ROTOR_RADIUS_M: Final = 0.1
+"""Radius of the rotors that walls and the ceiling act on."""
+CEILING_NEAR: Final = 0.25
+CEILING_FAR: Final = 3.0
+"""Distances of the ceiling in radii: below the first it acts no stronger, beyond the second not at all."""
+WALL_SHARE: Final = 0.05
+"""Part of the thrust by which the edge of a rotor that touches a wall has less than its middle."""
 
 
 def wake_below(x_m: float, y_m: float, below_m: float, strength_m_s2: float) -> Wake:
@@ -33,6 +42,42 @@ def wake_below(x_m: float, y_m: float, below_m: float, strength_m_s2: float) -> 
     share = min(below_m / BEGIN_M, CLOSE_M / below_m, 1.0)
     down = strength_m_s2 * share * math.exp(-(x_m**2 + y_m**2) / width_m**2)
     return Wake(down, -2.0 * x_m / width_m**2 * down, -2.0 * y_m / width_m**2 * down)
+
+
+def ceiling_lift(distance_m: float) -> float:
+    """Thrust that the ceiling adds, as a fraction: momentum theory at constant power, without its far end.
+
+    There is none above the ceiling.
+    """
+    if distance_m < 0.0:
+        return 0.0
+
+    def thrust(radii: float) -> float:
+        return math.pow(0.5 + 0.5 * math.sqrt(1.0 + 0.125 / radii**2), 2.0 / 3.0)
+
+    radii = min(max(distance_m / ROTOR_RADIUS_M, CEILING_NEAR), CEILING_FAR)
+    return thrust(radii) - thrust(CEILING_FAR)
+
+
+def wall_slope(distance_m: float) -> float:
+    """Growth towards a wall of the downward acceleration by air that comes back from it [1/s^2].
+
+    It begins one radius off the blades, and is full where they touch; there is none behind the wall.
+    """
+    if distance_m < 0.0:
+        return 0.0
+    share = min(max(2.0 - distance_m / ROTOR_RADIUS_M, 0.0), 1.0)
+    return share * WALL_SHARE * GRAVITY_M_S2 / ROTOR_RADIUS_M
+
+
+def wake_in_room(position_m: Three, low_m: Three, high_m: Three) -> Wake:
+    """Wake that comes back to a vehicle in flight from the walls and the ceiling of a volume."""
+    x, y, z = position_m
+    return Wake(
+        -GRAVITY_M_S2 * ceiling_lift(high_m[2] - z),
+        wall_slope(high_m[0] - x) - wall_slope(x - low_m[0]),
+        wall_slope(high_m[1] - y) - wall_slope(y - low_m[1]),
+    )
 
 
 def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: Pose) -> Plant:
@@ -77,21 +122,23 @@ class Laboratory:
 
     def advance(self, duration_s: float) -> None:
         """Advance all vehicles by a duration, not negative, under the wakes at its start."""
-        if self._conditions.downwash_m_s2:
-            self._set_wakes(self._conditions.downwash_m_s2)
+        if self._conditions.downwash_m_s2 or self._conditions.walls:
+            self._set_wakes(self._conditions)
         for plant in self.plants.values():
             plant.advance(duration_s)
 
-    def _set_wakes(self, strength_m_s2: float) -> None:
-        """Set the wakes that every plant is in, of all others that fly now."""
+    def _set_wakes(self, conditions: Conditions) -> None:
+        """Set the wakes that every plant is in: of all others that fly now, and its own that comes back."""
         places = [(plant, plant.position_m) for plant in self.plants.values()]
         flying = [(plant, place) for plant, place in places if plant.motors_running and not plant.on_floor]
         for plant, (x, y, z) in places:
             wakes = [
-                wake_below(x - above[0], y - above[1], above[2] - z, strength_m_s2)
+                wake_below(x - above[0], y - above[1], above[2] - z, conditions.downwash_m_s2)
                 for other, above in flying
                 if above[2] > z and other is not plant
             ]
+            if conditions.walls and plant.motors_running:
+                wakes.append(wake_in_room((x, y, z), conditions.volume_min_m, conditions.volume_max_m))
             plant.wake = Wake(*(sum(parts) for parts in zip(*map(astuple, wakes), strict=True)))
 
     def seen_pose(self, name: str) -> Pose | None:

@@ -43,7 +43,7 @@ class Pose(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class Wake:
-    """Air that vehicles above push down: its acceleration, and how that grows along inertial x and y."""
+    """Air that rotors push down: the acceleration of a vehicle in it, and how that grows along x and y."""
 
     down_m_s2: float = 0.0
     slope_x_per_s2: float = 0.0
@@ -70,8 +70,7 @@ class Plant(ABC):
 
     Public besides the methods: `on_floor`, `touchdowns`, `touchdown_speed_m_s` (of the last one, None
     before), `motors_running`, `left_volume` (since the start or the last `place`), and two that may be set at
-    any time: `wake`, by vehicles above, and `faults`, of which those of the sticks act from the next input
-    on.
+    any time: `wake`, and `faults`, of which those of the sticks act from the next input on.
 
     It starts standing with motors stopped if the start pose is on the floor (z = 0), else hovering at rest.
     On the floor it stands level and neither slides nor yaws; it leaves when its thrust exceeds its weight.

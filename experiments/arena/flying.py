@@ -69,7 +69,7 @@ def fly_task(
     """Fly a task once."""
     room_m = (-ROOM_M, -ROOM_M, 0.0), (ROOM_M, ROOM_M, ROOM_M)
     rough = four(task.turbulence * np.array(conditions.turbulence_rms))
-    conditions = replace(conditions, turbulence_rms=rough)
+    conditions = replace(conditions, turbulence_rms=rough, volume_min_m=room_m[0], volume_max_m=room_m[1])
     vehicles = []
     for name, place in task.starts_m.items():
         vehicle = scheme.vehicle(name, Pose(place), conditions, seed, task.links.get(name, ()))
