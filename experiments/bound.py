@@ -12,10 +12,10 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag, expm, solve_discrete_are, solve_discrete_lyapunov
+from scipy.linalg import block_diag, solve_discrete_are, solve_discrete_lyapunov
 from scipy.optimize import brentq
 
-from rcopterx.control.models.linear import zero_order_hold
+from rcopterx.control.models.linear import noise_over, zero_order_hold
 from rcopterx.experiments.formation import FOLLOWERS, LEADER
 from rcopterx.experiments.knowledge import COAXIAL
 from rcopterx.experiments.record import rms
@@ -93,9 +93,7 @@ def hovering(vehicle: HelicopterParameters, conditions: Conditions) -> Hovering:
     a, b = zero_order_hold(dynamics, sticks, PERIOD_S)
     density = np.zeros(size + 2)
     density[size:] = -2.0 * inward * np.square(conditions.turbulence_rms[:2])
-    # Van Loan's integral
-    whole = np.block([[-dynamics, np.diag(density)], [np.zeros_like(dynamics), dynamics.T]])
-    process = a @ expm(PERIOD_S * whole)[: size + 2, size + 2 :]
+    process = noise_over(dynamics, density, PERIOD_S)
     c, measured = np.eye(2, size + 2), np.zeros((4, size + 2))
     measured[:2], measured[2:, TILT] = c, 2.0 * np.eye(2)  # a tilt is twice its part of the quaternion
     noise = np.repeat(np.square((conditions.position_noise_m, conditions.angle_noise_rad)), 2)

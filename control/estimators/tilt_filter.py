@@ -10,7 +10,6 @@ dynamics know no heading, so only the columns of the body-fixed states turn.
 from typing import Final
 
 import numpy as np
-from scipy.linalg import expm
 
 from rcopterx.control.estimators.kalman_equations import predict_covariance, update
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings, model_noise
@@ -23,7 +22,7 @@ from rcopterx.control.models.lateral import (
     lateral_system,
     predict_lateral,
 )
-from rcopterx.control.models.linear import cached_by_period
+from rcopterx.control.models.linear import cached_by_period, noise_over
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, heading_matrix, turned_about_z
 
@@ -195,10 +194,8 @@ def process_noise(model: Model, settings: ExtendedKalmanSettings, period_s: floa
     density[VELOCITY] = (settings.velocity_noise or noise.velocity)[0] ** 2
     density[system.tilt_rate] = (settings.tilt_density or noise.tilt) ** 2
     density[system.wind] = 2.0 * (settings.wind_rms_m_s2 or noise.wind) ** 2 / WIND_CORRELATION_S
-    a = system.continuous
-    step = expm(period_s * np.block([[-a, np.diag(density)], [np.zeros((size, size)), a.T]]))
     Q = np.zeros((size + 4, size + 4))
-    Q[:size, :size] = step[size:, size:].T @ step[:size, size:]
+    Q[:size, :size] = noise_over(system.continuous, density, period_s)
     trim, offset = slice(size, size + 2), slice(size + 2, size + 4)
     for states, walk in ((system.servo, _SERVO_DENSITY), (trim, _TRIM_DENSITY), (offset, _OFFSET_DENSITY)):
         Q[states, states] += period_s * walk**2 * np.eye(2)

@@ -41,6 +41,16 @@ def zero_order_hold(a: NDArray[Any], b: NDArray[Any], time_s: float) -> tuple[ND
     return step[:size, :size], driven if b.ndim == 2 else driven[:, 0]
 
 
+def noise_over(a: Array, density: Array, time_s: float) -> Array:
+    """Return the covariance that white noise adds to states over a time, shape (n, n): Van Loan's integral.
+
+    `density` has the spectral density of the noise of each derivative, shape (n,).
+    """
+    size = len(a)
+    step = expm(time_s * np.block([[-a, np.diag(density)], [np.zeros((size, size)), a.T]]))
+    return np.asarray(step[size:, size:].T @ step[:size, size:])
+
+
 def as_complex(matrix: Array) -> Complex:
     """Return the complex form, shape (n, m), of a map of shape (2 n, 2 m) that commutes with rotations."""
     return np.asarray(matrix[0::2, 0::2] + 1j * matrix[1::2, 0::2])

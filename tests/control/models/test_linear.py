@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.control.models.linear import as_complex, cached_by_period, zero_order_hold
+from rcopterx.control.models.linear import as_complex, cached_by_period, noise_over, zero_order_hold
 
 A = np.array([[0.0, 1.0, 0.0], [-4.0, -0.3, 2.0], [0.0, 0.0, -5.0]])
 B = np.array([0.0, 0.5, 5.0])
@@ -49,3 +49,16 @@ def test_results_are_cached_by_period_to_a_microsecond() -> None:
     for period_s in (0.1 + 0.2, 0.3, 1 / 120, 1 / 119, 0.3):
         assert prepare("h1", period_s) == "h1"
     assert prepared == pytest.approx([0.3, 1 / 120, 1 / 119], abs=1e-6)
+
+
+@given(st.floats(0.05, 2.0), st.floats(0.1, 3.0), st.floats(0.001, 0.5), st.floats(0.001, 0.5))
+def test_noise_adds_up_over_times_and_is_that_of_a_coloured_noise(
+    correlation_s: float, rms: float, first_s: float, second_s: float
+) -> None:
+    a = np.array([[0.0, 1.0], [0.0, -1.0 / correlation_s]])
+    density = np.array([0.0, 2.0 * rms**2 / correlation_s])
+    later = zero_order_hold(a, np.zeros(2), second_s)[0]
+    together = later @ noise_over(a, density, first_s) @ later.T + noise_over(a, density, second_s)
+    assert noise_over(a, density, first_s + second_s) == pytest.approx(together, rel=1e-6, abs=1e-9)
+    stationary = rms**2 * -np.expm1(-2.0 * first_s / correlation_s)
+    assert noise_over(a, density, first_s)[1, 1] == pytest.approx(stationary, rel=1e-6)
