@@ -64,6 +64,11 @@ class Hangar:
 HANGAR = pytest.StashKey[Hangar]()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put tests of this folder in real time last: a change between them and lockstep needs a new fleet."""
+    items.sort(key=lambda item: Path(__file__).parent in item.path.parents and not in_lockstep(item))
+
+
 @pytest.fixture(scope="session")
 def hangar(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[Hangar]:
     hangar = Hangar(tmp_path_factory.mktemp("fleet"))
