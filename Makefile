@@ -24,23 +24,25 @@ help:
 	@echo "make clean     remove the virtual environment and caches"
 
 # uv installs in seconds what takes pip a minute; pip does it where uv, or a package for uv, cannot be had.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 define install
-	@echo "installing rcopterx$(patsubst .%,%,$(1)) into $(VENV) with uv"
-	@$(BIN)/python -m uv pip install --quiet --python $(BIN)/python -e '$(1)' 2> /dev/null \
+	@echo "installing rcopterx$(1) into $(VENV) with uv"
+	@$(BIN)/python -m uv pip install --quiet --python $(BIN)/python $(2) 2> /dev/null \
 	|| { echo "uv failed: pip installs the same, which takes a minute"; \
-	     $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '$(1)'; }
+	     $(BIN)/python -m ensurepip > /dev/null && $(PIP) -e '.$(1)'; }
 endef
 
 $(VENV)/.base: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] <= (3, 13) else "Python 3.11 to 3.13 is needed, this is %d.%d; try make PYTHON=python3.11" % sys.version_info[:2])'
-	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check uv || true
-	$(call install,.)
+	@$(PYTHON) -m venv --without-pip $(VENV)
+	@$(PYTHON) -m pip --python $(BIN)/python install --quiet --disable-pip-version-check uv 2> /dev/null \
+	|| { $(BIN)/python -m ensurepip > /dev/null && $(PIP) uv; } || true
+	$(call install,,-e . pip)
 	@touch $@
 
 EXTRAS := test ground browser fuzz mutation docs package
 $(EXTRAS:%=$(VENV)/.%): $(VENV)/.%: $(VENV)/.base
-	$(call install,.[$*])
+	$(call install,[$*],-r pyproject.toml --extra $*)
 	@touch $@
 
 $(VENV)/.browser $(VENV)/.fuzz $(VENV)/.mutation $(VENV)/.package: $(VENV)/.test
