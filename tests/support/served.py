@@ -5,13 +5,14 @@ import time
 from select import select
 
 from rcopterx.simulator.vehicle_udp import UdpVehicle, VehicleUdp
+from rcopterx.transmitter_gateway.udp_port import udp_address
 from support.udp import udp_paths
 
 
 class Served:
     def __init__(self, vehicle: UdpVehicle) -> None:
         [self.path] = udp_paths(1)
-        self._radio = VehicleUdp(self.path, vehicle)
+        self._radio = VehicleUdp(udp_address(self.path), vehicle)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
