@@ -1,4 +1,4 @@
-"""A hundred helicopters in slow motion: python hundred.py [SPEED].
+"""A hundred helicopters in slow motion: python hundred.py [SPEED|lockstep].
 
 Rings become crowns, a group changes its leader, a wave runs through all groups, and the whole formation flies
 a figure-eight. At the default speed of 0.05 this takes about half an hour on two cores.
@@ -78,9 +78,10 @@ def fly(fleet):
     fleet.wait_for_formation()
 
 
-def main(speed="0.05"):
+def main(pace="0.05"):
     """Start the fleet and fly; `rcopterx report` shows the figures of the flight afterwards."""
-    with launched("hundred", speed=float(speed)) as fleet:
+    pace = {"lockstep": True} if pace == "lockstep" else {"speed": float(pace)}
+    with launched("hundred", **pace) as fleet:
         fly(fleet)
 
 

@@ -22,7 +22,20 @@ HISTORY = ("CHANGELOG.md", "commands.md")
 BLOCK = re.compile(r"^ *```(?:sh|console|bash)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 UNMARKED = re.compile(r"^```\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`((?:rcopterx|make|pytest|python) [^`]+)`")
-NOT_OURS = {".", "./fly", "cp", "docker", "echo", "g++", "jupyter", "octave-cli", "pip", "pkill", "sudo"}
+NOT_OURS = {
+    ".",
+    "./fly",
+    "cp",
+    "docker",
+    "echo",
+    "sed",
+    "g++",
+    "jupyter",
+    "octave-cli",
+    "pip",
+    "pkill",
+    "sudo",
+}
 """Commands of the operating system and of others."""
 WRITTEN = ("mine",)
 """Directories that a command of the page writes."""

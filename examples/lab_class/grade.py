@@ -15,10 +15,10 @@ from rcopterx.experiments.arena.tasks import TASKS
 from rcopterx.simulator.conditions import PRESETS
 
 AFTERNOONS = {
-    "lqr": {"hover": 60.0, "three": 90.0, "gusts": 200.0},
+    "lqr": {"hover": 160.0, "three": 100.0, "gusts": 220.0},
     "mpc": {"three": 80.0, "figure_eight": 120.0, "slow": 120.0},
-    "scheme": {"three": 80.0, "loss_20": 90.0, "delay_60": 120.0, "killed": 130.0},
-    "race": {"geometry": 45.0, "figure_eight": 40.0, "gusts": 100.0, "loss_50": 45.0, "delay_100": 50.0},
+    "scheme": {"three": 80.0, "loss_20": 100.0, "delay_60": 190.0, "killed": 130.0},
+    "race": {"geometry": 50.0, "figure_eight": 50.0, "gusts": 140.0, "loss_50": 50.0, "delay_100": 50.0},
 }
 """Tasks of each afternoon with the error for full points: formation and task error together, rms [mm]."""
 
@@ -33,16 +33,16 @@ class Mark:
 
 
 def mark(name, task, limit_mm, seed):
-    """Fly a task: full points up to the limit, less beyond, none for losses and violations."""
+    """Fly a task: full points up to the limit, less beyond and for violations, none for losses."""
     flown = fly_task(arena_scheme(name), TASKS[task], PRESETS["helicopters"], seed)
     error_mm = math.hypot(flown.rms_mm, flown.task_rms_mm)
     if flown.lost:
         return Mark(task, 0.0, f"lost: {', '.join(flown.lost)}")
+    points = min(1.0, limit_mm / error_mm) * max(0.0, 1.0 - flown.violated_s)
+    text = f"{error_mm:.0f} mm, full points {limit_mm:g} mm"
     if flown.violated_s > 0.0:
-        return Mark(task, 0.0, f"too close or too fast for {flown.violated_s:g} s")
-    return Mark(
-        task, round(min(1.0, limit_mm / error_mm), 2), f"{error_mm:.0f} mm, full points {limit_mm:g} mm"
-    )
+        text += f", too close or too fast for {flown.violated_s:g} s"
+    return Mark(task, round(points, 2), text)
 
 
 def grade(name, afternoon, seed):

@@ -17,7 +17,7 @@ def gain(model, period_s):
     Riccati equation (`scipy.linalg.solve_discrete_are`). `model.b` are the accelerations per unit of a stick,
     `model.lag_s` the lags of the sticks. Here is a law that is too soft.
     """
-    stiffness, damping = np.array((1.0, 1.0, 2.0, 4.0)), np.array((1.5, 1.5, 2.5, 4.0))
+    stiffness, damping = np.array((2.5, 2.5, 3.5, 4.0)), np.array((2.3, 2.3, 3.0, 4.0))
     return np.hstack((np.diag(stiffness), np.diag(damping))) / model.b[:, None]
 
 

@@ -72,6 +72,19 @@ def test_what_students_get_flies_and_leaves_room_for_better(name: str, task: str
     assert 0.0 < given.points < 1.0
 
 
+@pytest.mark.campaign
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(
+    ("name", "afternoon"), [("lqr", "lqr"), ("cascade", "mpc"), ("admm", "scheme"), ("cascade", "race")]
+)
+def test_a_sound_answer_gets_nine_tenths_of_the_points(
+    name: str, afternoon: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(grade, "TASKS", TASKS)
+    marks = grade.grade(name, afternoon, seed=210)
+    assert sum(mark.points for mark in marks) >= 0.9 * len(marks), marks
+
+
 def test_a_better_answer_gets_more_points(monkeypatch: pytest.MonkeyPatch) -> None:
     before = grade.mark("own_lqr", "three", 60.0, seed=100)
     monkeypatch.setattr(own_lqr, "gain", riccati)

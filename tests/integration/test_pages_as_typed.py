@@ -107,16 +107,6 @@ NOT_TYPED = {
         HOURS,
         "tests/experiments/test_arena.py",
     ),
-    "pip install -e examples/own_scheme": (INSTALLS, "tests/experiments/test_arena.py"),
-    "rcopterx arena --schemes courier,cascade --tasks eight,loss_50,delay_100": (
-        "needs that installation",
-        "tests/experiments/test_arena.py",
-    ),
-    "pip install -e examples/lab_class": (INSTALLS, "tests/examples/test_lab_class.py"),
-    "python examples/lab_class/grade.py own_lqr lqr --leaderboard leaderboard.json": (
-        "needs that installation",
-        "tests/examples/test_lab_class.py",
-    ),
     "rcopterx experiment real-flights nanobench --json --plot docs/figures/real_flights.svg": (
         "wants recorded flights",
         "tests/experiments/test_real_flights.py",
@@ -135,8 +125,8 @@ NOT_TYPED = {
 }
 """Lines of pages that are not typed here: why, and what shows them instead or says that nothing does."""
 
-OWN_CONTROLLER = "pip install -e mine pytest"
-INTO_THE_COPY = "pip install --quiet --no-deps --no-build-isolation --target plugins ./mine"
+INSTALLATION = re.compile(r"pip install -e (mine|examples/\w+)( pytest)?")
+INTO_THE_COPY = r"pip install --quiet --no-deps --no-build-isolation --target plugins ./\1"
 UP, TAKE_OFF = "rcopterx up trio", "rcopterx takeoff"
 FLEETS = "deploy/fleets"
 LAB = f"cp {FLEETS}/trio.toml lab.toml"
@@ -241,8 +231,8 @@ def test_what_is_done_before_a_line_belongs_to_a_line() -> None:
 
 def meant(command: str, flights: list[str]) -> str:
     """A command with the names that stand for something put in; flights are the newest first."""
-    if command == OWN_CONTROLLER:
-        return INTO_THE_COPY
+    if INSTALLATION.fullmatch(command):
+        return INSTALLATION.sub(INTO_THE_COPY, command)
     names = {"FILE": 0, "FLIGHT": 0, "OTHER": 1, "trio-20261122-141500": 0}
     for name, number in names.items():
         if re.search(rf"\b{name}\b", command):
