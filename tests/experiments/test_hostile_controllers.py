@@ -56,6 +56,4 @@ def fly(rig: Rig, name: str, kind: str, seconds: float) -> None:
 @pytest.mark.parametrize("kind", [*KINDS, "flooding"])
 @pytest.mark.parametrize("name", ["h1", "h2"])
 def test_no_vehicle_falls_whatever_a_controller_does(name: str, kind: str) -> None:
-    rig = trio(3)
-    rig.fly(2.0)
-    fly(rig, name, kind, 5.0)
+    fly(trio(3), name, kind, 5.0)
