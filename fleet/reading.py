@@ -208,8 +208,7 @@ def dataclass_from(kind: type[T], table: Mapping[str, Any], where: str) -> T:
 
 def _refuse_unknown(kind: Any, table: Mapping[str, Any], where: str) -> None:
     allowed = {item.name: item.type for item in fields(kind)}
-    hints = _type_info(kind)
-    types = {item.name: item.type for item in getattr(hints, "fields", ())}
+    types = {item.name: item.type for item in getattr(_type_info(kind), "fields", ())}
     for name, value in table.items():
         if name not in allowed:
             raise FleetError(f"{where}.{name}: unknown field, allowed are {', '.join(allowed)}")
