@@ -125,7 +125,7 @@ def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Mo
     """Return the horizontal motion; measured are the position and, where available, the tilt."""
     # A stick acts on the heading that the vehicle has by then, half a period later on average.
     time_s = recording.period_s * np.arange(len(recording.yaw_rad))
-    acts_s = time_s + model.delay_s + 0.5 * recording.period_s + _turning_s(model)
+    acts_s = time_s + model.delay_s + 0.5 * recording.period_s
     acting = np.exp(1j * np.interp(acts_s, time_s, recording.yaw_rad))
     pitch = recording.inputs[:, U_PITCH] + offsets.trim[0]
     roll = recording.inputs[:, U_ROLL] + offsets.trim[1]
@@ -137,17 +137,6 @@ def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Mo
         )
     system = _horizontal_system(model, recording.period_s, with_tilt=len(measured) > 1)
     return Motion(system, recording.period_s, model.delay_s, demand, np.column_stack(measured))
-
-
-def _turning_s(model: Model) -> float:
-    """How long the demand of a stick turns with the body: in an attitude loop until the tilt follows.
-
-    Without this its lags would look like a delay while the heading changes.
-    """
-    tilt = model.tilt
-    if tilt is None or tilt.bar_time_constant_s is not None:
-        return 0.0
-    return tilt.servo_lag_s + 2.0 * tilt.damping_ratio / tilt.frequency_rad_s
 
 
 def vertical(model: Model, recording: FlightRecording, offsets: Offsets) -> Motion:

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL
 
-from rcopterx.control.identification.excitation import excitation_for
-from rcopterx.control.identification.fit import identify
 from rcopterx.experiments.knowledge import (
-    EXCITED_S,
-    PLACE_M,
-    REACH_M,
     NotIdentifiedError,
     excited_flight,
     identification,
@@ -19,8 +14,7 @@ from rcopterx.experiments.knowledge import (
     known_model,
 )
 from rcopterx.experiments.rig import Rig, RigVehicle
-from rcopterx.fleet.vehicle_types import vehicle_type
-from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS, IDEAL
+from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.model import IDENTIFIED, Model
 from rcopterx.vehicles.state import Array
@@ -59,21 +53,6 @@ def test_a_crazyflie_is_identified_and_its_uncertainty_narrows() -> None:
     uncertainty, ratio = found.model.uncertainty, found.model.tilt.damping_ratio
     assert replace(uncertainty, tilt_damping=None) == IDENTIFIED
     assert uncertainty.tilt_damping == pytest.approx((ratio / 1.25, 1.25 * ratio))
-
-
-def test_lags_of_an_attitude_loop_that_turns_with_the_body_are_no_delay() -> None:
-    true = vehicle_type("mavlink_quadrotor").model
-    rig = Rig([RigVehicle("h1", true, Pose(PLACE_M), "cascade")], replace(IDEAL, substep_s=0.001), SEED)
-    rig.fly(2.0)
-    pilot, log = rig.pilots["h1"], rig.log("h1")
-    pilot.exciter.begin(excitation_for(true, EXCITED_S), np.array(PLACE_M), REACH_M, pilot.clock.time_s)
-    rig.fly(EXCITED_S)
-    found = identify(log.recording(), true)
-    assert found.model.tilt is not None
-    assert true.tilt is not None
-    assert found.model.delay_s == pytest.approx(true.delay_s, abs=0.004)
-    assert found.model.tilt.servo_lag_s == pytest.approx(true.tilt.servo_lag_s, abs=0.006)
-    assert found.model.tilt.frequency_rad_s == pytest.approx(true.tilt.frequency_rad_s, rel=0.04)
 
 
 @pytest.mark.campaign
