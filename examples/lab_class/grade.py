@@ -16,7 +16,7 @@ from rcopterx.simulator.conditions import PRESETS
 
 AFTERNOONS = {
     "lqr": {"hover": 160.0, "three": 100.0, "gusts": 220.0},
-    "mpc": {"three": 80.0, "figure_eight": 120.0, "slow": 120.0},
+    "mpc": {"three": 60.0, "figure_eight": 80.0, "slow": 80.0},
     "scheme": {"three": 80.0, "loss_20": 100.0, "delay_60": 190.0, "killed": 130.0},
     "race": {"geometry": 50.0, "figure_eight": 50.0, "gusts": 140.0, "loss_50": 50.0, "delay_100": 50.0},
 }

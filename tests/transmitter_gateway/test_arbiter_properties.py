@@ -261,7 +261,8 @@ class ArbiterMachine(RuleBasedStateMachine):
             self.thrust = output.u[2]
         elif output.state in (State.HOLD, State.DESCEND):
             assert output.u[0] == output.u[1] == output.u[3] == 0
-            assert output.u[2] <= self.thrust + 1e-12
+            # Only a vehicle that was seen in the air gets more thrust again.
+            assert self.yaw_rad is not None or output.u[2] <= self.thrust + 1e-12
             assert output.u[2] <= U_HOVER + LIMITS.hover_correction
         else:
             self.thrust = output.u[2]
