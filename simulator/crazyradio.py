@@ -43,7 +43,7 @@ class EmulatedDongle:
         self._owed_s = 0.0  # by settings, waited for with the next packet
         self._received: list[int] = []
 
-    def ctrl_transfer(self, kind: int, request: int, value: int, index: int, data: bytes | None) -> int:  # noqa: ARG002
+    def ctrl_transfer(self, kind: int, request: int, value: int, index: int, data: bytes | None) -> int:  # noqa: ARG002 - the signature is that of pyusb
         """Configure the dongle."""
         self._owed_s += SETTING_S
         if request == SET_CHANNEL:
@@ -54,7 +54,7 @@ class EmulatedDongle:
             self._address = data or b""
         return 0
 
-    def write(self, endpoint: int, data: bytes, timeout: int) -> int:  # noqa: ARG002
+    def write(self, endpoint: int, data: bytes, timeout: int) -> int:  # noqa: ARG002 - the signature is that of pyusb
         """Send a packet, again if it gets lost, and wait as long as that takes."""
         place = place_of(
             self._laboratory, RadioAddress(self._number, self._channel, self._rate, self._address)
@@ -83,6 +83,6 @@ class EmulatedDongle:
         except BlockingIOError:
             return b""
 
-    def read(self, endpoint: int, size: int, timeout: int) -> list[int]:  # noqa: ARG002
+    def read(self, endpoint: int, size: int, timeout: int) -> list[int]:  # noqa: ARG002 - the signature is that of pyusb
         """Return the status of the last packet, and the answer with its acknowledgement."""
         return self._received

@@ -28,12 +28,12 @@ NOT_OURS = {
     "cp",
     "docker",
     "echo",
-    "sed",
     "g++",
     "jupyter",
     "octave-cli",
     "pip",
     "pkill",
+    "sed",
     "sudo",
 }
 """Commands of the operating system and of others."""

@@ -14,10 +14,10 @@ from support.waiting import wait_for
 from rcopterx.bus.endpoints import LEASE_MS, PATIENT_LEASE_MS, client_config, open_session, router_config
 
 ROUTER = """
-import sys, time
+import signal, sys
 from rcopterx.bus.endpoints import open_session, router_config
 router = open_session(router_config([sys.argv[1]], [], "t", patient=True))
-time.sleep(600)
+signal.pause()
 """
 RECEIVER = """
 import sys, threading

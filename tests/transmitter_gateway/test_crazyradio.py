@@ -176,7 +176,7 @@ def test_a_frame_is_not_queued_behind_one_that_waits(bench: Bench) -> None:
 )
 def test_a_dongle_names_its_limit_when_it_has_too_many_vehicles(vehicles: int, limit: str | None) -> None:
     clock = FakeClock()
-    dongle = EmulatedDongle(0, "nobody", clock.advance)
+    dongle = EmulatedDongle(0, "empty", clock.advance)
     radio = Crazyradio(lambda: dongle, clock, at_once=True)
     ports = [CrazyradioPort(path, RadioAddress.of(path), radio) for path in radio_paths(vehicles)]
     assert all(port.service(0.0) for port in ports)
