@@ -79,8 +79,8 @@ class Conductor(Turns):
             for index in range(len(self._players), page.used_players):
                 self._players.append(page.players[index])
                 self._bells.append(os.open(page.bell(index), os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC))
-            missing = [player for player in self._players[1:] if player.wanted and not player.process]
-            if self.interrupted() or not any(player.return_s <= page.time_s for player in missing):
+            missing = any(player.missing(page.time_s) for player in self._players[1:])
+            if self.interrupted() or not missing:
                 return
             self._rings(self._conductor)
 

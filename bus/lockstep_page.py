@@ -38,6 +38,10 @@ class Player(ctypes.Structure):
         ("reads", c_uint8 * (COUNTERS // 8)),  # a bit for every counter: whether it receives what is counted
     )
 
+    def missing(self, time_s: float) -> bool:
+        """Return whether the time of the fleet waits for the process."""
+        return bool(self.wanted and not self.process and self.return_s <= time_s)
+
 
 class Counter(ctypes.Structure):
     """How much the process at index `owner` has sent under a name."""

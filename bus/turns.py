@@ -119,6 +119,19 @@ class Turns:
         self._own.began_s = self.page.time_s
         self._own.wanted = self._own.name not in NOT_STARTED_AGAIN
 
+    def await_others(self, limit_s: float) -> None:
+        """Wait before `begin` for other processes; `TimeoutError` if some are missing after a real time."""
+        give_up_s = time.monotonic() + limit_s
+        while missing := self._others_missing():
+            if time.monotonic() >= give_up_s:
+                raise TimeoutError(f"missing after {limit_s:g} s: {', '.join(missing)}")
+            time.sleep(POLL_S)
+
+    def _others_missing(self) -> list[str]:
+        page = self.page
+        others = [page.players[index] for index in range(page.used_players) if index != self.index]
+        return [player.name.decode() for player in others if player.missing(page.time_s)]
+
     def leave(self) -> None:
         """Take no further turns."""
         self._own.wanted = 0

@@ -31,6 +31,7 @@ M = TypeVar("M", bound=Message)
 
 FIRST_STATUS_S = 1.5  # longest wait for a first status; statuses come five times a second
 UNDER_WAY_S = 0.05  # a status that arrives this soon after a call may have been sent before it
+LOCKSTEP_START_S = 180.0  # real time in which the processes of a fleet in lockstep start
 FIRST_MOTION_S = 0.5  # longest wait for a first plan or pose; they come every control period
 
 
@@ -55,6 +56,8 @@ class Observer:
         No router answers: the fleet is not up.
     WrongFleetError
         The router belongs to another fleet, or to one that was started from another version of the file.
+    NotReachedError
+        Processes of a fleet in lockstep did not start.
     """
 
     def __init__(
@@ -91,9 +94,17 @@ class Observer:
     def _join(self, clock: Callable[[], float] | None, timeout_s: float) -> None:
         address = bus_address(self.file, self._host, self._process)
         self._notifier = Notifier(clock or address.clock.now)
-        self.session = Session(address, wake=self._notifier.notify, clock=clock, timeout_s=timeout_s)
-        if self.session.turns is not None:
-            self._notifier.pause = self.session.turns.wait
+        self.session = Session(
+            address, wake=self._notifier.notify, clock=clock, timeout_s=timeout_s, begin=False
+        )
+        if (turns := self.session.turns) is not None:
+            try:
+                turns.await_others(LOCKSTEP_START_S)
+            except TimeoutError as error:
+                self.session.close()
+                raise NotReachedError(f"the fleet did not start: {error}") from None
+            turns.begin()
+            self._notifier.pause = turns.wait
 
     def __str__(self) -> str:
         """The fleet, and a line about each of its vehicles."""

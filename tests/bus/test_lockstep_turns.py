@@ -114,6 +114,18 @@ def test_every_process_wakes_exactly_when_its_wait_is_over(
                 due_s = woken_s
 
 
+def test_waiting_for_other_processes_ends_with_the_names_of_those_that_do_not_start(
+    page: LockstepPage,
+) -> None:
+    script = Turns(page, "script", no_fence)
+    attend(page, CONDUCTOR)
+    attend(page, "a")
+    with pytest.raises(TimeoutError, match=r"missing after 0\.2 s: b$"):
+        script.await_others(0.2)
+    attend(page, "b")
+    script.await_others(0.0)
+
+
 def test_a_process_takes_no_turns_without_anything_to_do(page: LockstepPage) -> None:
     scripts = [Script("a", [0.001] * 20), Script("b", [0.5])]
     threads = started(*scripts, page=page)
