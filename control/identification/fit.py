@@ -10,6 +10,7 @@ not show keep their values. The last part of the flight is not fitted; it valida
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -235,25 +236,17 @@ class _Fit:
         for _ in range(2):
             # Weights follow from the errors of the best model so far.
             scales = self._scales(self._at(start, position), flights)
-            solved = self._solve(start, flights, scales, position)
+            solved: OptimizeResult = least_squares(
+                partial(self._all, start, flights, scales),
+                position,
+                bounds=(-_FARTHEST, _FARTHEST),
+                loss="soft_l1",
+                f_scale=_OUTLIER,
+                max_nfev=_EVALUATIONS,
+            )
             position = solved.x
         covariance = np.linalg.inv(solved.jac.T @ solved.jac)
         return _Found(self._at(start, position), self.parameters, position, np.sqrt(np.diag(covariance)))
-
-    def _solve(
-        self, start: Candidate, flights: Flights, scales: list[float], position: Array
-    ) -> OptimizeResult:
-        def residuals(at: Array) -> Array:
-            return self._all(start, flights, scales, at)
-
-        return least_squares(
-            residuals,
-            position,
-            bounds=(-_FARTHEST, _FARTHEST),
-            loss="soft_l1",
-            f_scale=_OUTLIER,
-            max_nfev=_EVALUATIONS,
-        )
 
     def _at(self, start: Candidate, position: Array) -> Candidate:
         candidate = start

@@ -12,6 +12,7 @@ from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 FORMAT: Final = 1
+ROWS: Final = ("position_m", "yaw_rad", "tilt", "inputs", "battery_v")  # fields with a row per period
 LONGEST_GAP_S: Final = 0.1  # missing poses up to this long are interpolated
 
 
@@ -62,30 +63,18 @@ class FlightRecording:
     def part(self, begin: float, end: float) -> "FlightRecording":
         """Return the rows between two fractions of the flight."""
         rows = slice(round(begin * len(self.yaw_rad)), round(end * len(self.yaw_rad)))
-        return replace(
-            self,
-            position_m=self.position_m[rows],
-            yaw_rad=self.yaw_rad[rows],
-            tilt=None if self.tilt is None else self.tilt[rows],
-            inputs=self.inputs[rows],
-            battery_v=None if self.battery_v is None else self.battery_v[rows],
-        )
+        return replace(self, **{name: value[rows] for name, value in self._rows().items()})
+
+    def _rows(self) -> dict[str, Any]:
+        """Arrays with a row per period, without those that are None."""
+        values = {name: getattr(self, name) for name in ROWS}
+        return {name: value for name, value in values.items() if value is not None}
 
     def save(self, path: Path) -> None:
         """Write a compressed numpy archive (`.npz`)."""
-        optional = {"tilt": self.tilt, "battery_v": self.battery_v}
-        known: dict[str, Any] = {name: value for name, value in optional.items() if value is not None}
+        head: dict[str, Any] = {"format": FORMAT, "kind": self.kind, "period_s": self.period_s}
         with path.open("wb") as file:
-            np.savez_compressed(
-                file,
-                format=np.array(FORMAT),
-                kind=np.array(self.kind),
-                period_s=np.array(self.period_s),
-                position_m=self.position_m,
-                yaw_rad=self.yaw_rad,
-                inputs=self.inputs,
-                **known,
-            )
+            np.savez_compressed(file, **head, **self._rows())
 
 
 def load_recording(path: Path) -> FlightRecording:
@@ -101,15 +90,8 @@ def load_recording(path: Path) -> FlightRecording:
     if found["format"] != FORMAT:
         raise RecordingError(f"{path}: format {found['format']}, this version reads {FORMAT}")
     try:
-        return FlightRecording(
-            str(found["kind"]),
-            float(found["period_s"]),
-            found["position_m"].astype(float),
-            found["yaw_rad"].astype(float),
-            found["tilt"].astype(float) if "tilt" in found else None,
-            found["inputs"].astype(float),
-            found["battery_v"].astype(float) if "battery_v" in found else None,
-        )
+        rows: dict[str, Any] = {name: found[name].astype(float) if name in found else None for name in ROWS}
+        return FlightRecording(str(found["kind"]), float(found["period_s"]), **rows)
     except (RecordingError, TypeError) as error:
         raise RecordingError(f"{path}: {error}") from None
 
