@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
+from unittest.mock import patch
 
 import numpy as np
 import tomlkit
@@ -92,7 +93,9 @@ def _flown(agents: Mapping[str, str], certificates: bool, seconds: float) -> lis
             make_certificates(file, datetime.now(UTC), days=1)
         for host in hosts:
             stack.enter_context(_host(net, host, path))
-        stack.enter_context(_here(_run_directory(path, LABORATORY)))
+        # This process uses the router of a host, which it finds by the run directory.
+        own = {"RCOPTERX_RUN": str(_run_directory(path, LABORATORY))}
+        stack.enter_context(patch.dict(os.environ, own))
         fleet = stack.enter_context(closing(Fleet(file, LABORATORY, FIRST_ROUTER_S)))
         fleet.wait_ready(timeout_s=READY_S)
         fleet.wait_until(
@@ -132,20 +135,6 @@ def fleet_text(addresses: Mapping[str, str], agents: Mapping[str, str], certific
 
 def _run_directory(path: Path, host: str) -> Path:
     return path.parent / host
-
-
-@contextmanager
-def _here(run_directory: Path) -> Iterator[None]:
-    """Have this process use the router of a host, found by its run directory."""
-    before = os.environ.get("RCOPTERX_RUN")
-    os.environ["RCOPTERX_RUN"] = str(run_directory)
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["RCOPTERX_RUN"]
-        else:
-            os.environ["RCOPTERX_RUN"] = before
 
 
 @contextmanager

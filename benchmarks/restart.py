@@ -4,7 +4,6 @@ import os
 import signal
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -78,14 +77,14 @@ def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
     fleet.wait_until(lambda: supervisor.spares.ready() > 0, SPARE_LIMIT_S, "no spare process")
     recorder = Recorder(fleet.session)
     recorder.start()
-    _wait(fleet, SETTLE_S)
+    fleet.wait(SETTLE_S)
     pid = supervisor.pid(victim.process)
     if pid is None:
         raise NotReachedError(f"{victim.process} does not run")
     killed_s = fleet.session.clock()
     os.kill(pid, signal.SIGKILL)
     silent_ms = without_frames_ms(states_directory(launcher.directory), victim.vehicles, killed_s)
-    _wait(fleet, WATCH_S)
+    fleet.wait(WATCH_S)
     fleet.wait_until(
         lambda: all(fleet.state_of(name).phase == "flying" for name in fleet.file.vehicles),
         WATCH_S,
@@ -108,11 +107,6 @@ def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
             for name, table in tables.items()
         },
     }
-
-
-def _wait(fleet: Fleet, seconds: float) -> None:
-    with suppress(NotReachedError):
-        fleet.wait_until(lambda: False, seconds, "")
 
 
 def without_frames_ms(states: Path, names: Sequence[str], killed_s: float) -> float:

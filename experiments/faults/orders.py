@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
+from unittest.mock import patch
 
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
@@ -19,18 +20,11 @@ INSIDE: Final = Path(__file__).parent / "inside"
 @contextmanager
 def obedient_processes() -> Iterator[None]:
     """Have Python processes that this one starts meanwhile accept orders."""
-    before = {name: os.environ.get(name) for name in (VARIABLE, "PYTHONPATH")}
-    paths = [str(INSIDE), *filter(None, [before["PYTHONPATH"]])]
+    paths = [str(INSIDE), *filter(None, [os.environ.get("PYTHONPATH")])]
     with TemporaryDirectory(prefix="rcopterx-orders-") as directory:
-        os.environ |= {VARIABLE: directory, "PYTHONPATH": os.pathsep.join(paths)}
-        try:
+        values = {VARIABLE: directory, "PYTHONPATH": os.pathsep.join(paths)}
+        with patch.dict(os.environ, values):
             yield
-        finally:
-            for name, value in before.items():
-                if value is None:
-                    del os.environ[name]
-                else:
-                    os.environ[name] = value
 
 
 def give_order(pid: int, order: str, **values: object) -> None:

@@ -94,17 +94,11 @@ class Pair(PassingFault):
         before = bench.pid(process)
         earlier = (None, before) if process == self.first.process else (None,)
         with ThreadPoolExecutor(max_workers=1) as pool:
-            first = pool.submit(_inject, self.first, bench)
+            first = pool.submit(self.first._happen, bench)
             bench.wait(self.apart_s)
             bench.wait_for(lambda: bench.supervisor.pid(process) not in earlier, SUCCESSOR_S)
-            _inject(self.second, bench)
+            self.second._happen(bench)
             first.result()
-
-
-def _inject(fault: PassingFault, bench: Bench) -> None:
-    """Inject a fault, and return when it is over."""
-    with fault.active(bench):
-        pass
 
 
 class Spinning(ProcessFault):
