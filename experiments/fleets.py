@@ -42,8 +42,8 @@ def fly_fleet(
     return Flown(
         rms_mm=1e3 * rms(errors_m),
         max_mm=1e3 * float(errors_m.max()),
-        lost=any(vehicle.left_volume for vehicle in record.vehicles.values()) or not max(ends_m) < LOST_M,
-        touched_floor=any(vehicle.touchdowns > 0 for vehicle in record.vehicles.values()),
+        lost=any(vehicle.left_volume for vehicle in record.values()) or not max(ends_m) < LOST_M,
+        touched_floor=any(vehicle.touchdowns > 0 for vehicle in record.values()),
         fallbacks=sum(record.fallbacks().values()),
     )
 

@@ -169,7 +169,7 @@ def bound_excess(record: FlightRecord) -> Array:
     """Largest true excess of any vehicle over the state bounds, shape (7,); zero where they are kept."""
     bounded = [index for index in range(MOTION_SIZE) if index != YAW]
     worst = np.zeros(len(bounded))
-    for vehicle in record.vehicles.values():
+    for vehicle in record.values():
         states = vehicle.motion[vehicle.time_s >= SETTLED_S][:, bounded]
         over = np.maximum(states - COAXIAL_LAG.state_max, COAXIAL_LAG.state_min - states)
         worst = np.maximum(worst, over.max(axis=0))

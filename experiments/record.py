@@ -1,51 +1,33 @@
 """What was flown in the rig, as arrays, and the errors computed from it."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.pilot import ControlOutput
-from rcopterx.simulator.plant import Plant
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.ground_station.geometry import inertial_offset
 from rcopterx.vehicles.state import YAW, Array
 
-_UNKNOWN: Final = np.full(4, np.nan)
+UNKNOWN: Final = np.full(4, np.nan)
 
 
 @dataclass(frozen=True)
 class VehicleRecord:
-    """One vehicle, one row per control period, K rows.
+    """One vehicle, one row per control period, K rows."""
 
-    Attributes
-    ----------
-    time_s
-        Shape (K,).
-    motion
-        True motion state of `rcopterx.vehicles.state`, shape (K, 8).
-    reference
-        First stage of the reference: x, y, z [m], yaw [rad], shape (K, 4). It belongs to the time at which
-        the command begins to act.
-    station
-        True position [m] and yaw [rad] of the leaders plus the present offset, shape (K, 4); NaN where the
-        vehicle does not follow.
-    inputs
-        Commands, shape (K, 4).
-    fallbacks
-        How often each fallback was taken.
-    left_volume, touchdowns
-        Whether the vehicle ever left the flight volume; how often it touched the floor.
-    """
-
-    time_s: Array
-    motion: Array
+    time_s: Array  # shape (K,)
+    motion: Array  # true motion state of `rcopterx.vehicles.state`, shape (K, 8)
+    # first stage of the reference: x, y, z [m], yaw [rad], shape (K, 4); it belongs to the time at which the
+    # command begins to act
     reference: Array
-    station: Array
-    inputs: Array
-    fallbacks: Mapping[str, int]
-    left_volume: bool
-    touchdowns: int
+    station: Array  # `station_of` its leaders, shape (K, 4)
+    inputs: Array  # commands, shape (K, 4)
+    fallbacks: Mapping[str, int]  # how often each fallback was taken
+    left_volume: bool  # whether the vehicle ever left the flight volume
+    touchdowns: int  # how often it touched the floor
 
     def formation_error_m(self, from_s: float = 0.0) -> Array:
         """Norm of p_F - p_L - d with true positions at every period in which it followed, from a time on."""
@@ -57,54 +39,32 @@ class VehicleRecord:
         return np.asarray((self.motion[:, : YAW + 1] - self.reference)[self.time_s >= from_s])
 
 
-class Recorder:
-    """Collects the rows of one vehicle."""
+def station_of(following: Iterable[LeaderLink], motions: Mapping[str, Array]) -> Array:
+    """Position [m] and yaw [rad] of the leaders plus the offsets, shape (4,); NaN without leaders.
 
-    def __init__(self) -> None:
-        self._rows: list[tuple[object, ...]] = []
-
-    def add(
-        self, time_s: float, motion: tuple[float, ...], flight: ControlOutput, station: Array | None
-    ) -> None:
-        """Add a control period."""
-        self._rows.append(
-            (
-                time_s,
-                motion,
-                _UNKNOWN if flight.reference is None else flight.reference.copy(),
-                _UNKNOWN if station is None else station,
-                flight.input,
-            )
-        )
-
-    def record(self, fallbacks: Mapping[str, int], plant: Plant) -> VehicleRecord:
-        """Everything collected, as arrays."""
-        time_s, motion, reference, station, inputs = (
-            np.array(column, dtype=float) for column in zip(*self._rows, strict=True)
-        )
-        return VehicleRecord(
-            time_s, motion, reference, station, inputs, Counter(fallbacks), plant.left_volume,
-            plant.touchdowns,
-        )  # fmt: skip
+    `motions`: motion states, or their first four numbers, of the leaders by name.
+    """
+    links = tuple(following)
+    if not links:
+        return UNKNOWN
+    place, total = np.zeros(4), sum(link.weight for link in links)
+    for link in links:
+        leader = motions[link.leader][:4]
+        offset = inertial_offset(link, float(leader[YAW]))
+        place += link.weight / total * (leader + np.append(offset, link.yaw_offset_rad))
+    return place
 
 
-@dataclass(frozen=True)
-class FlightRecord:
+class FlightRecord(dict[str, VehicleRecord]):
     """All vehicles of a flight by name."""
-
-    vehicles: Mapping[str, VehicleRecord]
-
-    def __getitem__(self, name: str) -> VehicleRecord:
-        """Record of one vehicle."""
-        return self.vehicles[name]
 
     def formation_error_m(self, from_s: float = 0.0) -> Array:
         """Errors of all followers one after the other."""
-        return np.concatenate([vehicle.formation_error_m(from_s) for vehicle in self.vehicles.values()])
+        return np.concatenate([vehicle.formation_error_m(from_s) for vehicle in self.values()])
 
     def gap_error_m(self, first: str, second: str, from_s: float = 0.0) -> Array:
         """Norm of the error of the distance between two followers, which no controller regulates."""
-        one, two = self.vehicles[first], self.vehicles[second]
+        one, two = self[first], self[second]
         rows = one.time_s >= from_s
         gap = (two.motion - one.motion)[rows, :3]
         wanted = (two.station - one.station)[rows, :3]
@@ -113,7 +73,7 @@ class FlightRecord:
     def fallbacks(self) -> Counter[str]:
         """Fallbacks of all vehicles together."""
         total: Counter[str] = Counter()
-        for vehicle in self.vehicles.values():
+        for vehicle in self.values():
             total.update(vehicle.fallbacks)
         return total
 

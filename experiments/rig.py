@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.cooperation import Sent, Unpacked
 from rcopterx.agents.flight.task import LeaderPlan
-from rcopterx.agents.following.leader_plans import target_link
+from rcopterx.agents.following.leader_plans import link_message, target_link
 from rcopterx.agents.formation.profile_limits import profile_limits_of
 from rcopterx.agents.guards.step_guard import hovering_input
 from rcopterx.agents.pilot import OCCLUDED, ControlOutput, Pilot, StampedMeasurement
@@ -36,13 +36,13 @@ from rcopterx.control.identification.recording import FlightLog
 from rcopterx.control.interfaces import Measurement
 from rcopterx.experiments.events import Event, Scene
 from rcopterx.experiments.network import PERFECT, LinkQuality, Network
-from rcopterx.experiments.record import FlightRecord, Recorder
+from rcopterx.experiments.record import UNKNOWN, FlightRecord, VehicleRecord, station_of
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import YAW, Array, heading_matrix
+from rcopterx.vehicles.state import Array
 
 Progress = Callable[[float], None]
 """Called every few seconds with the fraction of the flight that is flown."""
@@ -187,28 +187,31 @@ class Rig:
         """
         frames = round(duration_s / PERIOD_S)
         waiting = deque(sorted(events, key=lambda event: event.time_s))
-        recorders = {name: Recorder() for name in self._vehicles}
+        rows: dict[str, list[tuple[object, ...]]] = {name: [] for name in self._vehicles}
         for flown in range(frames):
             now_s = self._frame * PERIOD_S
             while waiting and waiting[0].time_s <= now_s + 1e-9:
                 self._apply(waiting.popleft())
-            self._control(now_s, recorders)
+            self._control(now_s, rows)
             self.laboratory.advance(PERIOD_S)
             self._frame += 1
             for name, pilot in self.pilots.items():
                 pilot.observe(self._measured(name))
             if progress is not None and flown % round(PROGRESS_EVERY_S / PERIOD_S) == 0:
                 progress(flown / frames)
-        return FlightRecord(
-            {
-                name: recorder.record(self._fallbacks(name), self.laboratory.plants[name])
-                for name, recorder in recorders.items()
-            }
-        )
+        return FlightRecord({name: self._record(name, of_vehicle) for name, of_vehicle in rows.items()})
 
-    def _fallbacks(self, name: str) -> Counter[str]:
-        """Fallbacks of a vehicle; frames that the Tracker missed are weather, and none."""
-        return self.pilots[name].fallbacks + self.guards[name].events - Counter({OCCLUDED: self._frame + 1})
+    def _record(self, name: str, rows: Sequence[tuple[object, ...]]) -> VehicleRecord:
+        time_s, motion, reference, station, inputs = (
+            np.array(column, dtype=float) for column in zip(*rows, strict=True)
+        )
+        # Frames that the Tracker missed are weather, and no fallbacks.
+        missed = Counter({OCCLUDED: self._frame + 1})
+        fallbacks = self.pilots[name].fallbacks + self.guards[name].events - missed
+        plant = self.laboratory.plants[name]
+        return VehicleRecord(
+            time_s, motion, reference, station, inputs, fallbacks, plant.left_volume, plant.touchdowns
+        )
 
     def _settings(self, vehicle: RigVehicle) -> AgentSettings:
         return AgentSettings(
@@ -247,7 +250,7 @@ class Rig:
         if refusal is not None:
             raise RigError(f"{event.vehicle} refused {event}: {refusal}")
 
-    def _control(self, now_s: float, recorders: Mapping[str, Recorder]) -> None:
+    def _control(self, now_s: float, rows: Mapping[str, list[tuple[object, ...]]]) -> None:
         order = flying_order({name: pilot.guidance.awaited for name, pilot in self.pilots.items()})
         messages = {}
         for name in order:
@@ -261,8 +264,9 @@ class Rig:
             self._add_to_log(name, applied)
             pilot = self.pilots[name]
             pilot.note_applied("armed", pilot.sequence, applied)
+            reference = UNKNOWN if flight.reference is None else flight.reference.copy()
             motion = self.laboratory.plants[name].motion
-            recorders[name].add(now_s, motion, flight, self._station(pilot))
+            rows[name].append((now_s, motion, reference, self._station(pilot), flight.input))
         self._exchange(now_s, messages)
 
     def _flight(self, name: str, now_s: float) -> ControlOutput:
@@ -359,21 +363,13 @@ class Rig:
                 plans[leader] = LeaderPlan(flight.plan, ahead_s, followable, flight.nominal)
         return plans
 
-    def _station(self, pilot: Pilot) -> Array | None:
-        """True position and yaw of the leaders plus the present offsets."""
-        links = pilot.guidance.followed
-        if not (links and pilot.guidance.follows):
-            return None
-        place = np.zeros(4)
-        total = sum(link.weight for link in links)
-        for link in links:
-            leader = np.array(self.laboratory.plants[link.leader].motion[:4])
-            offset = link.offset_at(pilot.clock.time_s)
-            arm = np.append(offset.position_m, offset.yaw_rad)
-            if offset.frame == "heading":
-                arm[:2] = heading_matrix(leader[YAW]) @ arm[:2]
-            place += link.weight / total * (leader + arm)
-        return place
+    def _station(self, pilot: Pilot) -> Array:
+        """True `station_of` the leaders with the present offsets."""
+        if not pilot.guidance.follows:
+            return UNKNOWN
+        links = [link_message(link, link.offset_at(pilot.clock.time_s)) for link in pilot.guidance.followed]
+        motions = {link.leader: np.array(self.laboratory.plants[link.leader].motion) for link in links}
+        return station_of(links, motions)
 
 
 def flying_order(leaders: Mapping[str, Sequence[str]]) -> list[str]:

@@ -90,30 +90,29 @@ def figures_of(
     steps_s: Array,
 ) -> Flown:
     """Figures of a flight: bounds of velocities by vehicle, shape (3,); times of steps, shape (n,)."""
-    flown = record.vehicles
-    errors = {name: vehicle.formation_error_m(from_s) for name, vehicle in flown.items()}
+    errors = {name: vehicle.formation_error_m(from_s) for name, vehicle in record.items()}
     on_task = {}
-    for name, vehicle in flown.items():
+    for name, vehicle in record.items():
         alone = np.isnan(vehicle.station[vehicle.time_s >= from_s, 0])
         off = np.linalg.norm(vehicle.reference_error(from_s)[alone, :3], axis=1)
         on_task[name] = off[np.isfinite(off)]
-    duration_s = PERIOD_S * len(next(iter(flown.values())).time_s)
+    duration_s = PERIOD_S * len(next(iter(record.values())).time_s)
     distances = _distances(record)
     fast = np.zeros(distances.shape[1], dtype=bool)
-    for name, vehicle in flown.items():
+    for name, vehicle in record.items():
         fast |= (np.abs(vehicle.motion[:, XD_BODY : XD_BODY + 3]) > FAST * bounds_m_s[name]).any(axis=1)
     return Flown(
         *_rms_and_max_mm(list(errors.values())),
         *_rms_and_max_mm(list(on_task.values())),
         round(1000.0 * float(distances.min()), 1),
         round(PERIOD_S * int((fast | (distances < CLOSE_M).any(axis=0)).sum()), 2),
-        round(traffic.messages / duration_s / len(flown), 2),
-        round(traffic.bytes / duration_s / len(flown), 1),
+        round(traffic.messages / duration_s / len(record), 2),
+        round(traffic.bytes / duration_s / len(record), 1),
         round(1000.0 * float(steps_s.mean()), 3),
         round(1000.0 * float(np.percentile(steps_s, 99)), 3),
         sum(record.fallbacks().values()),
-        [name for name in flown if _lost(record, name, (*errors[name][-1:], *on_task[name][-1:]))],
-        np.stack([vehicle.motion[:: round(DRAWN_S / PERIOD_S), :2] for vehicle in flown.values()]).round(3),
+        [name for name in record if _lost(record, name, (*errors[name][-1:], *on_task[name][-1:]))],
+        np.stack([vehicle.motion[:: round(DRAWN_S / PERIOD_S), :2] for vehicle in record.values()]).round(3),
     )
 
 
@@ -126,7 +125,7 @@ def _rms_and_max_mm(errors_m: Sequence[Array]) -> tuple[float, float]:
 
 def _distances(record: FlightRecord) -> Array:
     """Distances of all pairs in all control periods, shape (pairs, K) [m]."""
-    places = [vehicle.motion[:, :3] for vehicle in record.vehicles.values()]
+    places = [vehicle.motion[:, :3] for vehicle in record.values()]
     return np.array([np.linalg.norm(one - other, axis=1) for one, other in combinations(places, 2)])
 
 

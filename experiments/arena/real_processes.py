@@ -3,7 +3,6 @@
 import os
 import socket
 from collections import Counter
-from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -17,15 +16,13 @@ import tomlkit
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.codec import encode
-from rcopterx.bus.messages import Plan
 from rcopterx.experiments.arena.flying import ROOM_M, Flown, Traffic, figures_of
 from rcopterx.experiments.arena.tasks import Task
 from rcopterx.experiments.events import Event, Fly, Follow, GoTo, Lead
 from rcopterx.experiments.knowledge import COAXIAL
-from rcopterx.experiments.record import FlightRecord, VehicleRecord
+from rcopterx.experiments.record import FlightRecord, VehicleRecord, station_of
 from rcopterx.experiments.rig import PERIOD_S, Progress, RigOptions
 from rcopterx.experiments.schemes import Scheme
-from rcopterx.ground_station.geometry import place_beside
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
@@ -145,7 +142,8 @@ def flight_record(recording: Recording, names: list[str]) -> FlightRecord:
             row = plan.frame - first
             if plan.reference is not None and 0 <= row < len(laboratory):
                 reference[row] = plan.reference
-                station[row] = _station(plan, {other: rows[row] for other, rows in motion.items()})
+                leaders = {other: rows[row] for other, rows in motion.items()}
+                station[row] = station_of(plan.following, leaders)
         last = laboratory[-1].vehicles[name]
         touched = last.touchdowns - laboratory[0].vehicles[name].touchdowns
         outside = any(state.vehicles[name].outside for state in laboratory)
@@ -155,19 +153,6 @@ def flight_record(recording: Recording, names: list[str]) -> FlightRecord:
             time_s, motion[name], reference, station, inputs, _fallbacks(recording, name), outside, touched
         )
     return FlightRecord(found)
-
-
-def _station(plan: Plan, motion: Mapping[str, Array]) -> Array:
-    """True places of the leaders plus the offsets of a plan, shape (4,); NaN without leaders."""
-    if not plan.following:
-        return np.full(4, np.nan)
-    total = sum(link.weight for link in plan.following)
-    place = np.zeros(4)
-    for link in plan.following:
-        leader = motion[link.leader]
-        beside = place_beside(link, leader[:3].tolist(), float(leader[3]))
-        place += link.weight / total * np.array((*beside, leader[3] + link.yaw_offset_rad))
-    return place
 
 
 def _fallbacks(recording: Recording, name: str) -> Counter[str]:

@@ -68,12 +68,8 @@ def _task(name: str, title: str, count: int, events: Sequence[Event], duration_s
 
 def _moves(*steps_m: tuple[float, Three]) -> list[Event]:
     """Set points of the head relative to its start, at some times."""
-    return [GoTo(time_s, HEAD, _beside_start(step_m)) for time_s, step_m in steps_m]
-
-
-def _beside_start(step_m: Three) -> Three:
-    x, y, z = (a + b for a, b in zip(START_M, step_m, strict=True))
-    return x, y, z
+    x, y, z = START_M
+    return [GoTo(time_s, HEAD, (x + dx, y + dy, z + dz)) for time_s, (dx, dy, dz) in steps_m]
 
 
 def _crossing(count: int) -> Task:
@@ -96,9 +92,6 @@ PAPER: Final = _moves(
 THREE: Final = _task("three", "3 vehicles, two set points of the head", 3, MOVES, 10.0)
 FIVE: Final = _task("five", "", 5, MOVES, 10.0)
 EIGHT_PATH: Final = figure_eight(START_M, (0.7, 0.4), 8.0)
-_BEHIND: Final[Three] = (-0.6, 0.0, 0.0)
-
-
 FAR: Final = {name: (x, -y, z) for name, (x, y, z) in WIDE.items()}  # on the sides that wedges have
 
 
