@@ -12,10 +12,10 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag, solve_discrete_are, solve_discrete_lyapunov
+from scipy.linalg import block_diag, solve_discrete_lyapunov
 from scipy.optimize import brentq
 
-from rcopterx.control.models.linear import noise_over, zero_order_hold
+from rcopterx.control.models.linear import noise_over, regulator, steady_filter, zero_order_hold
 from rcopterx.experiments.formation import FOLLOWERS, LEADER
 from rcopterx.experiments.knowledge import COAXIAL
 from rcopterx.experiments.record import rms
@@ -97,9 +97,8 @@ def hovering(vehicle: HelicopterParameters, conditions: Conditions) -> Hovering:
     c, measured = np.eye(2, size + 2), np.zeros((4, size + 2))
     measured[:2], measured[2:, TILT] = c, 2.0 * np.eye(2)  # a tilt is twice its part of the quaternion
     noise = np.repeat(np.square((conditions.position_noise_m, conditions.angle_noise_rad)), 2)
-    predicted = solve_discrete_are(a.T, measured.T, process, np.diag(noise))
-    gain = np.linalg.solve(measured @ predicted @ measured.T + np.diag(noise), measured @ predicted)
-    news = predicted @ measured.T @ gain
+    predicted, gain = steady_filter(a, measured, process, np.diag(noise))
+    news = predicted @ measured.T @ gain.T
     for _ in range(round(COAXIAL.delay_s / PERIOD_S) - 1):
         news, predicted = a @ news @ a.T, a @ predicted @ a.T + process
     return Hovering(a, b, c, a @ news @ a.T, predicted)
@@ -108,9 +107,7 @@ def hovering(vehicle: HelicopterParameters, conditions: Conditions) -> Hovering:
 def regulated(system: Hovering, effort: float) -> Regulated:
     """Return what the regulator for a cost of effort reaches."""
     a, b, c = system.a, system.b, system.c
-    weights = effort * np.eye(b.shape[1])
-    cost = solve_discrete_are(a, b, c.T @ c, weights)
-    feedback = np.asarray(np.linalg.solve(b.T @ cost @ b + weights, b.T @ cost @ a), dtype=np.float64)
+    feedback = regulator(a, b, c.T @ c, effort * np.eye(b.shape[1]))
     moving = solve_discrete_lyapunov(a - b @ feedback, system.news)
     error = np.sqrt(np.trace(c @ (moving + system.unknown) @ c.T))
     stick = np.sqrt(np.mean(np.diag(feedback @ moving @ feedback.T)))

@@ -8,10 +8,10 @@ import numpy as np
 
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings, model_noise
 from rcopterx.control.estimators.tilt_filter import process_noise
-from rcopterx.control.margins.loop import Dynamics, FeedbackLoop, regulator, steady_filter_gain
+from rcopterx.control.margins.loop import Dynamics, FeedbackLoop
 from rcopterx.control.models.lags import LagDynamics, behind_lag
 from rcopterx.control.models.lateral import LateralSystem, lateral_system
-from rcopterx.control.models.linear import as_complex, zero_order_hold
+from rcopterx.control.models.linear import as_complex, regulator, steady_filter, zero_order_hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_YAW
 
@@ -34,10 +34,9 @@ def tilt_loop(
     known, wind = system.size // 2, system.wind.start // 2
     a, b = loop.filter_step(period_s)
     position, velocity, effort = weights
+    states = np.diag((position, velocity, *np.zeros(known - 2)))
     feedback = np.zeros(len(loop.feedback), dtype=complex)
-    feedback[:known] = regulator(
-        (a[:known, :known], b[:known]), [position, velocity] + [0.0] * (known - 2), effort
-    )
+    feedback[:known] = regulator(a[:known, :known], b[:known, None], states, np.array([[effort]]))
     feedback[known] = 1.0  # the trim
     if not compensate:
         feedback[wind] = 0.0
@@ -62,11 +61,11 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
     per_stick = np.ones(offset + 1)
     per_stick[[servo, trim]] = gain
     process = as_complex(process_noise(model, estimator, period_s)) * np.outer(per_stick, per_stick)
-    noise = np.square((estimator.position_noise_m, estimator.tilt_noise))
+    noise = np.diag(np.square((estimator.position_noise_m, estimator.tilt_noise)))
     if not estimator.measured_tilt:
         # The offset of the body frame is unknown then, and does not matter.
         a, b, process = a[:offset, :offset], b[:offset], process[:offset, :offset]
-        measured, noise = measured[:1, :offset], noise[:1]
+        measured, noise = measured[:1, :offset], noise[:1, :1]
 
     dampings = model.uncertainty.tilt_damping or (tilt.damping_ratio,)
     nearest = min(max(tilt.damping_ratio, dampings[0]), dampings[-1])
@@ -87,7 +86,7 @@ def _filtered_tilt(model: Model, period_s: float, estimator: ExtendedKalmanSetti
         measured=measured[:, :wind],
         filter_step=filter_step,
         filter_measured=measured,
-        filter_gain=steady_filter_gain(filter_step(period_s)[0], measured, process, noise),
+        filter_gain=steady_filter(filter_step(period_s)[0], measured, process, noise)[1],
         feedback=np.zeros(len(b)),
         period_s=period_s,
         delay_s=model.delay_s,
@@ -107,7 +106,7 @@ def lag_loop(
     position, velocity, effort = weights
     a, b = LagDynamics.of(model, period_s, slice(axis, axis + 1)).matrices()
     feedback = np.zeros(4)
-    feedback[:3] = regulator((a, b[:, 0]), [position, velocity, 0.0], effort)
+    feedback[:3] = regulator(a, b, np.diag((position, velocity, 0.0)), np.array([[effort]]))
     if compensate:
         feedback[3] = (1.0 + feedback[2]) / model.input_gain[axis]
     return replace(_filtered_lag(model, period_s, axis, estimator), feedback=feedback)
@@ -137,14 +136,13 @@ def _filtered_lag(
     densities = [0.0, *(drift[axis] for drift in drifts)]
     noise = estimator.yaw_noise_rad if axis == U_YAW else estimator.position_noise_m
     measured = np.array([[1.0, 0.0, 0.0, 0.0]])
+    process = period_s * np.diag(np.square(densities))
     return FeedbackLoop(
         plant_step=plant_step,
         measured=measured[:, :3],
         filter_step=lambda time_s: step(1.0, time_s),
         filter_measured=measured,
-        filter_gain=steady_filter_gain(
-            step(1.0, period_s)[0], measured, period_s * np.diag(np.square(densities)), np.array([noise**2])
-        ),
+        filter_gain=steady_filter(step(1.0, period_s)[0], measured, process, np.array([[noise**2]]))[1],
         feedback=np.zeros(4),
         period_s=period_s,
         delay_s=model.delay_s,

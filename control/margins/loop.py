@@ -12,9 +12,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
-from rcopterx.control.models.linear import Complex
 from rcopterx.vehicles.model import Uncertainty
 from rcopterx.vehicles.state import Array
 
@@ -118,23 +116,6 @@ class FeedbackLoop:
 def _driven(step: Dynamics, state: Array, value: Array) -> Array:
     """Rows of the state after a step, of the state before it and of the input that acted."""
     return np.asarray(step[0] @ state + np.outer(step[1], value))
-
-
-def regulator(step: Dynamics, state_weights: Sequence[float], effort: float) -> Array:
-    """Return the feedback of the linear-quadratic regulator for a transition, shape (n,)."""
-    a, b = step[0], step[1][:, None]
-    cost = solve_discrete_are(a, b, np.diag(state_weights), np.array([[effort]]))
-    back = b.conj().T @ cost
-    row: Array = (back @ a / (effort + back @ b))[0]
-    return row
-
-
-def steady_filter_gain(transition: Array, measured: Array, process: Array | Complex, noise: Array) -> Array:
-    """Return the steady Kalman gain K, shape (m, p); F, Q have shape (m, m), H (p, m), `noise` (p,)."""
-    P = solve_discrete_are(transition.conj().T, measured.conj().T, process, np.diag(noise))
-    PH = P @ measured.conj().T
-    S = measured @ PH + np.diag(noise)
-    return np.asarray(np.linalg.solve(S.conj().T, PH.conj().T).conj().T)
 
 
 GAIN_LIMIT: Final = 10.0

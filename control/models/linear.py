@@ -1,4 +1,4 @@
-"""Linear systems x' = A x + B u with real or complex numbers."""
+"""Linear systems, x' = A x + B u or x+ = A x + B u, with real or complex numbers."""
 
 from collections.abc import Callable
 from functools import lru_cache, wraps
@@ -6,7 +6,7 @@ from typing import Any, TypeVar, TypeVarTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_discrete_are
 
 from rcopterx.vehicles.state import Array
 
@@ -49,6 +49,25 @@ def noise_over(a: Array, density: Array, time_s: float) -> Array:
     size = len(a)
     step = expm(time_s * np.block([[-a, np.diag(density)], [np.zeros((size, size)), a.T]]))
     return np.asarray(step[size:, size:].T @ step[:size, size:])
+
+
+def regulator(A: NDArray[Any], B: NDArray[Any], Q: Array, R: Array) -> NDArray[Any]:
+    """Return the feedback K, shape (m, n), of the linear-quadratic regulator u = -K x of x+ = A x + B u."""
+    back = B.conj().T @ solve_discrete_are(A, B, Q, R)
+    return np.asarray(np.linalg.solve(R + back @ B, back @ A))
+
+
+def steady_filter(
+    A: NDArray[Any], H: NDArray[Any], Q: NDArray[Any], R: Array
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the covariance of predictions, and the gain K, shape (n, p), of a steady Kalman filter.
+
+    Measured is H x, shape (p,); `Q` and `R` are the covariances of the process and of the measurement.
+    """
+    P = solve_discrete_are(A.conj().T, H.conj().T, Q, R)
+    seen = P @ H.conj().T
+    S = H @ seen + R
+    return P, np.asarray(np.linalg.solve(S.conj().T, seen.conj().T).conj().T)
 
 
 def as_complex(matrix: Array) -> Complex:

@@ -14,8 +14,8 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
-from scipy.linalg import solve_discrete_are
 
+from rcopterx.control.models.linear import regulator
 from rcopterx.control.schemes.interface import Situation
 from rcopterx.control.schemes.tracked import Gain, Moving, TrackedScheme, TrackedSettings, Way
 from rcopterx.vehicles.model import Model
@@ -69,10 +69,5 @@ def distributed_gains(
     A: Array, B: Array, Q: Array, Q_relative: Array, R: Array, vehicles: int
 ) -> tuple[Array, Array]:
     """Return the gains K and K_r of equal vehicles that all know each other."""
-
-    def gain(Q: Array) -> Array:
-        P = solve_discrete_are(A, B, Q, R)
-        return np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A))
-
-    own = gain(Q)
-    return own, (gain(Q + vehicles * Q_relative) - own) / vehicles
+    own = regulator(A, B, Q, R)
+    return own, (regulator(A, B, Q + vehicles * Q_relative, R) - own) / vehicles

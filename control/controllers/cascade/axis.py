@@ -8,6 +8,7 @@ from rcopterx.control.controllers.cascade.limits import TASK, Task
 from rcopterx.control.controllers.cascade.weights import CascadeWeights
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
 from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, repeated
+from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array
 
 
@@ -18,10 +19,16 @@ class AxisProblem:
     """
 
     def __init__(
-        self, axes: slice, dynamics: LagDynamics, weights: CascadeWeights, stages: int, feed_forward: bool
+        self,
+        axes: slice,
+        model: Model,
+        period_s: float,
+        weights: CascadeWeights,
+        stages: int,
+        feed_forward: bool,
     ) -> None:
-        self._axes, self._dynamics, self._feed_forward = axes, dynamics, feed_forward
-        m = dynamics.axes
+        self._dynamics = dynamics = LagDynamics.of(model, period_s, axes)
+        self._axes, self._feed_forward, m = axes, feed_forward, dynamics.axes
         stick = slice(2 * m, 3 * m)
         A, B = dynamics.matrices()
         C, D = np.eye(3 * m), np.eye(3 * m, m, -2 * m)

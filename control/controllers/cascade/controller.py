@@ -24,7 +24,6 @@ from rcopterx.control.controllers.cascade.weights import (
 )
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle
-from rcopterx.control.models.lags import LagDynamics
 from rcopterx.control.references.sampling import samples_through
 from rcopterx.control.references.trajectory import POSITION, Trajectory
 from rcopterx.control.solver.problem import Solver
@@ -109,9 +108,9 @@ class CascadeController(MpcController):
         stages = settings.horizon - 1
         self._slowed = bool((self._effort_factors > 1.0).any())
         self._recovery = recovery(period_s, stages)
-        weights = self._weights()
-        self._heading, self._height = (self._axis(axis, weights, stages) for axis in (YAW, Z))
-        self._horizontal = self._horizontal_problem(weights, stages)
+        common = model, period_s, self._weights(), stages, settings.feed_forward
+        self._heading, self._height = (AxisProblem(slice(axis, axis + 1), *common) for axis in (YAW, Z))
+        self._horizontal = LateralLags(HORIZONTAL, *common) if model.tilt is None else LateralTilt(*common)
         make = new_solver or settings.new_solver
         self._heading_solver, self._height_solver, self._horizontal_solver = make(), make(), make()
         self._observer = DisturbanceObserver(model, period_s)
@@ -124,18 +123,6 @@ class CascadeController(MpcController):
         states = np.array(settings.state_weights or default_weights(model, self._period_s).states)
         efforts = np.array(settings.input_weights or default_weights(model, self._period_s).inputs)
         return CascadeWeights(states[:4], states[4:], efforts * self._effort_factors, settings.soft_weight)
-
-    def _axis(self, axis: int, weights: CascadeWeights, stages: int) -> AxisProblem:
-        axes, settings = slice(axis, axis + 1), self._settings
-        dynamics = LagDynamics.of(self._model, self._period_s, axes)
-        return AxisProblem(axes, dynamics, weights, stages, settings.feed_forward)
-
-    def _horizontal_problem(self, weights: CascadeWeights, stages: int) -> LateralLags | LateralTilt:
-        model, period_s, settings = self._model, self._period_s, self._settings
-        if model.tilt is not None:
-            return LateralTilt(model, period_s, weights, stages, settings.feed_forward)
-        dynamics = LagDynamics.of(model, period_s, HORIZONTAL)
-        return LateralLags(HORIZONTAL, dynamics, weights, stages, settings.feed_forward)
 
     def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
         """Keep clear of these in the next step (`rcopterx.control.interfaces.AvoidsObstacles`)."""

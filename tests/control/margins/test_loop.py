@@ -8,7 +8,7 @@ import pytest
 from support.vehicle_types import COAXIAL
 
 from rcopterx.benchmarks.flight import at_rest
-from rcopterx.control.controllers.cascade.axis import AxisProblem, LagDynamics
+from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.controller import CascadeSettings
 from rcopterx.control.controllers.cascade.lateral import LateralTilt, with_tilt
 from rcopterx.control.controllers.cascade.limits import PlanLimits, Task, recovery
@@ -140,9 +140,8 @@ def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
 @pytest.mark.parametrize("axis", [U_THRUST, U_YAW])
 def test_height_and_yaw_have_the_feedback_of_the_cascade(axis: int) -> None:
     states, efforts = default_weights(COAXIAL, PERIOD_S)
-    axes = slice(axis, axis + 1)
-    dynamics = LagDynamics.of(COAXIAL, PERIOD_S, axes)
-    formulation = AxisProblem(axes, dynamics, weights_of(states, efforts), 20, True)
+    weights = weights_of(states, efforts)
+    formulation = AxisProblem(slice(axis, axis + 1), COAXIAL, PERIOD_S, weights, 20, True)
     gain = feedback_of(formulation.problem(resting(COAXIAL)))
     loop = lag_loop(COAXIAL, PERIOD_S, axis, (states[axis], states[4 + axis], efforts[axis]))
     assert loop.feedback[:3] == pytest.approx(gain[0], rel=1e-6)
