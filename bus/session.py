@@ -21,8 +21,7 @@ from rcopterx.bus.endpoints import Credentials, client_config, open_session, rea
 from rcopterx.bus.lockstep_page import opened_page
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
-from rcopterx.bus.publishing import Publisher, declared_publisher, number_of
-from rcopterx.bus.requesting import LONG_S, request_in_turns
+from rcopterx.bus.publishing import number_of, publisher_of
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.subscription import (
     Deliver,
@@ -41,6 +40,7 @@ R = TypeVar("R", bound=Reply)
 MOST_REQUESTS: Final = 256  # requests that wait for the loop of a process; further ones are rejected
 RETRY_S = 0.02  # pause before a request is sent again where no process serves it
 FIRST_ATTEMPT_S = 0.1  # time for one endpoint; it doubles in each round, for routers on a busy machine
+LONG_S: Final = 600.0  # longest wait in real time for what always comes
 SILENT_SHARE = 0.8  # share of the time-out after which an empty result means that the server did not answer
 
 
@@ -145,7 +145,7 @@ class Session:
         self.address = address
         self.clock = clock or address.clock.now
         self.wake = wake
-        self._publishers: dict[tuple[str, str], Publisher] = {}
+        self._publishers: dict[tuple[str, str], Callable[[bytes], None]] = {}
         self._queryables: list[zenoh.Queryable[None]] = []
         self._taps: list[zenoh.Subscriber[None]] = []
         self._incoming: SimpleQueue[Incoming] = SimpleQueue()
@@ -182,14 +182,11 @@ class Session:
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """Send a message; never blocks, drops on congestion."""
-        publisher = self._publishers.get((unit, channel.topic)) or self._declare(channel, unit)
-        publisher.put(encode(message))
-
-    def _declare(self, channel: Channel[M], unit: str) -> Publisher:
-        key = channels.key(self.address.fleet, unit, channel.topic)
-        publisher = declared_publisher(self._zenoh, self.turns, channel, key)
-        self._publishers[unit, channel.topic] = publisher
-        return publisher
+        place = unit, channel.topic
+        if place not in self._publishers:
+            key = channels.key(self.address.fleet, *place)
+            self._publishers[place] = publisher_of(self._zenoh, self.turns, channel, key)
+        self._publishers[place](encode(message))
 
     def republish(self, unit: str, topic: str, payload: bytes) -> None:
         """Send a message of a flight log again, unchanged."""
@@ -316,7 +313,7 @@ class Session:
                 replies: Iterable[zenoh.Reply] = (
                     self._zenoh.get(key, payload=payload, timeout=limit_s)
                     if turns is None
-                    else request_in_turns(self._zenoh, turns, key, payload, timeout_s)
+                    else self._request_in_turns(turns, key, payload, timeout_s)
                 )
             except zenoh.ZError as error:
                 raise RequestFailedError(f"{verb.name} was not sent to {unit}: {error}") from error
@@ -331,6 +328,29 @@ class Session:
             if self.clock() >= give_up_s:
                 raise NotServedError(f"no process serves {verb.name} for {unit}")
             (time.sleep if self.turns is None else self.turns.wait)(RETRY_S)
+
+    def _request_in_turns(
+        self, turns: Turns, key: str, payload: bytes, timeout_s: float
+    ) -> list[zenoh.Reply]:
+        """Send a request in lockstep, and take turns until the reply counts; none after the time-out."""
+        replies: list[zenoh.Reply] = []
+
+        def answered(reply: zenoh.Reply, _: zenoh.Sample | None = None) -> None:
+            replies.append(reply)
+            turns.wake()
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is None:
+                answered(reply)
+            else:
+                turns.replies.hold(partial(answered, reply), reply.ok)
+
+        callback, stamp = Callback(on_reply, indirect=False), turns.stamp(key)
+        self._zenoh.get(key, callback, payload=payload, attachment=stamp, timeout=LONG_S)
+        give_up_s = turns.page.now() + timeout_s
+        while not replies and turns.page.now() < give_up_s:
+            turns.wait(give_up_s - turns.page.now())
+        return replies
 
     def identify(self, timeout_s: float = 0.5) -> list[IdentifyReply]:
         """Return the answer of each linked router that knows which fleet it serves."""
