@@ -67,7 +67,7 @@ class AgentParts:
         )
         self.plans.subscribe_to(link.leader for link in settings.following)
         statuses = bus.subscribe_all(channels.AGENT_STATUS, waking=False)
-        self.peers = PeerStatuses(vehicle, statuses.inboxes, clock)
+        self.peers = PeerStatuses(vehicle, statuses, clock)
         self.traffic = Traffic(
             vehicle, settings.separation, partial(bus.subscribe, channels.PLAN, waking=False)
         )

@@ -89,7 +89,7 @@ class Agent:
                 self._publish(output, timing)
                 self._after_control(output, self._stopwatch() - begun_s)
             elif self._now_s >= self._later_exchanges.due_s:
-                self._send(self._later_exchanges.exchange(self.parts.scheme_messages.inboxes))
+                self._send(self._later_exchanges.exchange(self.parts.scheme_messages))
             # Nothing delays a command.
             if (
                 self.control_by_s is None
@@ -197,7 +197,7 @@ class Agent:
         motion, actuator, disturbance, _ = pilot.estimate
         estimate = [*motion.tolist(), *actuator.tolist(), *disturbance.tolist()]
         began_s = self._stopwatch()
-        received = newest_messages(parts.scheme_messages.inboxes, pilot.cooperation)
+        received = newest_messages(parts.scheme_messages, pilot.cooperation)
         output = pilot.control(plans, parts.traffic.neighbours(pilot.clock, plans), received)
         ready_s = self._stopwatch()
         parts.solve.add(ready_s - began_s)

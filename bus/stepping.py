@@ -6,7 +6,7 @@ Within a step neither the time nor the input changes: the same inputs at the sam
 import secrets
 import zlib
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final, Protocol, TypeVar
 
@@ -29,14 +29,6 @@ REQUEST: Final = "request"
 LIFE_BITS: Final = 53  # integers of this size are exact in every language
 
 
-class Inboxes(Protocol[M]):
-    """Inboxes of a channel by unit."""
-
-    @property
-    def inboxes(self) -> Mapping[str, Inbox[M]]:
-        """By unit."""
-
-
 class StepBus(Protocol):
     """The bus as a process sees it that works in steps; methods without details are those of `Session`.
 
@@ -45,10 +37,8 @@ class StepBus(Protocol):
 
     life: int
     requests: list[Incoming]
-
-    @property
-    def events(self) -> Collection[str]:
-        """Events inside the process that take effect in this step; see `note`."""
+    events: set[str]
+    """Events inside the process that take effect in this step; see `note`."""
 
     def clock(self) -> float:
         """Return the time at which the present step began [monotonic s]."""
@@ -73,8 +63,8 @@ class StepBus(Protocol):
     def subscribe(self, channel: Channel[M], unit: str, depth: int = 1, *, waking: Waking = True) -> Inbox[M]:
         """Receive a channel of one unit."""
 
-    def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Inboxes[M]:
-        """Receive a channel of every unit."""
+    def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Mapping[str, Inbox[M]]:
+        """Receive a channel of every unit; return their inboxes."""
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """Send a message."""
@@ -109,7 +99,7 @@ class SteppedSession:
 
     def __init__(self, session: Session) -> None:
         self.life = secrets.randbits(LIFE_BITS)
-        self.events: list[str] = []
+        self.events: set[str] = set()
         self.requests: list[Incoming] = []
         self._session = session
         self._now_s = self._began_s = session.clock()
@@ -130,12 +120,12 @@ class SteppedSession:
 
     def begin_step(self) -> float:
         """See `StepBus.begin_step`."""
-        self.events = []
+        self.events = set()
         for _ in range(len(self._waiting)):
             item = self._waiting.popleft()
             self._inputs.append(item)
             if item.inbox is None:
-                self.events.append(item.event)
+                self.events.add(item.event)
             else:
                 item.inbox.store(item.payload, item.arrived_s)
         for incoming in self._session.pending():
@@ -190,9 +180,9 @@ class SteppedSession:
         """See `StepBus.subscribe`."""
         return self._session.subscribe(channel, unit, depth, waking=waking, deliver=self._deliverer())
 
-    def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Inboxes[M]:
+    def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Mapping[str, Inbox[M]]:
         """See `StepBus.subscribe_all`."""
-        return self._session.subscribe_all(channel, waking=waking, deliver=self._deliverer())
+        return self._session.subscribe_all(channel, waking=waking, deliver=self._deliverer()).inboxes
 
     def _deliverer(self) -> Deliver:
         """Callback of one more subscription; it lets messages wait for the next step."""

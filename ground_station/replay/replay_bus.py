@@ -1,6 +1,6 @@
 """The bus of a replayed agent: inputs come from a flight log, published messages are compared."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from rcopterx.bus.channels import LEASE, Channel
@@ -8,7 +8,7 @@ from rcopterx.bus.codec import decode
 from rcopterx.bus.message import Message
 from rcopterx.bus.requests import VERBS, RecallReply, Reply, Request
 from rcopterx.bus.session import Incoming, RequestFailedError
-from rcopterx.bus.stepping import REQUEST, Inboxes
+from rcopterx.bus.stepping import REQUEST
 from rcopterx.bus.subscription import Inbox, Waking
 from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep
 
@@ -98,11 +98,11 @@ class ReplayBus:
         self._subscriptions.append(_Subscription(channel, inbox))
         return inbox
 
-    def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Inboxes[M]:
+    def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Mapping[str, Inbox[M]]:
         """See `StepBus.subscribe_all`."""
         del waking
         self._subscriptions.append(_Subscription(channel))
-        return self._subscriptions[-1]
+        return self._subscriptions[-1].inboxes
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """See `StepBus.publish`."""
