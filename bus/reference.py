@@ -15,8 +15,7 @@ import msgpack
 import msgspec
 from msgspec import inspect as types
 
-from rcopterx.bus import channels
-from rcopterx.bus.channels import CHANNELS
+from rcopterx.bus.channels import CHANNELS, FIXED_UNITS
 from rcopterx.bus.message import (
     MAX_CLOCK_S,
     MAX_COUNT,
@@ -74,7 +73,6 @@ def reference() -> str:
 
 
 def _head() -> str:
-    fixed = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
     payload = bytes(msgpack.packb(EXAMPLE))
     shown = EXAMPLE | {"next_inputs": EXAMPLE["next_inputs"] | {"data": "<32 bytes>"}}
     fields = ",\n".join(f" {json.dumps(name)}: {json.dumps(value)}" for name, value in shown.items())
@@ -83,7 +81,7 @@ def _head() -> str:
         .with_name("messages.template")
         .read_text(encoding="utf-8")
         .format(
-            units=", ".join(f"`{unit}`" for unit in fixed),
+            units=", ".join(f"`{unit}`" for unit in FIXED_UNITS),
             version=SCHEMA_VERSION,
             name="[a-z][a-z0-9_]{0,30}",
             limit=Message.MAX_BYTES,

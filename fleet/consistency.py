@@ -4,10 +4,9 @@ import os.path
 from collections.abc import Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 
-from rcopterx.bus.keys import EVERY_FLEET
+from rcopterx.bus.channels import EVERY_FLEET, FIXED_UNITS
 from rcopterx.fleet.schema import (
     RESERVED_PROCESSES,
-    RESERVED_UNITS,
     FleetError,
     FleetFile,
     check_known,
@@ -29,7 +28,7 @@ def _check_vehicles(fleet: FleetFile) -> None:
     if not fleet.vehicles:
         raise FleetError("vehicles: at least one vehicle is needed")
     for group, names, reserved in (
-        ("vehicles", fleet.vehicles, RESERVED_UNITS),
+        ("vehicles", fleet.vehicles, FIXED_UNITS),
         ("gateways", fleet.gateways, RESERVED_PROCESSES),
     ):
         for name in names:

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct, field
 
-from rcopterx.bus import channels
 from rcopterx.bus.clock import LOCKSTEP, REAL_TIME, Clock
 from rcopterx.bus.message import Four, Name, Period, Place, Three
 from rcopterx.bus.messages import LeaderLink
@@ -20,8 +19,6 @@ ProtocolName = Literal["multi", "dsm2_serial", "dsmp", "ppm", "crazyflie", "mavl
 
 DEFAULT_HOST = "main"
 ROUTER_PORT = 7447
-RESERVED_UNITS = (channels.TRACKER_UNIT, channels.SIMULATOR_UNIT, channels.FLEET_UNIT)
-"""Units of the bus other than vehicles."""
 RESERVED_PROCESSES = ("router", "simulator", "tracker", "recorder", "spare")
 """Names of processes other than transmitter gateways."""
 
