@@ -16,7 +16,6 @@ from rcopterx.vicon_gateway.wire import (
     encode_object,
     encode_packet,
     encode_string,
-    encode_u32_set,
     split_objects,
 )
 
@@ -88,7 +87,8 @@ def mapping(key: Layout, value: Layout) -> Layout:
 
 U32, F64 = number("I"), number("d")
 STRING = Layout(encode_string, PayloadReader.string, U32.least_bytes)
-U32_SET = Layout(encode_u32_set, lambda reader: frozenset(reader.u32_list()), U32.least_bytes)
+U32S = many(U32)
+U32_SET = Layout(lambda values: U32S.write(sorted(values)), lambda reader: frozenset(U32S.read(reader)), 4)
 FLAG = Layout(number("?").write, lambda reader: number("B").read(reader) == 1, 1)
 
 

@@ -6,7 +6,6 @@ before anything is allocated.
 """
 
 import struct
-from collections.abc import Iterable
 from enum import IntEnum
 
 MAGIC = 0x1A2B0001
@@ -170,36 +169,20 @@ class PayloadReader:
         """Read the fields of `layout`; integer codes become ints."""
         return layout.unpack_from(self._payload, self._advance(layout.size))
 
-    def u32(self) -> int:
-        """Read one unsigned 32-bit number."""
-        value: int = _U32.unpack_from(self._payload, self._advance(4))[0]
-        return value
-
     def count(self, item_bytes: int) -> int:
         """Read an element count and check it against the bytes left, at least `item_bytes` per element."""
-        number = self.u32()
+        number: int = _U32.unpack_from(self._payload, self._advance(_U32.size))[0]
         if number * item_bytes > self.remaining:
             raise WireError(
                 f"{number} elements of at least {item_bytes} bytes claimed, {self.remaining} bytes left"
             )
         return number
 
-    def u32_list(self) -> tuple[int, ...]:
-        """Read a vector or set of unsigned 32-bit numbers."""
-        number = self.count(4)
-        return struct.unpack_from(f"<{number}I", self._payload, self._advance(4 * number))
-
     def string(self) -> str:
         r"""Read a string; bytes that are not UTF-8 (old Trackers in Latin-1) appear as ``\xNN``."""
         size = self.count(1)
         start = self._advance(size)
         return self._payload[start : start + size].decode("utf-8", "backslashreplace")
-
-
-def encode_u32_set(values: Iterable[int]) -> bytes:
-    """Return a set of unsigned 32-bit numbers: ascending, no duplicates."""
-    numbers = sorted(set(values))
-    return struct.pack(f"<I{len(numbers)}I", len(numbers), *numbers)
 
 
 def encode_string(text: str) -> bytes:
