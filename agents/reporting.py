@@ -30,7 +30,7 @@ from rcopterx.bus.rounding import all_rounded, rounded
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Received
 from rcopterx.bus.trajectory_array import TrajectoryArray
-from rcopterx.vehicles.state import YAW, inertial_velocity, three
+from rcopterx.vehicles.state import YAW, four, inertial_velocity, three
 
 REFERENCE_BITS: Final = 14  # references are rounded to a sixteenth of a millimetre
 
@@ -39,13 +39,12 @@ def command_message(
     settings: AgentSettings, pilot: Pilot, flight: ControlOutput, lease: int, timing: CommandTiming | None
 ) -> Command:
     """Stick command of a control period."""
-    pitch, roll, thrust, yaw = flight.input.tolist()
     return Command(
         epoch=pilot.clock.epoch,
         frame=pilot.clock.current_frame,
         lease=lease,
         sequence=pilot.sequence,
-        input=(pitch, roll, thrust, yaw),
+        input=four(flight.input),
         next_inputs=FloatArray.of(flight.next_inputs),
         period_s=settings.period_s,
         timing=timing,

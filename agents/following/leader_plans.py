@@ -12,6 +12,7 @@ from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.vehicles.state import three
 
 
 def leader_plan(plan: Plan, clock: FleetClock, with_nominal: bool = True) -> LeaderPlan:
@@ -159,10 +160,9 @@ def target_link(link: FollowedLeader) -> LeaderLink:
 
 def link_message(link: FollowedLeader, offset: FormationOffset) -> LeaderLink:
     """Message of a link with an offset."""
-    x, y, z = offset.position_m.tolist()
     return LeaderLink(
         leader=link.leader,
-        offset_m=(x, y, z),
+        offset_m=three(offset.position_m),
         yaw_offset_rad=offset.yaw_rad,
         frame=offset.frame,
         weight=link.weight,

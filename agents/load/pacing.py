@@ -1,11 +1,10 @@
 """Pacing of an agent by its poses, not by a timer."""
 
 import math
+from collections import deque
 from typing import Final, NamedTuple
 
 import numpy as np
-
-from rcopterx.vehicles.state import Array
 
 COAST_AFTER_PERIODS = 1.5
 WINDOW = 500
@@ -127,17 +126,14 @@ class SolveTimer:
     """Durations of the last control steps."""
 
     def __init__(self) -> None:
-        self._window: Array = np.empty(WINDOW)  # ring buffer
-        self._steps = 0
+        self._durations_ms: deque[float] = deque(maxlen=WINDOW)
 
     def add(self, duration_s: float) -> None:
         """Add the duration of a step."""
-        self._window[self._steps % WINDOW] = 1000 * duration_s
-        self._steps += 1
+        self._durations_ms.append(1000 * duration_s)
 
     def times(self) -> SolveTimes:
         """Percentiles; zeros before the first step."""
-        if not self._steps:
+        if not self._durations_ms:
             return SolveTimes(0.0, 0.0, 0.0)
-        p50, p99, maximum = np.percentile(self._window[: self._steps], (50, 99, 100)).tolist()
-        return SolveTimes(p50, p99, maximum)
+        return SolveTimes(*np.percentile(self._durations_ms, (50, 99, 100)).tolist())
