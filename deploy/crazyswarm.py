@@ -1,7 +1,7 @@
 """Reads the configuration of Crazyswarm2, `crazyflies.yaml` and `motion_capture.yaml`."""
 
 from pathlib import Path
-from typing import Annotated, NamedTuple, TypeVar
+from typing import Annotated, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct, field
@@ -46,13 +46,6 @@ class _MotionCaptureFile(Struct, frozen=True):
     node: _Parameters = field(name="/motion_capture_tracking")
 
 
-class Tracker(NamedTuple):
-    """A motion capture in the terms of a fleet file."""
-
-    brand: str
-    address: str
-
-
 def read_vehicles(path: Path) -> list[NewVehicle]:
     """Return the enabled vehicles of a `crazyflies.yaml`, in its order.
 
@@ -67,14 +60,14 @@ def read_vehicles(path: Path) -> list[NewVehicle]:
     return formation_of(path, placed, "cf")
 
 
-def read_tracker(path: Path) -> Tracker:
-    """Return the motion capture of a `motion_capture.yaml`; raises `FleetError`: it cannot be used."""
+def read_tracker(path: Path) -> tuple[str, str]:
+    """Return brand and address of the motion capture of a `motion_capture.yaml`, or raise `FleetError`."""
     parameters = _decoded(path, _MotionCaptureFile).node.ros__parameters
     if parameters.type not in _PORTS:
         raise FleetError(f"{path}: type {parameters.type!r}: allowed are {', '.join(_PORTS)}")
     if not parameters.hostname:
         raise FleetError(f"{path}: hostname: is missing")
-    return Tracker(parameters.type, f"{parameters.hostname}:{_PORTS[parameters.type]}")
+    return parameters.type, f"{parameters.hostname}:{_PORTS[parameters.type]}"
 
 
 def _decoded(path: Path, kind: type[T]) -> T:

@@ -1,7 +1,6 @@
 """Files of the certificates of a fleet, and the certificate that this computer shows."""
 
 import os
-from dataclasses import astuple
 from pathlib import Path
 from typing import Final
 
@@ -137,9 +136,3 @@ def own_credentials(fleet: FleetFile, host: str) -> Credentials | None:
     """Return the files of the certificate `own_name`; None without one."""
     directory, name = directory_of(fleet), own_name(fleet, host)
     return None if directory is None or name is None else credentials(directory, name)
-
-
-def shown(fleet: FleetFile, host: str) -> list[str] | None:
-    """Return the fields of `own_credentials`, for records of running fleets."""
-    own = own_credentials(fleet, host)
-    return None if own is None else list(astuple(own))

@@ -15,23 +15,10 @@ from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 
 
 def check_resources(fleet: FleetFile, host: str, directory: Path, without: Collection[str] = ()) -> list[str]:
-    """Check that addresses are free and that serial devices exist.
+    """Check that addresses are free and that serial devices exist, but for vehicles `without` a device.
 
     A fleet also flies when the device of one of its vehicles is missing; that vehicle joins once it is there.
-
-    Parameters
-    ----------
-    directory
-        Run directory of the fleet.
-    without
-        Vehicles that need no device.
-
-    Returns
-    -------
-    list of str
-        A line for every vehicle whose device is missing while others have theirs.
-
-    Raises `FleetError`: names the field and the address or device.
+    Returns a line for every such vehicle. Raises `FleetError`: names the field and the address or device.
     """
     check_router(fleet, host)
     if host == fleet.tracker.host:

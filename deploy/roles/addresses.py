@@ -1,11 +1,11 @@
 """Where the processes of a fleet, and programs that join it, find the bus."""
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 from rcopterx.bus.channels import FIXED_UNITS
 from rcopterx.bus.clock import Clock
 from rcopterx.bus.session import BusAddress
-from rcopterx.deploy.certificates.files import own_credentials, shown
+from rcopterx.deploy.certificates.files import own_credentials
 from rcopterx.deploy.hosts.run_directory import lockstep_path, router_socket, run_directory
 from rcopterx.deploy.hosts.running import RunningFleet
 from rcopterx.fleet.schema import FleetFile
@@ -47,6 +47,7 @@ def router_endpoints(fleet: FleetFile, host: str) -> list[str]:
 
 def record_of(fleet: FleetFile, host: str, digest: str = "", snapshot: str = "") -> RunningFleet:
     """Return the record of a fleet that is up, as seen from a host, with what programs need to join it."""
+    own = own_credentials(fleet, host)
     return RunningFleet(
         fleet=fleet.name,
         digest=digest,
@@ -56,5 +57,5 @@ def record_of(fleet: FleetFile, host: str, digest: str = "", snapshot: str = "")
         others=[fleet.endpoint(other) for other in fleet.hosts if other != host],
         vehicles=list(fleet.vehicles),
         snapshot=snapshot,
-        credentials=shown(fleet, host),
+        credentials=None if own is None else list(astuple(own)),
     )

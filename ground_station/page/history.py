@@ -5,11 +5,9 @@ from collections import deque
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rcopterx.ground_station.scripting.state import VehicleState
-
-Array = NDArray[np.float64]
+from rcopterx.vehicles.state import Array
 
 SAMPLE_S: Final = 0.1
 KEPT_S: Final = 60.0

@@ -70,14 +70,13 @@ HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host
 
 def chosen_host(fleet: "FleetFile", host: str | None) -> str:
     """Host on which a command runs: the only one or the named one; else `FleetError`."""
-    from rcopterx.fleet.schema import FleetError
+    from rcopterx.fleet.schema import FleetError, check_known
 
     if host is None and len(fleet.hosts) == 1:
         return next(iter(fleet.hosts))
     if host is None:
         raise FleetError(f"--host: this fleet has several, name one of {', '.join(fleet.hosts)}")
-    if host not in fleet.hosts:
-        raise FleetError(f"--host: unknown host {host!r}, known are {', '.join(fleet.hosts)}")
+    check_known("--host", "host", host, fleet.hosts)
     return host
 
 
