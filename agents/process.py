@@ -5,7 +5,6 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, AgentParts
 from rcopterx.agents.cooperation import Sent
@@ -15,7 +14,6 @@ from rcopterx.agents.reporting import Reporter, command_message, plan_message, t
 from rcopterx.agents.scheme_messages import LaterExchanges, newest_messages, scheme_message
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.bus import channels
-from rcopterx.bus.clock import Clock
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.messages import CommandTiming, LeaseBid
 from rcopterx.bus.realtime import prepare_loop, request_realtime
@@ -31,13 +29,8 @@ LARGEST_WAITING_SHARE = 0.5
 class Agent:
     """One vehicle's agent on the bus. The same inputs at the same steps give the same result.
 
-    Parameters
-    ----------
-    stopwatch
-        Clock of the fleet [s] that goes on during a step, for the duration of control steps; by default that
-        of the settings.
-    limit
-        Time limit of calls of controllers and estimators; None for none.
+    `stopwatch` is a clock of the fleet [s] that goes on during a step, for the duration of control steps, by
+    default that of the settings. `limit` is the time limit of calls of controllers and estimators, if any.
     """
 
     def __init__(
@@ -267,41 +260,17 @@ class Agent:
         return min(parts.pacing.overdue_at_s, parts.lease.next_s(), self._later_exchanges.due_s)
 
 
-class _WakeUp:
-    """An event that is cleared by waiting for it; one lock costs less than `threading.Event`."""
-
-    def __init__(self, clock: Clock) -> None:
-        self._real_s = clock.real_s
-        self._calm = threading.Lock()
-        self._calm.acquire()
-
-    def set(self) -> None:
-        with suppress(RuntimeError):  # it is set already
-            self._calm.release()
-
-    def wait(self, timeout_s: float) -> None:
-        self._calm.acquire(timeout=max(0.0, self._real_s(timeout_s)))
-
-
 def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
     """Run the agent of one vehicle until SIGTERM or SIGINT, or until another agent flies the vehicle.
 
-    Returns
-    -------
-    bool
-        Whether another agent flies the vehicle now.
-
-    Raises
-    ------
-    BusUnreachableError
-        No router answers.
+    Returns whether another agent flies it now. Raises `BusUnreachableError`: no router answers.
     """
     clock = settings.bus.clock
-    signals, wake = list[int](), _WakeUp(clock)
+    signals, woken = list[int](), threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, _: signals.append(number))
     realtime = request_realtime(settings.realtime_priority)
-    with Session(settings.bus, wake=wake.set) as session:
+    with Session(settings.bus, wake=woken.set) as session:
         agent = Agent(settings, pilot, SteppedSession(session), realtime, limit=AlarmTimeLimit(clock.speed))
         heartbeat = own_heartbeat()
         prepare_loop()
@@ -312,7 +281,9 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
                 session.turns.wait(min(agent.next_s() - session.clock(), LONGEST_WAIT_S))
             else:
                 time.sleep(max(0.0, clock.real_s(agent.rest_until_s - session.clock())))
-                wake.wait(min(agent.next_s() - session.clock(), LONGEST_WAIT_S))
+                wait_s = min(agent.next_s() - session.clock(), LONGEST_WAIT_S)
+                woken.wait(max(0.0, clock.real_s(wait_s)))
+                woken.clear()
             agent.step()
         heartbeat.ending()
         return agent.lost
