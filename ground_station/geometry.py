@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from rcopterx.bus.messages import LeaderLink, Plan
-from rcopterx.vehicles.state import Array, heading_matrix, three
+from rcopterx.vehicles.state import Array, three, turned_about_z
 
 NOWHERE: Final = np.zeros((1, 2, 3))  # an invisible line
 
@@ -36,7 +36,7 @@ def box_edges(low: Array, high: Array) -> Array:
 
 def inertial_offset(link: LeaderLink, leader_yaw_rad: float) -> Array:
     """Offset from a leader with this heading in the inertial frame, shape (3,) [m]."""
-    return _turned(link.offset_m, leader_yaw_rad if link.frame == "heading" else 0.0)
+    return turned_about_z(np.array(link.offset_m), leader_yaw_rad if link.frame == "heading" else 0.0)
 
 
 def place_beside(
@@ -51,7 +51,7 @@ def link_to(
 ) -> LeaderLink:
     """Link that puts its follower at a place [m]; the inverse of `place_beside`."""
     away = np.array(place_m, dtype=float) - np.array(leader_m, dtype=float)
-    x, y, z = _turned(away, -leader_yaw_rad if link.frame == "heading" else 0.0)
+    x, y, z = turned_about_z(away, -leader_yaw_rad if link.frame == "heading" else 0.0)
     offset_m = (round(float(x), 3), round(float(y), 3), round(float(z), 3))
     return msgspec.structs.replace(link, offset_m=offset_m)
 
@@ -75,9 +75,5 @@ def arrow(start_m: Sequence[float], vector_m: Sequence[float]) -> Array:
     shaft = np.array([*vector_m, 0.0])
     start = np.array(start_m)
     end = start + shaft
-    barbs = [end - _turned(0.25 * shaft, side * math.pi / 7) for side in (1, -1)]
+    barbs = [end - turned_about_z(0.25 * shaft, side * math.pi / 7) for side in (1, -1)]
     return np.array([(start, end), *((end, barb) for barb in barbs)])
-
-
-def _turned(vector: Sequence[float] | Array, yaw_rad: float) -> Array:
-    return np.array([*(heading_matrix(yaw_rad) @ vector[:2]), vector[2]])
