@@ -25,9 +25,6 @@ class Phase(IntEnum):
     ENDING = 3  # its loop has ended
 
 
-_WORKING, _FLYING = int(Phase.WORKING), int(Phase.FLYING)
-
-
 class Heartbeat:
     """The process's side, on a page of at least 16 bytes."""
 
@@ -37,9 +34,8 @@ class Heartbeat:
 
     def beat(self, flying: bool = False) -> None:
         """Count a turn of the loop; `flying` if a rotor is known to turn."""
-        words = self._words
-        words[_COUNT] += 1
-        words[_PHASE] = _FLYING if flying else _WORKING
+        self._words[_COUNT] += 1
+        self._words[_PHASE] = Phase.FLYING if flying else Phase.WORKING
 
     def starting(self) -> None:
         """Request the longer limit that applies until the loop runs; for a spare that takes over."""

@@ -7,7 +7,6 @@ import secrets
 import zlib
 from collections import deque
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any, Final, Protocol, TypeVar
 
 from msgspec import Struct
@@ -109,7 +108,7 @@ class SteppedSession:
         self._number = 0
         # Everything below is of the steps that have not been published yet.
         self._begins_s: list[float] = []
-        self._inputs_by_end: list[int] = []
+        self._counts: list[int] = []  # of inputs, by step
         self._inputs: list[_Input] = []
         self._overtime: list[tuple[int, int, int]] = []
         self._replies: list[bytes] = []
@@ -121,6 +120,7 @@ class SteppedSession:
     def begin_step(self) -> float:
         """See `StepBus.begin_step`."""
         self.events = set()
+        before = len(self._inputs)
         for _ in range(len(self._waiting)):
             item = self._waiting.popleft()
             self._inputs.append(item)
@@ -134,7 +134,7 @@ class SteppedSession:
         # Read after the input was collected, so that no input is later than the step.
         self._now_s = self._session.clock()
         self._begins_s.append(self._now_s)
-        self._inputs_by_end.append(len(self._inputs))
+        self._counts.append(len(self._inputs) - before)
         return self._now_s
 
     def end_step(
@@ -148,7 +148,7 @@ class SteppedSession:
             steps = self._message(None if estimate is None else RoundedEstimate.of(estimate))
             self._session.publish(channels.AGENT_STEPS, vehicle, steps)
         self._number += 1
-        for column in (self._begins_s, self._inputs_by_end, self._inputs, self._overtime, self._replies):
+        for column in (self._begins_s, self._counts, self._inputs, self._overtime, self._replies):
             column.clear()
 
     def _message(self, estimate: RoundedEstimate | None) -> AgentSteps:
@@ -157,7 +157,7 @@ class SteppedSession:
             began_s=self._began_s,
             number=self._number,
             times_s=tuple(self._begins_s),
-            counts=tuple(end - begin for begin, end in pairwise([0, *self._inputs_by_end])),
+            counts=tuple(self._counts),
             keys=tuple(item.key for item in self._inputs),
             subscriptions=tuple(item.subscription for item in self._inputs),
             checksums=tuple(zlib.crc32(item.payload) for item in self._inputs),

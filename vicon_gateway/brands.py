@@ -23,7 +23,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -106,8 +105,6 @@ class _Child:
     """The child process and the messages it has written."""
 
     def __init__(self, settings: BrandSettings) -> None:
-        root = str(Path(__file__).absolute().parents[2])
-        path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
         command = [
             sys.executable,
             "-m",
@@ -120,7 +117,6 @@ class _Child:
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            env={**os.environ, "PYTHONPATH": path},
             start_new_session=True,  # Ctrl-C in the terminal is for the parent to handle
         )
         assert self._process.stdout is not None
