@@ -222,7 +222,7 @@ class LeaderChanges:
         if refusal is not None:
             return refusal, ""
         self._follow(request)
-        return None, self._line(following)
+        return None, self._in_words(following, self._plans.ancestors(link.leader for link in following))
 
     def _grounded(self, following: Sequence[LeaderLink]) -> str | None:
         """Return which of the leaders is not in free flight; None for none."""
@@ -258,11 +258,8 @@ class LeaderChanges:
         plans = self._plans.plans(pilot.clock, self.cycles_from)
         pilot.guidance.follow(links, plans, pilot.estimate, pilot.clock.time_s, request.transition_s)
 
-    def _line(self, following: Sequence[LeaderLink]) -> str:
-        """Describe the leaders and theirs, by their plans."""
-        return self._in_words(following, self._plans.ancestors([link.leader for link in following]))
-
     def _in_words(self, following: Sequence[LeaderLink], line: Sequence[str]) -> str:
+        """Describe the leaders, and theirs after them in a line."""
         names = [link.leader for link in following]
         if len(names) == 1:
             return in_words((self._vehicle, *line))

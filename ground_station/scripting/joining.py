@@ -43,12 +43,7 @@ def check_identity(session: Session, file: FleetFile) -> None:
     """Check that the linked routers belong to this fleet and to this version of its file.
 
     A router that is not part of rcopterx does not answer; then only the fleet's name in the keys keeps fleets
-    apart.
-
-    Raises
-    ------
-    WrongFleetError
-        Says which fleet is up.
+    apart. Raises `WrongFleetError`: says which fleet is up.
     """
     digest = digest_of(file)
     for answer in session.identify():

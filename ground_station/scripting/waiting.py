@@ -49,10 +49,7 @@ class Notifier:
     def wait_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Wait until a condition holds, checked at every notification; return whether it held in time.
 
-        Raises
-        ------
-        StoppedError
-            See `stopped_by`.
+        Raises `StoppedError`: see `stopped_by`.
         """
         deadline_s = self._clock() + timeout_s
         stop = _STOP.get()
