@@ -10,7 +10,7 @@ T = TypeVar("T")
 class WorkAhead(Generic[T]):
     """At most one piece of work under way; `wake` is called from the thread when it is done."""
 
-    def __init__(self, name: str, wake: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, name: str, wake: Callable[[], None]) -> None:
         self._executor = futures.ThreadPoolExecutor(max_workers=1, thread_name_prefix=name)
         self._wake = wake
         self._future: futures.Future[T] | None = None

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcopterx.agents.flight.beside_leaders import References, beside_leaders
 from rcopterx.agents.flight.lift_off import Touchdown
-from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan, Task, offset_between
+from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan, Task, end_of, offset_between
 from rcopterx.agents.phases import AIRBORNE, Event, Phase, next_phase
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.paths import FlightPath
@@ -104,13 +104,11 @@ class Guidance:
             self.events["trajectory_given_up"] += 1
             self.remark = "the transmitter gateway took over: the rest of the trajectory is given up"
             return
-        end = source.sample(1e9, 1.0, 2)
-        self.source = SetPointReference(end.position_m[0], float(end.yaw_rad[0]))
+        self.source = SetPointReference(*end_of(source))
 
     def set_point(self) -> tuple[Array, float]:
         """Return position [m], shape (3,), and yaw [rad] at which the own reference ends."""
-        last = self.source.sample(1e9, 1.0, 2)
-        return last.position_m[0], float(last.yaw_rad[0])
+        return end_of(self.source)
 
     def on_event(self, event: Event, estimate: Estimate | None) -> bool:
         """Process an event; return whether the phase changed."""

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from msgspec import Struct
@@ -11,7 +12,9 @@ from rcopterx.agents.phases import Phase
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.set_points import ReferenceSource
 from rcopterx.control.references.trajectory import Trajectory, whole_turns
-from rcopterx.vehicles.state import YAW
+from rcopterx.vehicles.state import YAW, Array
+
+END_OF_TIME_S: Final = 1e9
 
 
 class LeaderPlan(Struct, frozen=True):
@@ -72,6 +75,12 @@ def offset_between(leader: Trajectory, estimate: Estimate, like: FormationOffset
     yaw_gap = float(estimate.motion[YAW]) - yaw - like.yaw_rad
     yaw_rad = like.yaw_rad + yaw_gap - math.tau * whole_turns(yaw_gap)
     return FormationOffset(gap, yaw_rad, like.frame)
+
+
+def end_of(source: ReferenceSource) -> tuple[Array, float]:
+    """Return position [m], shape (3,), and yaw [rad] at which a reference ends."""
+    end = source.sample(END_OF_TIME_S, 1.0, 2)
+    return end.position_m[0], float(end.yaw_rad[0])
 
 
 @dataclass(frozen=True, slots=True)

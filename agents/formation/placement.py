@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three
 
 TOLERANCE_M = 1e-6
-NO_PLACES: Mapping[str, Array] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -102,7 +100,7 @@ def take_off_problem(
 
 
 def move_problem(
-    name: str, samples: Array, links: FormationGraph, room: Room, unrelated: Mapping[str, Array] = NO_PLACES
+    name: str, samples: Array, links: FormationGraph, room: Room, unrelated: Mapping[str, Array]
 ) -> str | None:
     """Return why a vehicle that leads cannot go somewhere, None if it can; its followers come along.
 

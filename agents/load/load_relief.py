@@ -5,7 +5,6 @@ control step. Where more agents run on a computer than it serves, control period
 on: until an overload is detected in flight, it starves what has no real-time priority, such as serial lines.
 """
 
-import time
 from collections.abc import Callable
 from typing import Final
 
@@ -35,8 +34,8 @@ class LoadRelief:
         period_s: float,
         pacing: Pacing,
         traffic: Traffic,
-        launcher: Inbox[LauncherStatus] | None = None,
-        processor_clock: Callable[[], float] = time.process_time,
+        launcher: Inbox[LauncherStatus] | None,
+        processor_clock: Callable[[], float],
     ) -> None:
         self._bus, self._pacing, self._traffic = bus, pacing, traffic
         self._overload = Overload(period_s)

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from msgspec.structs import replace
 
-from rcopterx.agents.flight.task import FollowedLeader, Task
+from rcopterx.agents.flight.task import FollowedLeader, Task, end_of
 from rcopterx.agents.following.leader_plans import followed_leader, target_link
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Phase
@@ -34,8 +34,6 @@ from rcopterx.control.references.set_points import (
 )
 from rcopterx.vehicles.state import YAW, three
 
-_END_OF_TIME_S: Final = 1e9
-
 
 def intent_of(
     lease: int,
@@ -52,14 +50,14 @@ def intent_of(
     `previous` was before the last change. `yaw_rad` has all turns; None before the vehicle has been seen.
     """
     path = task.source if isinstance(task.source, TimedPath) else None
-    end, flown = task.source.sample(_END_OF_TIME_S, 1.0, 2), configuration.message
+    (end_m, end_yaw_rad), flown = end_of(task.source), configuration.message
     return Intent(
         lease=lease,
         phase=task.phase.value,
         epoch=epoch,
         frame=frame,
         yaw_rad=yaw_rad,
-        set_point=SetPoint(position_m=three(end.position_m[0]), yaw_rad=float(end.yaw_rad[0])),
+        set_point=SetPoint(position_m=three(end_m), yaw_rad=end_yaw_rad),
         path=None if path is None else FloatArray.of(path.path.knots),
         path_elapsed_s=0.0 if path is None else time_s - path.start_s,
         floor_m=task.floor_m,
