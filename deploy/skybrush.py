@@ -78,11 +78,10 @@ def _drones_of_skyc(archive: zipfile.ZipFile) -> list[Drone]:
 
 
 def _json(archive: zipfile.ZipFile, name: str) -> Any:
+    content = _read(archive, name)
     try:
-        return json.loads(_read(archive, name))
+        return json.loads(content)
     except ValueError as error:
-        if isinstance(error, ShowError):
-            raise
         raise ShowError(f"{name}: no JSON: {error}") from None
 
 

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import msgspec
 
@@ -14,75 +14,62 @@ from rcopterx.fleet.reading import converted, table_of, text_of
 from rcopterx.fleet.schema import FleetError
 from rcopterx.simulator.faults import FAULTS, Fault, TimedFault, injected_faults
 
-T = TypeVar("T")
-
-
-class ScenarioError(ValueError):
-    """An unknown fault or field, or a wrong value; says what is allowed."""
-
 
 class FaultRefusedError(RuntimeError):
     """The simulator refused the faults; none of them will happen."""
 
 
 def fault_from(kind: str, values: Mapping[str, object]) -> Fault:
-    """Fault of a kind of `FAULTS`; texts become numbers where needed. Raises ScenarioError."""
+    """Fault of a kind of `FAULTS`; texts become numbers where needed. Raises FleetError."""
     kind = kind.replace("-", "_")
     if kind not in FAULTS:
-        raise ScenarioError(f"unknown fault {kind!r}, known are {', '.join(FAULTS)}")
-    return cast(Fault, _converted({"kind": kind, **values}, FAULTS[kind], kind))
-
-
-def _converted(values: object, kind: type[T], where: str) -> T:
-    try:
-        return converted(values, kind, where, strict=False)
-    except FleetError as error:
-        raise ScenarioError(str(error)) from None
+        raise FleetError(f"unknown fault {kind!r}, known are {', '.join(FAULTS)}")
+    return cast(Fault, converted({"kind": kind, **values}, FAULTS[kind], kind, strict=False))
 
 
 def field_from(text: str) -> tuple[str, object]:
-    """Field and value from `FIELD=VALUE`; lists are written `[0, 0, 1]`. Raises ScenarioError."""
+    """Field and value from `FIELD=VALUE`; lists are written `[0, 0, 1]`. Raises FleetError."""
     name, separator, value = text.partition("=")
     if not separator:
-        raise ScenarioError(f"{text!r}: must be FIELD=VALUE")
+        raise FleetError(f"{text!r}: must be FIELD=VALUE")
     if not value.startswith("["):
         return name, value
     try:
         return name, json.loads(value)
     except json.JSONDecodeError:
-        raise ScenarioError(f"{name}: {value!r} is no list") from None
+        raise FleetError(f"{name}: {value!r} is no list") from None
 
 
 def read_scenario(path: Path) -> tuple[TimedFault, ...]:
     """Faults of a scenario file by time: TOML tables `[[fault]]` with `at_s`, `kind` and its fields.
 
-    Raises ScenarioError.
+    Raises FleetError.
     """
     try:
         document = table_of(text_of(path))
     except FleetError as error:
-        raise ScenarioError(f"{path}: {error}") from None
+        raise FleetError(f"{path}: {error}") from None
     tables = document.pop("fault", [])
     if document or not isinstance(tables, list) or not 1 <= len(tables) <= MAX_FAULTS:
-        raise ScenarioError(f"{path}: allowed are 1 to {MAX_FAULTS} tables [[fault]] and nothing else")
+        raise FleetError(f"{path}: allowed are 1 to {MAX_FAULTS} tables [[fault]] and nothing else")
     lines = []
     for number, table in enumerate(tables, 1):
         try:
             lines.append(_line(table))
-        except ScenarioError as error:
-            raise ScenarioError(f"{path}: fault {number}: {error}") from None
+        except FleetError as error:
+            raise FleetError(f"{path}: fault {number}: {error}") from None
     return tuple(sorted(lines, key=lambda line: line.at_s))
 
 
 def _line(table: object) -> TimedFault:
     if not isinstance(table, dict):
-        raise ScenarioError("must be a table [[fault]]")
+        raise FleetError("must be a table [[fault]]")
     values: dict[str, Any] = dict(table)
     missing = [name for name in ("at_s", "kind") if name not in values]
     if missing:
-        raise ScenarioError(f"{missing[0]} is missing")
+        raise FleetError(f"{missing[0]} is missing")
     at_s, kind = values.pop("at_s"), values.pop("kind")
-    return _converted({"at_s": at_s, "fault": fault_from(str(kind), values)}, TimedFault, "")
+    return converted({"at_s": at_s, "fault": fault_from(str(kind), values)}, TimedFault, "", strict=False)
 
 
 def inject_faults(session: Session, faults: Fault | Sequence[TimedFault]) -> None:

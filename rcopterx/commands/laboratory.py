@@ -94,17 +94,14 @@ def inject(
         print_table(("fault", "fields", "effect"), fault_list())
         return
     from rcopterx.fleet.schema import FleetError
-    from rcopterx.ground_station.terminal.scenario import FaultRefusedError, ScenarioError, inject_faults
+    from rcopterx.ground_station.terminal.scenario import FaultRefusedError, inject_faults
     from rcopterx.simulator.faults import fault_text
 
     with user_errors():
         file, _ = wanted_fleet(fleet)
         if file.simulator is None:
             raise FleetError(f"{file.name} flies hardware: there is no simulator for faults")
-        try:
-            lines = _wanted(file, fault, fields or [], scenario)
-        except ScenarioError as error:
-            raise FleetError(str(error)) from None
+        lines = _wanted(file, fault, fields or [], scenario)
     with running_fleet(fleet) as running:
         try:
             inject_faults(running.session, lines)
@@ -118,15 +115,16 @@ def _wanted(
     file: "FleetFile", fault: str | None, fields: Sequence[str], scenario: Path | None
 ) -> tuple["TimedFault", ...]:
     """Faults of the command line; names of vehicles are replaced by their subjects where needed."""
-    from rcopterx.ground_station.terminal.scenario import ScenarioError, fault_from, field_from, read_scenario
+    from rcopterx.fleet.schema import FleetError
+    from rcopterx.ground_station.terminal.scenario import fault_from, field_from, read_scenario
     from rcopterx.simulator.faults import TimedFault
 
     if scenario is not None:
         if fault is not None:
-            raise ScenarioError("either a fault or --scenario")
+            raise FleetError("either a fault or --scenario")
         return read_scenario(scenario)
     if fault is None:
-        raise ScenarioError("a fault is missing, see --list")
+        raise FleetError("a fault is missing, see --list")
     values = dict(field_from(text) for text in fields)
     subjects = {vehicle.subject for vehicle in file.vehicles.values()}
     for name in ("subject", "other"):

@@ -13,7 +13,7 @@ from rcopterx.experiments.faults.promise import LIMITS, Promise
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
 from rcopterx.experiments.flight import DEFAULT_FLEET
 from rcopterx.fleet.reading import fleet_path, load_fleet
-from rcopterx.ground_station.terminal.scenario import ScenarioError
+from rcopterx.fleet.schema import FleetError
 
 FLEET = load_fleet(fleet_path(DEFAULT_FLEET))
 ENDINGS = (
@@ -53,7 +53,7 @@ def test_faults_of_the_laboratory_are_ones_that_it_knows(row: FaultFlight) -> No
 
 
 def test_a_fault_that_the_laboratory_does_not_know_is_refused() -> None:
-    with pytest.raises(ScenarioError, match="unknown fault 'explode'"):
+    with pytest.raises(FleetError, match="unknown fault 'explode'"):
         replace(Inject("occlude", "h2"), kind="explode").fault(FLEET)
 
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from rcopterx.fleet.schema import FleetError
 from rcopterx.ground_station.terminal.scenario import (
-    ScenarioError,
     fault_from,
     fault_list,
     field_from,
@@ -80,12 +80,12 @@ def test_scenario_is_read_in_the_order_of_its_times(tmp_path: Path) -> None:
 )
 def test_wrong_scenario_is_refused_with_what_is_allowed(text: str, reason: str, tmp_path: Path) -> None:
     path = scenario(tmp_path, text)
-    with pytest.raises(ScenarioError, match=rf"^{path}: .*{reason}"):
+    with pytest.raises(FleetError, match=rf"^{path}: .*{reason}"):
         read_scenario(path)
 
 
 def test_scenario_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"nowhere.toml: cannot be read: No such file"):
+    with pytest.raises(FleetError, match=r"nowhere.toml: cannot be read: No such file"):
         read_scenario(tmp_path / "nowhere.toml")
 
 
@@ -94,7 +94,7 @@ def test_faults_are_read_from_words() -> None:
     position = dict([field_from("subject=ghost"), field_from("position_m=[0, 1, 2.5]")])
     assert fault_from("add-subject", position) == AddSubject("ghost", (0.0, 1.0, 2.5))
     for words in ("frames", "position_m=[0"):
-        with pytest.raises(ScenarioError):
+        with pytest.raises(FleetError):
             field_from(words)
 
 
