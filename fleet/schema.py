@@ -338,6 +338,10 @@ class FleetFile(Table, frozen=True, kw_only=True):
         """Return the vehicles whose agents may run on a host."""
         return tuple(name for name in self.vehicles if host in self.agent_hosts(name))
 
+    def served_by(self, gateway: str) -> tuple[str, ...]:
+        """Return the vehicles whose transmitters a gateway serves."""
+        return tuple(name for name, one in self.vehicles.items() if one.transmitter.gateway == gateway)
+
     def transmitters_on(self, host: str) -> tuple[str, ...]:
         """Return the vehicles whose transmitter gateways run on a host."""
         return tuple(

@@ -34,11 +34,7 @@ def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
         modules.append(f"rcopterx.deploy.roles.{spec.role}")
         if spec.role == "transmitters":
             # Libraries of some take half a second.
-            modules += [
-                type(protocol_of(fleet, name)).__module__
-                for name, vehicle in fleet.vehicles.items()
-                if vehicle.transmitter.gateway == spec.unit
-            ]
+            modules += [type(protocol_of(fleet, name)).__module__ for name in fleet.served_by(spec.unit)]
         if spec.role == "agent":
             control = fleet.vehicles[spec.unit].control
             modules += [

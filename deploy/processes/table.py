@@ -50,8 +50,7 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
             name, TRANSMITTERS, name, 1, landing_s=fleet.clock.real_s(longest_shutdown_s(fleet, host))
         )
         for name, gateway in fleet.gateways.items()
-        if gateway.host == host
-        and any(vehicle.transmitter.gateway == name for vehicle in fleet.vehicles.values())
+        if gateway.host == host and fleet.served_by(name)
     ]
     specs += [ProcessSpec(agent_process(name), "agent", name, 0, host) for name in fleet.agents_on(host)]
     return specs

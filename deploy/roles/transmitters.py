@@ -34,10 +34,9 @@ def gateway_settings(fleet: FleetFile, gateway: str, directory: Path) -> Gateway
                 protocol=protocol_of(fleet, name),
                 calibration=calibration_of(fleet, name),
                 limits=limits_of(fleet, name),
-                low_power=vehicle.transmitter.low_power,
+                low_power=fleet.vehicles[name].transmitter.low_power,
             )
-            for name, vehicle in fleet.vehicles.items()
-            if vehicle.transmitter.gateway == gateway
+            for name in fleet.served_by(gateway)
         ),
         vehicles=tuple(fleet.vehicles),
         states=states_directory(directory),

@@ -71,8 +71,7 @@ def transmitters(gateway: Gateway = "transmitters", fleet: FleetOption = DEFAULT
     with user_errors():
         file = fleet_file(fleet)
         check_unit(file, "transmitters", gateway)
-        vehicles = (name for name, each in file.vehicles.items() if each.transmitter.gateway == gateway)
-        begin_states(vehicles, run_directory(file.name, file.bus.namespace))
+        begin_states(file.served_by(gateway), run_directory(file.name, file.bus.namespace))
     _run("transmitters", gateway, fleet)
 
 
