@@ -208,7 +208,7 @@ class Session:
         """Receive a channel of one unit."""
         full_key = channels.key(fleet or self.address.fleet, unit, channel.topic)
         origin = zenoh.Locality.ANY if own else zenoh.Locality.REMOTE
-        on_arrival, reception = self._on_arrival(waking, deliver), self._reception(full_key)
+        on_arrival, reception = self._on_arrival(waking, deliver), self._reception(full_key, waking)
         return Subscription(self._zenoh, channel, full_key, on_arrival, depth, origin, reception)
 
     def subscribe_all(
@@ -216,7 +216,7 @@ class Session:
     ) -> UnitSubscriptions[M]:
         """Receive a channel of every unit; parameters as in `subscribe`."""
         pattern = channels.key(self.address.fleet, "*", channel.topic)
-        on_arrival, reception = self._on_arrival(waking, deliver), self._reception(pattern)
+        on_arrival, reception = self._on_arrival(waking, deliver), self._reception(pattern, waking)
         units = self.address.units
         return UnitSubscriptions(self._zenoh, channel, pattern, on_arrival, depth, units, reception)
 
@@ -230,9 +230,9 @@ class Session:
 
         return arrived
 
-    def _reception(self, key: str) -> Reception | None:
+    def _reception(self, key: str, waking: Waking) -> Reception | None:
         """Return what holds messages of a key back in lockstep."""
-        return None if self.turns is None else self.turns.receive(key)
+        return None if self.turns is None else self.turns.receive(key, waking=waking is not False)
 
     def tap(self, store: Callable[[RawMessage], None], topic: str = "*", fleet: str | None = None) -> None:
         """Receive all messages of a fleet, or of one topic, undecoded; receive threads call `store`."""

@@ -35,14 +35,16 @@ Held = tuple[float, str, int, int, Callable[[], object]]
 
 
 class Reception:
-    """What a process receives under a key, in which `*` is any unit."""
+    """What a process receives under a key, in which `*` is any unit; a `waking` one gives it turns."""
 
-    def __init__(self, turns: "Turns", number: int, key: str) -> None:
+    def __init__(self, turns: "Turns", number: int, key: str, *, waking: bool) -> None:
         self._turns, self._number, self._since_s = turns, number, turns.page.now()
+        self._waking = waking
         self._before, self._any, self._after = key.partition("*")
         self._slashes = key.count("/")
         self._received: dict[int, int] = {}
         self._counters: dict[int, Counter] = {}
+        self._awaited = -1  # index of the counter that this process waits for
 
     def hold(self, on_arrival: Callable[[Any], object], arrived: Any) -> None:
         """Keep a sample or query for its turn, the next one if its sender takes no turns; any thread."""
@@ -52,7 +54,8 @@ class Reception:
         if not -inf < sent_s <= self._since_s:
             self._turns.held.append((sent_s, key, number, self._number, partial(on_arrival, arrived)))
         self._received[counter] = number
-        self._turns.arrived.set()
+        if counter == self._awaited:
+            self._turns.arrived.set()
         if not stamped:
             self._turns.call()
 
@@ -65,16 +68,20 @@ class Reception:
         if matches and counter.owner != self._turns.index:
             self._received.setdefault(index, counter.count if beyond else 0)
             self._counters[index] = counter
-            self._turns.read(index)
+            if self._waking:
+                self._turns.read(index)
 
-    @property
-    def complete(self) -> bool:
-        """Whether everything has arrived that was sent."""
-        return all(self._received[index] >= counter.count for index, counter in self._counters.items())
-
-    def give_up(self) -> None:
-        """Wait no longer for what was sent before."""
-        self._received.update({index: counter.count for index, counter in self._counters.items()})
+    def await_all(self) -> None:
+        """Wait until everything has arrived that was sent, or is lost."""
+        # The newest first: when it is there, most of the others are.
+        for index, counter in reversed(self._counters.items()):
+            self._awaited = index
+            while self._received[index] < counter.count:
+                if self._turns.lost:
+                    self._received[index] = counter.count
+                else:
+                    self._turns.arrived.wait(POLL_S)
+                    self._turns.arrived.clear()
 
     def end(self) -> None:
         """Receive no more."""
@@ -106,6 +113,7 @@ class Turns:
         self._new_receptions: list[Reception] = []  # of which the router may not have taken notice yet
         self._found = 0
         self.replies = self.receive(f"reply {self.index}")  # to requests of this process
+        self._began_s = time.monotonic()
         self._taken = 0
 
     def begin(self) -> None:
@@ -169,9 +177,12 @@ class Turns:
         """Return the attachment of the reply to a request with this attachment."""
         return self.stamp(f"reply {STAMP.unpack(request)[2]}") if len(request) == STAMP.size else None
 
-    def receive(self, key: str) -> Reception:
-        """Wait from now on for what is sent on a key, in which `*` is any unit."""
-        reception = Reception(self, next(self._numbers), key)
+    def receive(self, key: str, *, waking: bool = True) -> Reception:
+        """Wait from now on for what is sent on a key, in which `*` is any unit.
+
+        What is sent on a `waking` one gives this process a turn; the rest counts in its next one.
+        """
+        reception = Reception(self, next(self._numbers), key, waking=waking)
         self._new_receptions.append(reception)
         return reception
 
@@ -251,19 +262,18 @@ class Turns:
         for index in range(self._found, end):
             for reception in self._receptions:
                 reception.await_counter(index, self.page.counters[index], beyond=False)
-        self._found, began_s = end, time.monotonic()
-        while True:
-            self.arrived.clear()
-            if all(reception.complete for reception in self._receptions):
-                break
-            self.arrived.wait(POLL_S)
-            if self.page.lost_routers and time.monotonic() > began_s + LOST_S:
-                for reception in self._receptions:
-                    reception.give_up()
+        self._found, self._began_s = end, time.monotonic()
+        for reception in self._receptions:
+            reception.await_all()
         now_s, held = self.page.time_s, [self.held.popleft() for _ in range(len(self.held))]
         self.held.extendleft(item for item in held if item[0] >= now_s)
         for *_, deliver in sorted((item for item in held if item[0] < now_s), key=itemgetter(0, 1, 2, 3)):
             deliver()
+
+    @property
+    def lost(self) -> bool:
+        """Whether what has not arrived in this turn is lost with a router."""
+        return self.page.lost_routers > 0 and time.monotonic() > self._began_s + LOST_S
 
     def _ring(self, bell: int) -> None:
         with suppress(BlockingIOError):

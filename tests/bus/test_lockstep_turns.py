@@ -170,6 +170,38 @@ def test_a_process_takes_the_turn_after_one_in_which_something_is_sent_to_it(pag
     assert all(sent_s < at_s <= sent_s + 2 * STEP_S for sent_s, at_s in zip(sends_s, read_s, strict=True))
 
 
+def test_what_is_sent_without_waking_counts_in_the_next_turn_that_a_process_has_anyway(
+    page: LockstepPage,
+) -> None:
+    arrived_s: list[float] = []
+
+    def receive() -> None:
+        turns = Turns(page, "b", no_fence)
+        turns.begin()
+        receptions.append(turns.receive("key", waking=False))
+        turns.wait(0.05)
+        turns.leave()
+
+    def send() -> None:
+        turns = Turns(page, "a", no_fence)
+        turns.begin()
+        for _ in range(3):
+            turns.wait(0.003)
+            sample = Sample("key", Bytes(turns.stamp("key")))
+            receptions[0].hold(lambda _: arrived_s.append(page.now() - FIRST_S), sample)
+        turns.wait(0.1)
+        turns.leave()
+
+    receptions: list[Reception] = []
+    threads = [threading.Thread(target=work, daemon=True) for work in (receive, send)]
+    for thread in threads:
+        thread.start()
+    conduct(page, lambda: not any(thread.is_alive() for thread in threads), 0.001)
+    # All processes notice a key on which the first message is sent.
+    assert len(arrived_s) == 3
+    assert min(arrived_s[1:]) >= 0.05
+
+
 def test_time_begins_when_all_awaited_processes_are_there(page: LockstepPage) -> None:
     first = started(Script("a", [0.01]), page=page)
     end = threading.Event()
