@@ -2,7 +2,7 @@
 
 import random
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -22,11 +22,11 @@ LAST_FAULTS: Final = 4
 SURVIVABLE: Final = tuple(row for row in FAULT_FLIGHTS.values() if row.chaos)
 
 
-def chances(seed: int, rows: Sequence[FaultFlight] = SURVIVABLE) -> Iterator[tuple[float, FaultFlight]]:
+def chances(seed: int) -> Iterator[tuple[float, FaultFlight]]:
     """Pauses [s] and the fault after each of them, from the seed."""
     chance = random.Random(seed)
     while True:
-        yield chance.uniform(*PAUSE_S), chance.choice(rows)
+        yield chance.uniform(*PAUSE_S), chance.choice(SURVIVABLE)
 
 
 @dataclass

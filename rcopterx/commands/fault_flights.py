@@ -101,8 +101,8 @@ class FleetHolder:
 @contextmanager
 def fleet_holder(options: FlightOptions) -> Iterator[FleetHolder]:
     """Yield a holder of a fleet; stop its last fleet at the end."""
+    from rcopterx.experiments.faults.bench import copied_fleet
     from rcopterx.experiments.faults.orders import obedient_processes
-    from rcopterx.experiments.faults.own_fleet import copied_fleet
     from rcopterx.experiments.flight import DEFAULT_FLEET
 
     with ExitStack() as stack:

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.experiments.faults.own_fleet import ENDURANCE_S, copied_fleet
+from rcopterx.experiments.faults.bench import ENDURANCE_S, copied_fleet
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 from rcopterx.fleet.reading import load_fleet
 
