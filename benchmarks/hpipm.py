@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rcopterx.benchmarks.peers import TOLERANCE, PeerSolver
+from rcopterx.benchmarks.peers import PeerSolver
 from rcopterx.control.solver.candidates import rolled_out
 from rcopterx.control.solver.problem import OptimalControlProblem, Trajectories
 from rcopterx.vehicles.state import Array
@@ -22,8 +22,8 @@ class Hpipm(PeerSolver):
 
     package = "acados"
 
-    def __init__(self, tolerance: float = TOLERANCE) -> None:
-        super().__init__(tolerance)
+    def __init__(self) -> None:
+        super().__init__()
         directory = Path(self._module.LIB_DIR)
         CDLL(str(directory / "libblasfeo.so"), mode=RTLD_GLOBAL)
         self._library = CDLL(str(directory / "libhpipm.so"))

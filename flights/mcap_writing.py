@@ -35,7 +35,7 @@ MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "rcopterx"
 JSON: Final = "application/json"
 COMPRESSION: Final = "zstd"
-COMPRESSION_LEVEL: Final = 6
+COMPRESSION_LEVEL: Final = 6  # of 1 (fast) to 22 (small)
 _MESSAGE: Final = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 _MESSAGE_FIXED: Final = 22  # bytes of a message record between its length and its data
 _FOOTER_CHECKED: Final = Struct("<BQQQ")
@@ -51,17 +51,15 @@ class LoggedMessage(NamedTuple):
 
 
 class McapFile:
-    """One file under construction; every chunk is flushed, compressed at `level` 1 (fast) to 22 (small).
+    """One file under construction; every chunk is flushed.
 
     `schemas` has names and JSON schemas by topic (`tracker/status`), else by its last part (`pose`).
     """
 
-    def __init__(
-        self, file: BinaryIO, schemas: Mapping[str, tuple[str, bytes]], level: int = COMPRESSION_LEVEL
-    ) -> None:
+    def __init__(self, file: BinaryIO, schemas: Mapping[str, tuple[str, bytes]]) -> None:
         self._file = file
         self._schemas = schemas
-        self._compressor = zstandard.ZstdCompressor(level=level)
+        self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL)
         self._channels: dict[str, Channel] = {}
         self._schema_records: dict[str, Schema] = {}
         # As bytes: there are ten a second.

@@ -102,7 +102,7 @@ class EmulatedAutopilot(UdpVehicle):
         result, refusal = self._command(packet, now_s)
         texts = [mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, refusal[:50].encode())]
         return [
-            self._packed(message)
+            packed(self._mav, message)
             for message in [
                 *(texts if refusal else []),
                 mavlink.MAVLink_command_ack_message(
@@ -110,9 +110,6 @@ class EmulatedAutopilot(UdpVehicle):
                 ),
             ]
         ]
-
-    def _packed(self, message: Any) -> bytes:
-        return packed(self._mav, message)
 
     def _take(self, packet: Any, now_s: float) -> None:
         point, heading_rad = set_point_of(packet)
@@ -179,7 +176,7 @@ class EmulatedAutopilot(UdpVehicle):
         due = [number for number, due_s in self._due_s.items() if self.powered and now_s >= due_s]
         for number in due:
             self._due_s[number] = max(self._due_s[number] + self._periods_s[number], now_s)
-        return [self._packed(self._report(number)) for number in due]
+        return [packed(self._mav, self._report(number)) for number in due]
 
     def _report(self, number: int) -> Any:
         if number == mavlink.MAVLINK_MSG_ID_ATTITUDE:

@@ -102,7 +102,9 @@ class RadioPty(RadioEnd):
         """Advance the time and write the answers; bytes written until now must have been received."""
         self._received_s = now_s
         if self.is_open and not self._exclusive_cleared and now_s > self._fed_s + SILENT_S:
-            self._clear_exclusive()
+            # A pseudo-terminal, unlike an adapter, keeps the exclusive mark of a writer that is gone.
+            fcntl.ioctl(self._slave, termios.TIOCNXCL)
+            self._exclusive_cleared = True
         if not self._powered:
             self.link.note_output(now_s)
             return
@@ -143,11 +145,6 @@ class RadioPty(RadioEnd):
         return [
             (now_s - (count - 1 - i) * spacing_s, data[i * length : (i + 1) * length]) for i in range(count)
         ]
-
-    def _clear_exclusive(self) -> None:
-        """Clear the exclusive mark of a gone writer, which a pseudo-terminal, unlike an adapter, keeps."""
-        fcntl.ioctl(self._slave, termios.TIOCNXCL)
-        self._exclusive_cleared = True
 
     def unplug(self, *, powered: bool = False) -> None:
         """Pull the cable: the device vanishes for its users; `powered` if the module has power of its own."""

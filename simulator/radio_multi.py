@@ -135,9 +135,6 @@ class MultiModule(RadioModule):
             self._initialise(now_s)
         self._frame = frame
         self._follow_bind_bit(frame.bind, now_s)
-        self._log(frame, end_s)
-
-    def _log(self, frame: MultiFrame, end_s: float) -> None:
         pulses = tuple(pulse_of(count) for count in frame.ordered_counts)
         self.frames.append(SerialFrame(end_s, pulses, frame.kills, frame.bind))
 

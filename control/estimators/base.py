@@ -184,10 +184,7 @@ class PoseEstimator(ABC):
     def predict(self, applied_input: Array, period_s: float) -> None:
         """Predict by one period, during which an input acted at the vehicle, shape (4,).
 
-        Raises
-        ------
-        ValueError
-            The input is not finite.
+        Raises `ValueError`: the input is not finite.
         """
         if not all(map(math.isfinite, applied_input.tolist())):
             raise ValueError(f"applied input {applied_input} is not finite")

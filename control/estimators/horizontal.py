@@ -96,7 +96,9 @@ class HorizontalMotion:
         if tilt is not None and self._from_positions is not None:
             expected = self._from_positions.tilt
             if self.trust.observe(tilt, expected, yaw_rad, since_pose_s):
-                self._change_trust()
+                self.events[TRUSTED_AGAIN if self.trust.trusted else DISTRUSTED] += 1
+                if self._from_tilt is not None and not self.trust.trusted:
+                    self._from_tilt.forget_offset()
         self._expect_noise(noise_m)
         for each in self._filters:
             each.correct(pose[:2], self._usable(tilt, each), yaw_rad)
@@ -104,15 +106,10 @@ class HorizontalMotion:
     def correct_standing(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
         """Correct the estimate of a standing vehicle; arguments of `correct`."""
         if tilt is not None:
-            self.trust.observe_standing(tilt, since_pose_s)
+            self.trust.observe_noise(tilt, since_pose_s)
         self._expect_noise(noise_m)
         self._stand(pose, tilt)
 
     def _expect_noise(self, noise_m: float) -> None:
         for each in self._filters:
             each.expect_noise(noise_m, self.trust.noise_deviation)
-
-    def _change_trust(self) -> None:
-        self.events[TRUSTED_AGAIN if self.trust.trusted else DISTRUSTED] += 1
-        if self._from_tilt is not None and not self.trust.trusted:
-            self._from_tilt.forget_offset()

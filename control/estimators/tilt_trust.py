@@ -38,7 +38,7 @@ class TiltTrust:
 
     def observe(self, measured: Array, expected: Array, yaw_rad: float, period_s: float) -> bool:
         """Compare inertial tilts, shape (2,), measured and expected; return whether `trusted` has changed."""
-        noise_energy = self._observe_noise(measured, period_s)
+        noise_energy = self.observe_noise(measured, period_s)
         to_body = cmath.rect(1.0, -yaw_rad)
         in_body, expected_in_body = (
             complex(*measured.tolist()) * to_body,
@@ -58,12 +58,11 @@ class TiltTrust:
         self.concordance = self._concordance()
         return self.concordance is not None and self._judge(self.concordance, period_s)
 
-    def observe_standing(self, measured: Array, period_s: float) -> None:
-        """Observe the tilt of a vehicle that stands: it shows noise, but nothing can be compared."""
-        self._observe_noise(measured, period_s)
+    def observe_noise(self, measured: Array, period_s: float) -> float:
+        """Update `noise_deviation`; return the mean square of the noise.
 
-    def _observe_noise(self, measured: Array, period_s: float) -> float:
-        """Update `noise_deviation`; return the mean square of the noise."""
+        The tilt of a vehicle that stands shows nothing else.
+        """
         self._meter.observe(measured, period_s)
         deviation = self._meter.deviation or (0.0, 0.0)
         self.noise_deviation = max(deviation)

@@ -39,17 +39,16 @@ def _number(
     spread: float,
     index: int | None = None,
     positive: bool = True,
-    sign: float = 1.0,
 ) -> Parameter:
     """A number of a candidate, or one of a tuple of numbers, as in `model.tilt.servo_lag_s`."""
     found = attrgetter(path)
 
     def read(candidate: Candidate) -> float:
         value = found(candidate)
-        return sign * float(value if index is None else value[index])
+        return float(value if index is None else value[index])
 
     def write(candidate: Candidate, value: float) -> Candidate:
-        new: Any = sign * value
+        new: Any = value
         if index is not None:
             new = tuple(new if at == index else other for at, other in enumerate(found(candidate)))
         written: Candidate = _replaced(candidate, path, new)

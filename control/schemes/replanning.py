@@ -126,9 +126,9 @@ class ReplanningScheme(TrackedScheme):
         apart = float(normal @ (own[stage] - other[stage])) if halved else 1.0
         return Plane(stage, normal, float(normal @ other[stage]) + max(1.0, 0.5 + 0.5 * apart))
 
-    def _announce(self, priority: float = 0.0) -> Announced:
+    def _announce(self) -> Announced:
         assert self._way is not None
-        return Announced(self._began_s, self._way.packed(), self._way.stage_s, priority)
+        return Announced(self._began_s, self._way.packed(), self._way.stage_s)
 
 
 def _length(vector: Array) -> float:

@@ -27,11 +27,10 @@ from zenoh.ext import z_serialize
 from rcopterx import Fleet
 from rcopterx.deploy.hosts.running import running_fleets
 
-SHOWN = {"pose": PoseStamped, "plan": Path, "command": Joy}
-"""Topic of the fleet's bus and message of ROS 2; the topic in ROS 2 is /FLEET/VEHICLE/TOPIC."""
 NODE = "rcopterx"
-BEST_EFFORT_KEEP_LAST_1 = "2::,1:,:,:,,"
-RELIABLE_KEEP_LAST_10 = "::,10:,:,:,,"
+PUBLISHER, SERVICE = "MP", "SS"
+QUALITY = {PUBLISHER: "2::,1:,:,:,,", SERVICE: "::,10:,:,:,,"}
+"""Best effort, keep the last one; reliable, keep the last ten."""
 
 
 def ros_pose(message, now_s):
@@ -67,6 +66,7 @@ def ros_command(message, now_s):
 
 
 CONVERTED = {"pose": ros_pose, "plan": ros_plan, "command": ros_command}
+"""Topic of the fleet's bus and its message of ROS 2; the topic in ROS 2 is /FLEET/VEHICLE/TOPIC."""
 
 
 def rmw_zenoh_key(topic, kind, domain):
@@ -105,16 +105,10 @@ def node_token(domain, session_id):
     return f"@ros2_lv/{domain}/{session_id}/0/0/NN/%/%/{NODE}"
 
 
-def publisher_token(domain, session_id, number, topic, kind):
-    """Token by which `ros2 topic list` finds a topic."""
-    entity = f"@ros2_lv/{domain}/{session_id}/0/{number}/MP/%/%/{NODE}"
-    return f"{entity}/%{topic.replace('/', '%')}/{dds_name(kind)}/{kind.ROS_HASH}/{BEST_EFFORT_KEEP_LAST_1}"
-
-
-def service_token(domain, session_id, number, service, kind):
-    """Token by which clients find a service, and wait for it."""
-    entity = f"@ros2_lv/{domain}/{session_id}/0/{number}/SS/%/%/{NODE}"
-    return f"{entity}/%{service.replace('/', '%')}/{dds_name(kind)}/{kind.ROS_HASH}/{RELIABLE_KEEP_LAST_10}"
+def entity_token(domain, session_id, number, entity, name, kind):
+    """Token by which `ros2 topic list` finds a publisher, and clients a service: entities of `QUALITY`."""
+    node = f"@ros2_lv/{domain}/{session_id}/0/{number}/{entity}/%/%/{NODE}"
+    return f"{node}/%{name.replace('/', '%')}/{dds_name(kind)}/{kind.ROS_HASH}/{QUALITY[entity]}"
 
 
 class Topic:
@@ -151,7 +145,7 @@ class Bridge:
         self._node = self._ros.liveliness().declare_token(node_token(domain, self._id))
         self._bus = session_to(rcopterx, namespace)
         self._subscribers = [
-            self._bus.declare_subscriber(f"rcopterx/{fleet}/*/{name}", self._on_sample) for name in SHOWN
+            self._bus.declare_subscriber(f"rcopterx/{fleet}/*/{name}", self._on_sample) for name in CONVERTED
         ]
 
     def obey(self, fleet, report=print):
@@ -173,7 +167,7 @@ class Bridge:
         kind, service = SERVICES[name], f"{self._fleet}/{vehicle}/{name}"
         answer = partial(self._on_request, commands, vehicle, name)
         key = rmw_zenoh_key(service, kind, self._domain)
-        token = service_token(self._domain, self._id, next(self._numbers), service, kind)
+        token = entity_token(self._domain, self._id, next(self._numbers), SERVICE, service, kind)
         self._obeyed.append(self._ros.declare_queryable(key, answer, complete=True))
         self._obeyed.append(self._ros.liveliness().declare_token(token))
 
@@ -205,11 +199,11 @@ class Bridge:
         if message is None:
             return
         with self._one_at_a_time:
-            self._topic(f"{self._fleet}/{vehicle}/{name}", SHOWN[name]).put(message, now_s)
+            self._topic(f"{self._fleet}/{vehicle}/{name}", type(message)).put(message, now_s)
 
     def _topic(self, topic, kind):
         if topic not in self._topics:
-            token = publisher_token(self._domain, self._id, next(self._numbers), topic, kind)
+            token = entity_token(self._domain, self._id, next(self._numbers), PUBLISHER, topic, kind)
             self._topics[topic] = Topic(self._ros, self._key(topic, kind, self._domain), token)
         return self._topics[topic]
 
