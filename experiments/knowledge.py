@@ -70,8 +70,8 @@ def known_model(
 ) -> Model:
     """Model that a pilot gets of a vehicle of the conditions' type.
 
-    `measured_tilt`: whether an identification used roll and pitch. Raises
-    `ValueError`: knowledge of first-order plants.
+    `measured_tilt`: whether an identification used roll and pitch. Raises `ValueError`: knowledge of
+    first-order plants.
     """
     nominal = plant_type(conditions)
     if nominal is COAXIAL_LAG:

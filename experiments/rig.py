@@ -82,31 +82,18 @@ class RigVehicle:
 
 @dataclass(frozen=True)
 class RigOptions:
-    """How the loop is closed.
+    """How the loop is closed."""
 
-    Attributes
-    ----------
-    links
-        How plans and messages of schemes travel between vehicles.
-    avoid
-        Controllers keep clear of the plans of all other vehicles, if they can.
-    killed
-        From when to when agents do not run, by vehicle [s]. The vehicle goes on as by a transmitter gateway:
-        with the planned inputs, then at its place by a plain law. A new agent takes over.
-    slow
-        Vehicles whose agents compute in every n-th period only.
-    guard
-        Vehicles that oscillate lower their bandwidth, as in agents. A change is used from the next period on.
-    watch
-        Vehicles that do not follow their commands land by themselves, as in agents.
-    """
-
-    links: LinkQuality = PERFECT
-    avoid: bool = False
+    links: LinkQuality = PERFECT  # how plans and messages of schemes travel between vehicles
+    avoid: bool = False  # controllers keep clear of the plans of all other vehicles, if they can
+    # From when to when agents do not run, by vehicle [s]. The vehicle goes on as by a transmitter gateway:
+    # with the planned inputs, then at its place by a plain law. A new agent takes over.
     killed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # n of vehicles whose agents compute in every n-th period only
     slow: Mapping[str, int] = field(default_factory=dict)
+    # Vehicles that oscillate lower their bandwidth, as in agents. A change is used from the next period on.
     guard: bool = False
-    watch: bool = False
+    watch: bool = False  # vehicles that do not follow their commands land by themselves, as in agents
 
 
 SAME_FRAME: Final = RigOptions()
@@ -120,10 +107,7 @@ class RigError(ValueError):
 class Rig:
     """Vehicles that fly together; within a frame leaders are computed before their followers.
 
-    Raises
-    ------
-    RigError
-        Unknown leader, or a cycle of leaders.
+    Raises `RigError`: unknown leader, or a cycle of leaders.
     """
 
     def __init__(
@@ -180,10 +164,7 @@ class Rig:
     ) -> FlightRecord:
         """Fly on for a while; times of events count from the rig's own time 0.
 
-        Raises
-        ------
-        RigError
-            A vehicle refused an event.
+        Raises `RigError`: a vehicle refused an event.
         """
         frames = round(duration_s / PERIOD_S)
         waiting = deque(sorted(events, key=lambda event: event.time_s))
@@ -242,11 +223,11 @@ class Rig:
         if event.vehicle not in self.pilots:
             raise RigError(f"event at {event.time_s:g} s: there is no vehicle {event.vehicle!r}")
         plans = self._leader_plans(event.vehicle, self._plans, event.leaders)
-        models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
-        steps = self._vehicles[event.vehicle].as_published
-        limits = None if steps else profile_limits_of(self._links(), models, event.vehicle)
-        scene = Scene(plans, limits)
-        refusal = event.apply(self.pilots[event.vehicle], scene)
+        limits = None
+        if not self._vehicles[event.vehicle].as_published:
+            models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
+            limits = profile_limits_of(self._links(), models, event.vehicle)
+        refusal = event.apply(self.pilots[event.vehicle], Scene(plans, limits))
         if refusal is not None:
             raise RigError(f"{event.vehicle} refused {event}: {refusal}")
 
@@ -373,13 +354,7 @@ class Rig:
 
 
 def flying_order(leaders: Mapping[str, Sequence[str]]) -> list[str]:
-    """Order vehicles so that leaders come before their followers.
-
-    Raises
-    ------
-    RigError
-        An unknown leader or a cycle.
-    """
+    """Order vehicles so that leaders come before their followers; `RigError` for unknown ones or a cycle."""
     unknown = [leader for own in leaders.values() for leader in own if leader not in leaders]
     if unknown:
         raise RigError(f"unknown leader {unknown[0]!r}; there are {', '.join(leaders)}")

@@ -94,16 +94,11 @@ def plant_of(name: str, model: Model, conditions: Conditions, seed: int, start: 
 
 
 class Laboratory:
-    """Plants that advance together.
+    """Vehicles that advance together: `plants` by name.
 
     The same inputs lead to exactly the same flight. Order and number of the models do not change what happens
     to each vehicle. A vehicle that starts on the floor (z = 0) stands with motors stopped, else it hovers.
     Raises `ValueError` if models and start poses differ in their vehicles, or for a negative seed.
-
-    Attributes
-    ----------
-    plants
-        The vehicles by name, with their contact states, touchdown speeds and true parameters.
     """
 
     def __init__(

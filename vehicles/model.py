@@ -240,10 +240,8 @@ FITTED: Final = (
 def with_parameters(model: Model, parameters: Mapping[str, Any]) -> Model:
     """Return a model with identified parameters; tables of `tilt` and `uncertainty` may be incomplete.
 
-    Raises
-    ------
-    ValueError
-        A parameter that no identification finds, of the wrong type, or that no vehicle can have.
+    Raises `ValueError`: a parameter that no identification finds, of the wrong type, or that no vehicle can
+    have.
     """
     plain = asdict(model)
     for name, value in parameters.items():

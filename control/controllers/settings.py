@@ -1,8 +1,7 @@
 """Settings every controller shares.
 
 A controller's settings are a frozen `msgspec.Struct`; a fleet file's table or a request's body becomes one
-through `rcopterx.control.plugins`, which names the field and what is allowed when something is
-wrong.
+through `rcopterx.control.plugins`, which names the field and what is allowed when something is wrong.
 """
 
 from collections.abc import Iterable
@@ -37,12 +36,12 @@ BOUNDED_STATE_NAMES = ("x", "y", "z", "xd_B", "yd_B", "zd_B", "psid")
 class Limits:
     """Bounds a controller plans with."""
 
+    # hard limits of the inputs, shape (4,)
     input_min: Array
     input_max: Array
-    """`input_min`, `input_max`: hard input limits, shape (4,)."""
+    # bounds of x, y, z, xd_B, yd_B, zd_B, psid, shape (7,)
     state_min: Array
     state_max: Array
-    """`state_min`, `state_max`: bounds of x, y, z, xd_B, yd_B, zd_B, psid, shape (7,)."""
 
 
 class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -60,22 +59,9 @@ class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     """Highest ones."""
 
     def limits(self, model: Model) -> Limits:
-        """Resolve the bounds for a vehicle.
+        """Return the bounds to plan with for a vehicle, whose own limits are the widest inputs allowed.
 
-        Parameters
-        ----------
-        model
-            The vehicle, whose own limits are the widest inputs allowed.
-
-        Returns
-        -------
-        Limits
-            Bounds to plan with.
-
-        Raises
-        ------
-        SettingsError
-            An interval is empty, leaves the vehicle's input range, or excludes hovering.
+        Raises `SettingsError`: an interval is empty, leaves the vehicle's input range, or excludes hovering.
         """
         limits = Limits(
             np.array(self.input_min or model.input_min, dtype=float),

@@ -1,8 +1,8 @@
 """Prediction-error fit of a vehicle's model to a flight.
 
 Horizontal motion and height are fitted to the innovations of the stationary Kalman predictor of the model,
-the heading to errors further ahead, because its model is coarser; so is everything where the vehicle logged
-the sticks, because their times are. Prior knowledge of the type counts as
+the heading to errors further ahead, because its model is coarser. Where the vehicle logged the sticks, their
+times are coarser, and everything is fitted to errors further ahead. Prior knowledge of the type counts as
 much as a measurement (`rcopterx.control.identification.parameters`), so that parameters that a flight does
 not show keep their values. The last part of the flight is not fitted; it validates the result.
 """

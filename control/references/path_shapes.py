@@ -37,16 +37,8 @@ def spiral(
 ) -> FlightPath:
     """Return a spiral: radius and height change linearly with the angle.
 
-    Parameters
-    ----------
-    radii_m
-        Radius at the start and at the end.
-    period_s
-        Time of a turn at full speed.
-    turns
-        Number of turns, not zero.
-    heading
-        `fixed` at zero, `along` the path or towards the `center`.
+    `radii_m`: radius at the start and at the end. `period_s`: time of a turn at full speed. `turns`: number
+    of turns, not zero. `heading`: `fixed` at zero, `along` the path or towards the `center`.
     """
     _positive(radius_m=max(radii_m), period_s=period_s)
     whole = math.tau * turns

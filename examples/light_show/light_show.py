@@ -17,13 +17,7 @@ CLOSEST_M = 0.5
 
 
 def fitted(drones, low_m, high_m):
-    """The same show in a box, as drones with other positions.
-
-    Raises
-    ------
-    ShowError
-        Two drones come too close to each other there.
-    """
+    """The same show in a box, as drones with other positions; ShowError if two come too close there."""
     everything = np.vstack([drone.positions_m for drone in drones])
     least, most = everything.min(axis=0), everything.max(axis=0)
     low_m, high_m = np.array(low_m), np.array(high_m)

@@ -91,11 +91,8 @@ class TerminalCost:
     """P(psi) of equation (3).
 
     With Q equal in x and y and in x_int and y_int, P(psi) = T(psi)' P(0) T(psi) with T rotating the position
-    and integrator pairs into the body frame: one Riccati equation, none in flight.
-    Otherwise the equation is solved once per heading and remembered.
-
-    `state_weights` and `input_weights`: diagonals of Q, shape (11,), and R,
-    shape (4,).
+    and integrator pairs into the body frame: one Riccati equation, none in flight. Otherwise the equation is
+    solved once per heading and remembered. The weights are diagonals of Q, shape (11,), and R, shape (4,).
     """
 
     def __init__(self, paper_model: PaperModel, state_weights: Array, input_weights: Array) -> None:
