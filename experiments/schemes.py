@@ -30,11 +30,6 @@ class Scheme:
     knowledge: Knowledge = "default"
     horizon: int = HORIZON
 
-    @property
-    def measured_tilt(self) -> bool:
-        """Whether the estimator uses roll and pitch."""
-        return bool(self.estimator_settings.get("measured_tilt", True))
-
     def vehicle(
         self,
         name: str,
@@ -43,10 +38,11 @@ class Scheme:
         seed: int,
         following: tuple[LeaderLink, ...] = (),
     ) -> RigVehicle:
-        """A vehicle of the conditions' coaxial type that is flown by this scheme."""
+        """A vehicle of the conditions' type that is flown by this scheme."""
+        measured_tilt = bool(self.estimator_settings.get("measured_tilt", True))
         return RigVehicle(
             name,
-            known_model(self.knowledge, conditions, name, seed, self.measured_tilt),
+            known_model(self.knowledge, conditions, name, seed, measured_tilt),
             start,
             self.controller,
             self.settings,

@@ -14,15 +14,14 @@ import numpy as np
 from rcopterx.control.plugins import SettingsError
 from rcopterx.control.solver.problem import Solver
 from rcopterx.control.solver.riccati import RiccatiSolver
-from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.model import Model, Seven
 from rcopterx.vehicles.state import INPUT_SIZE, Array
+from rcopterx.vehicles.tuples import Four
 
 PositiveFloat = Annotated[float, msgspec.Meta(gt=0.0)]
 Horizon = Annotated[int, msgspec.Meta(ge=2, le=200)]
 TimeLimit = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 
-FourFloats = tuple[float, float, float, float]
-SevenFloats = tuple[float, float, float, float, float, float, float]
 FourWeights = tuple[PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat]
 
 EightWeights = Annotated[tuple[PositiveFloat, ...], msgspec.Meta(min_length=8, max_length=8)]
@@ -49,13 +48,13 @@ class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 
     horizon: Horizon = 50
     """Number of stages N."""
-    input_min: FourFloats | None = None
+    input_min: Four | None = None
     """Lowest pitch, roll, thrust and yaw."""
-    input_max: FourFloats | None = None
+    input_max: Four | None = None
     """Highest ones."""
-    state_min: SevenFloats | None = None
+    state_min: Seven | None = None
     """Lowest x, y, z, xd_B, yd_B, zd_B, psid."""
-    state_max: SevenFloats | None = None
+    state_max: Seven | None = None
     """Highest ones."""
 
     def limits(self, model: Model) -> Limits:

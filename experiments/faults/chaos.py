@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from rcopterx.experiments.faults.fault_flight import FaultFlight
+from rcopterx.experiments.faults.bench import FaultFlight
 from rcopterx.experiments.faults.flying import FaultRange
 from rcopterx.experiments.faults.load import loaded
 from rcopterx.experiments.faults.observation import broken_in, seen_of

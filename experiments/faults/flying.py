@@ -11,8 +11,7 @@ from rcopterx.bus.host_messages import LaboratoryVehicle
 from rcopterx.deploy.processes.supervisor import STABLE_AFTER_S
 from rcopterx.deploy.watchdog.watchdog import AGAIN_S
 from rcopterx.experiments import steps
-from rcopterx.experiments.faults.bench import Bench
-from rcopterx.experiments.faults.fault_flight import FaultFlight
+from rcopterx.experiments.faults.bench import Bench, FaultFlight
 from rcopterx.experiments.faults.observation import WATCHED, broken_in, seen_of
 from rcopterx.experiments.faults.promise import Promise
 from rcopterx.experiments.faults.reports import Report, report_of

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from rcopterx.experiments.faults.fault_flight import FaultFlight
+from rcopterx.experiments.faults.bench import FaultFlight
 from rcopterx.experiments.faults.promise import Seen, judged, outcome
 
 FIGURES: Final = ("deviation_mm", "drift_mm", "touchdown_m_s", "silence_ms")

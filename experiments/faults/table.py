@@ -6,9 +6,8 @@ from itertools import product
 from types import MappingProxyType
 from typing import Final
 
-from rcopterx.experiments.faults.bench import Injector
+from rcopterx.experiments.faults.bench import FaultFlight, Injector
 from rcopterx.experiments.faults.bus_injectors import Flood, Impaired, OldMessages
-from rcopterx.experiments.faults.fault_flight import FaultFlight
 from rcopterx.experiments.faults.host_injectors import (
     ClockStepped,
     DiskFull,

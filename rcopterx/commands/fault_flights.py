@@ -17,7 +17,7 @@ from rcopterx.commands.output import Progress, print_document
 
 if TYPE_CHECKING:
     from rcopterx.bus.clock import Clock
-    from rcopterx.experiments.faults.fault_flight import FaultFlight
+    from rcopterx.experiments.faults.bench import FaultFlight
     from rcopterx.experiments.faults.flying import FaultRange
     from rcopterx.ground_station.scripting.fleet import Fleet
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from rcopterx.deploy.processes.table import processes_of
-from rcopterx.experiments.faults.fault_flight import FaultFlight
+from rcopterx.experiments.faults.bench import FaultFlight
 from rcopterx.experiments.faults.laboratory_injectors import Inject
 from rcopterx.experiments.faults.process_injectors import Pair
 from rcopterx.experiments.faults.promise import LIMITS, Promise
