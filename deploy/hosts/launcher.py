@@ -96,8 +96,8 @@ class Launcher(AbstractContextManager["Launcher"]):
         check_certificate(fleet, host)
         watchdog = watchdog and not self._clock.lockstep  # a process that waits for its turn does not hang
         missing = check_resources(fleet, host, directory, without)
-        priority, patient = Priority.SUPERVISOR.of(fleet), self._clock.lockstep
-        self._forks = ForkServer(modules_of(fleet, specs), priority, patient=patient)
+        priority = Priority.SUPERVISOR.of(fleet)
+        self._forks = ForkServer(modules_of(fleet, specs), priority, speed=self._clock.speed)
         try:
             check_in_process(fleet, directory, self._forks)
         except BaseException:
@@ -116,7 +116,7 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._logs,
             self._forks,
             # Agents of another host may all have to be started at once. In lockstep time waits for them.
-            spares=None if patient else self._make_spares(specs, SPARES + len(guests)),
+            spares=None if self._clock.lockstep else self._make_spares(specs, SPARES + len(guests)),
             watchdog=stretched(fleet.watchdog, fleet.clock) if watchdog and fleet.watchdog.enabled else None,
             without=absent,
             lived_s=None if self._clock.page is None else self._lived_s,

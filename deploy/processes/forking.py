@@ -103,8 +103,8 @@ class ForkedProcess:
 class ForkServer:
     """Starts processes; itself a process, started when first needed and when it has ended.
 
-    It imports `modules` once. `priority` is its own, 0 for none: vehicles may wait for a process. In lockstep
-    they do not: it is `patient`, and may be slow.
+    It imports `modules` once. `priority` is its own, 0 for none: vehicles may wait for a process.
+    `speed` is that of the time of the fleet, in which it has to answer.
     """
 
     def __init__(
@@ -113,10 +113,10 @@ class ForkServer:
         priority: int = 0,
         clock: Callable[[], float] = time.monotonic,
         *,
-        patient: bool = False,
+        speed: float = 1.0,
     ) -> None:
         self._words = (str(priority), ",".join(modules))
-        self._patient = patient
+        self._speed = speed
         self._pilots: tuple[str, ...] = ()
         self._clock = clock
         self._process: subprocess.Popen[bytes] | None = None
@@ -176,7 +176,7 @@ class ForkServer:
             inherited.callback(os.close, permit)
             order: Order = {"command": list(command), "environment": child_environment()}
             self._send(order, [stdin, output.fileno(), page.descriptor, permission])
-            pid = self._answer(START_LIMIT_S if self._patient else ANSWER_LIMIT_S)["pid"]
+            pid = self._answer(ANSWER_LIMIT_S / self._speed)["pid"]
             process = ForkedProcess(pid, page, pipe)
             with suppress(OSError):
                 os.setpriority(os.PRIO_PROCESS, pid, URGENT_NICE)

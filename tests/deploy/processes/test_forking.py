@@ -258,9 +258,11 @@ def test_a_fork_server_that_hangs_is_ended_and_leaves_no_unknown_process(
     assert not journal.exists()
 
 
-def test_a_patient_fork_server_may_answer_late(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fork_server_has_more_time_where_that_of_the_fleet_passes_slowly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(rcopterx.deploy.processes.forking, "ANSWER_LIMIT_S", 0.1)
-    forks = ForkServer(patient=True)
+    forks = ForkServer(speed=0.002)
     try:
         end(sleeping(forks, tmp_path))
         server = forks.pid
