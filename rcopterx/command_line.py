@@ -1,9 +1,10 @@
 """All commands of `rcopterx`; the fast path of `kill` is in `rcopterx.cli`."""
 
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from rcopterx.commands import (
     arena,
@@ -26,9 +27,21 @@ from rcopterx.commands import (
     vehicles,
     watch,
 )
+from rcopterx.commands.fleet_option import user_errors
+
+
+class Commands(TyperGroup):
+    """All commands; errors that users can correct end them with a line instead of a traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """See `Group.invoke`."""
+        with user_errors():
+            return super().invoke(ctx)
+
 
 app = typer.Typer(
     name="rcopterx",
+    cls=Commands,
     help="Formation flight of miniature helicopters with distributed model predictive control. "
     "Lengths are metres, times seconds, angles on the command line degrees.",
     invoke_without_command=True,

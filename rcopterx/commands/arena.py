@@ -5,7 +5,6 @@ from typing import Annotated, Any
 
 import typer
 
-from rcopterx.commands.fleet_option import user_errors
 from rcopterx.commands.output import (
     JsonOption,
     ProcessesOption,
@@ -70,7 +69,7 @@ def arena(
     packages = foreign_digests(chosen)
     context = {"conditions": conditions, "quick": quick, "up": up, "packages": packages}
     try:
-        with kept_flights(resume, context) as kept, user_errors():
+        with kept_flights(resume, context) as kept:
             options = Options(numbers, quick, 1 if up else processes, conditions, kept)
             result = arena(chosen, flown, up).fly(options, progress.show_share)
     except SettingsError as error:

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, SpeedOption, failure, user_errors
-from rcopterx.commands.output import JsonOption, PlotOption, Progress, check_plot, print_document, write_plot
+from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, SpeedOption, failure
+from rcopterx.commands.output import JsonOption, PlotOption, Progress, print_document, write_plot
 from rcopterx.commands.parsing import check_known, different_numbers
 
 app = typer.Typer(no_args_is_help=True)
@@ -30,15 +30,14 @@ def bench() -> None:
 
 @contextmanager
 def _errors() -> Iterator[None]:
-    """Report mistakes of users, and a computer that cannot run a benchmark, without a traceback."""
+    """Report a computer that cannot run a benchmark without a traceback."""
     from rcopterx.benchmarks.cost import CostError
     from rcopterx.benchmarks.namespaces import NetworkUnavailableError
 
-    with user_errors():
-        try:
-            yield
-        except (CostError, NetworkUnavailableError) as error:
-            raise failure(error) from None
+    try:
+        yield
+    except (CostError, NetworkUnavailableError) as error:
+        raise failure(error) from None
 
 
 @app.command()
@@ -52,7 +51,6 @@ def solver(
     """Time control steps of the cascade, the paper's scheme and other solvers on the same problems."""
     from rcopterx.benchmarks.solver import draw_solver, run
 
-    check_plot(plot)
     lengths = different_numbers(horizons, "--horizons", lowest=2, highest=200)
     document = run(lengths, steps, seed, Progress("bench solver").say)
     write_plot(partial(draw_solver, document), plot)
@@ -105,7 +103,6 @@ def scale(
     """
     from rcopterx.benchmarks.scale import Series, draw_scale, run, scale_table
 
-    check_plot(plot)
     sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=128)
     with _errors():
         document = run(sizes, Series(horizon, seconds, rate, speed or 1.0), Progress("bench scale").say)

@@ -13,7 +13,6 @@ from rcopterx.commands.output import (
     Progress,
     QuickOption,
     ResumeOption,
-    check_plot,
     kept_flights,
     print_document,
     write_plot,
@@ -78,7 +77,8 @@ def experiment(
     presets = _presets(chosen, conditions)
     numbers = None if seeds is None else different_numbers(seeds, "--seeds")
     levels = _levels(knowledge, chosen)
-    _check_figure(chosen, plot)
+    if plot is not None and chosen.draw is None:
+        raise typer.BadParameter(f"{name} has no figure", param_hint="--plot")
     documents, progress = {}, Progress(name)
     for preset in presets:
         flown = numbers or chosen.seeds(preset)[: QUICK_SEEDS if quick else None]
@@ -96,7 +96,6 @@ def experiment(
 def _judge(directory: Path, plot: Path | None, as_json: bool) -> None:
     from rcopterx.experiments.real_flights import judge, read_flights
 
-    check_plot(plot)
     try:
         found, unusable = read_flights(directory)
         evidence = judge(list(found.values()))
@@ -120,12 +119,6 @@ def _presets(row: "Experiment[Any]", conditions: str | None) -> list[str]:
         if row.helicopters_only and plant_type(PRESETS[preset]) is not COAXIAL:
             raise typer.BadParameter(f"{preset}: no helicopters fly there", param_hint="--conditions")
     return presets
-
-
-def _check_figure(row: "Experiment[Any]", plot: Path | None) -> None:
-    check_plot(plot)
-    if plot is not None and row.draw is None:
-        raise typer.BadParameter(f"{row.name} has no figure", param_hint="--plot")
 
 
 def _levels(chosen: str | None, row: "Experiment[Any]") -> "tuple[Knowledge, ...]":

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, fleet_file, running_fleet, user_errors
+from rcopterx.commands.fleet_option import EXIT_FAILED, fleet_file, running_fleet
 from rcopterx.commands.launch import Interrupts, interruptible
 from rcopterx.commands.output import Progress, print_document
 
@@ -121,7 +121,7 @@ def fly_faults(names: Sequence[str], runs: int, options: FlightOptions) -> None:
 
     rows = chosen_faults(names)
     reports: list[dict[str, Any]] = []
-    with user_errors(), fleet_holder(options) as holder:
+    with fleet_holder(options) as holder:
         try:
             for number, row in enumerate(rows, 1):
                 head = f"[{number}/{len(rows)}] {row.name}"
@@ -139,7 +139,7 @@ def fly_chaos(seconds: float, seed: int, busy: int, options: FlightOptions) -> N
     from rcopterx.experiments.faults.chaos import Chaos
     from rcopterx.ground_station.scripting.waiting import NotReachedError, stopped_by
 
-    with user_errors(), fleet_holder(options) as holder:
+    with fleet_holder(options) as holder:
         place = holder.fault_range(Progress(f"chaos {seed}").say)
         if place.fleet.launcher is None:
             raise NotReachedError("chaos ends processes, so it needs a fleet of its own: add --up")

@@ -92,16 +92,19 @@ def fleet_file(name: str, speed: float | None = None, lockstep: bool = False) ->
 @contextmanager
 def user_errors() -> Iterator[None]:
     """Print errors that users can correct as a line on standard error, without a traceback."""
-    from rcopterx.bus.session import BusUnreachableError
-    from rcopterx.fleet.schema import FleetError
-    from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
-
     try:
         yield
-    except FleetError as error:
-        raise failure(*lines_of(error), code=EXIT_USAGE) from None
-    except (BusUnreachableError, *FLIGHT_ERRORS, OSError) as error:
-        raise failure(*lines_of(error)) from None
+    except BrokenPipeError:
+        raise
+    except (ValueError, RuntimeError, OSError) as error:
+        # The modules of some errors import slowly.
+        from rcopterx.fleet.schema import FleetError
+        from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
+
+        if not isinstance(error, (FleetError, OSError, *FLIGHT_ERRORS)):
+            raise
+        code = EXIT_USAGE if isinstance(error, FleetError) else EXIT_FAILED
+        raise failure(*lines_of(error), code=code) from None
 
 
 def wanted_fleet(name: str | None) -> tuple["FleetFile", str | None]:
@@ -133,8 +136,8 @@ def joined_fleet(
 def running_fleet(
     name: str | None, vehicles: Iterable[str] | None = None, router_within_s: float = ROUTER_S
 ) -> Iterator["Fleet"]:
-    """Join a running fleet, by default that of this computer, and check names; errors end the command."""
-    with user_errors(), joined_fleet(*wanted_fleet(name), name, router_within_s) as fleet:
+    """Join a running fleet, by default that of this computer, and check names."""
+    with joined_fleet(*wanted_fleet(name), name, router_within_s) as fleet:
         known_vehicles(fleet.file.vehicles, vehicles)
         yield fleet
 

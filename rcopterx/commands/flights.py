@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from rcopterx.bus.realtime import ONE_THREAD
-from rcopterx.commands.fleet_option import EXIT_FAILED, failure, user_errors
+from rcopterx.commands.fleet_option import EXIT_FAILED, failure
 from rcopterx.commands.output import JsonOption, print_document, print_table
 from rcopterx.commands.parsing import settings_of
 
@@ -155,12 +155,11 @@ def replay(
     """
     # Sums of several threads have other last bits; numerical libraries read this when they are loaded.
     os.environ.update(ONE_THREAD)
-    with user_errors():
-        found = chosen_flight(flight)
-        if agent is None:
-            _republish(found, speed)
-            return
-        _compare(found, agent, settings_of(changes or (), "--with"), as_json)
+    found = chosen_flight(flight)
+    if agent is None:
+        _republish(found, speed)
+        return
+    _compare(found, agent, settings_of(changes or (), "--with"), as_json)
 
 
 def chosen_flight(name: str) -> "Flight":

@@ -18,7 +18,6 @@ from rcopterx.commands.fleet_option import (
     SpeedOption,
     fleet_file,
     running_fleet,
-    user_errors,
 )
 from rcopterx.commands.launch import RecordOption, interruptible
 from rcopterx.commands.output import JsonOption, Progress, print_document
@@ -103,11 +102,10 @@ def _list_manoeuvres() -> None:
 def _fly_manoeuvres(rows: Sequence["Manoeuvre"], options: FlightOptions, several: bool) -> None:
     """Fly manoeuvres, print and write their reports; exit code 1 if a check failed."""
     results = Results(options.report, several)
-    with user_errors():
-        try:
-            _fly_rows(rows, options, results)
-        finally:
-            results.write_page()
+    try:
+        _fly_rows(rows, options, results)
+    finally:
+        results.write_page()
     results.print(options.as_json)
     if not results.passed:
         raise typer.Exit(EXIT_FAILED)

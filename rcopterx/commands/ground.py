@@ -18,7 +18,6 @@ from rcopterx.commands.fleet_option import (
     RunningFleetOption,
     failure,
     joined_fleet,
-    user_errors,
     wanted_fleet,
 )
 from rcopterx.commands.interruption import Interruption, until_ctrl_c
@@ -53,23 +52,22 @@ def ground(
     from rcopterx.ground_station.page.page import FleetPage, PageFrame
 
     end_with_parent()
-    with user_errors():
-        file, host = wanted_fleet(fleet)
-        directory = run_directory(file.name, file.bus.namespace)
-        key = kept_key(directory / ("watch.key" if watch_only else "page.key"))
-        server = PageServer(port, f"rcopterx {file.name}", key)
-        try:
-            with until_ctrl_c() as interruption:
-                # Browsers load the page while a fleet that has just been started comes up.
-                frame = PageFrame(server, file.name, steers=not watch_only)
-                typer.echo(f"{server.address}  (Ctrl-C ends the page, the fleet goes on)")
-                with (
-                    _opened(server.address) if open_browser else nullcontext(),
-                    joined_fleet(file, host, fleet, COMES_UP_S) as running,
-                ):
-                    _keep(FleetPage(running, frame), running.session.clock, interruption)
-        finally:
-            server.stop()
+    file, host = wanted_fleet(fleet)
+    directory = run_directory(file.name, file.bus.namespace)
+    key = kept_key(directory / ("watch.key" if watch_only else "page.key"))
+    server = PageServer(port, f"rcopterx {file.name}", key)
+    try:
+        with until_ctrl_c() as interruption:
+            # Browsers load the page while a fleet that has just been started comes up.
+            frame = PageFrame(server, file.name, steers=not watch_only)
+            typer.echo(f"{server.address}  (Ctrl-C ends the page, the fleet goes on)")
+            with (
+                _opened(server.address) if open_browser else nullcontext(),
+                joined_fleet(file, host, fleet, COMES_UP_S) as running,
+            ):
+                _keep(FleetPage(running, frame), running.session.clock, interruption)
+    finally:
+        server.stop()
 
 
 @contextmanager

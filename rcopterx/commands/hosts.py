@@ -12,7 +12,6 @@ from rcopterx.commands.fleet_option import (
     HostOption,
     chosen_host,
     fleet_file,
-    user_errors,
 )
 from rcopterx.commands.parsing import check_known
 
@@ -46,24 +45,23 @@ def deploy(
     from rcopterx.fleet.reading import fleet_path
 
     failed = False
-    with user_errors():
-        file = fleet_file(fleet)
-        text = fleet_path(fleet).read_bytes()
-        check_known(only or (), file.hosts, "host", "--host")
-        for host in only or file.hosts:
-            address = file.hosts[host].address
-            run = on(address if user is None else f"{user}@{address}")
-            changed = False
-            try:
-                for step, done in take(run, steps(file, text, host, login(run), wheel), dry=dry_run):
-                    changed = changed or not done
-                    typer.echo(f"{host}: {'there' if done else 'to do' if dry_run else 'done'}: {step.what}")
-            except RemoteError as error:
-                typer.echo(f"error: {host}: {error}", err=True)
-                failed = True
-                continue
-            if changed and not dry_run:
-                typer.echo(f"{host}: while nothing flies: sudo systemctl restart {unit_name(file)}")
+    file = fleet_file(fleet)
+    text = fleet_path(fleet).read_bytes()
+    check_known(only or (), file.hosts, "host", "--host")
+    for host in only or file.hosts:
+        address = file.hosts[host].address
+        run = on(address if user is None else f"{user}@{address}")
+        changed = False
+        try:
+            for step, done in take(run, steps(file, text, host, login(run), wheel), dry=dry_run):
+                changed = changed or not done
+                typer.echo(f"{host}: {'there' if done else 'to do' if dry_run else 'done'}: {step.what}")
+        except RemoteError as error:
+            typer.echo(f"error: {host}: {error}", err=True)
+            failed = True
+            continue
+        if changed and not dry_run:
+            typer.echo(f"{host}: while nothing flies: sudo systemctl restart {unit_name(file)}")
     if failed:
         raise typer.Exit(EXIT_FAILED)
 
@@ -84,16 +82,15 @@ def certs(
     They are in the directory of security.certificates. The key of the authority stays on this computer; each
     host gets authority.pem and the two files of its own name.
     """
-    with user_errors():
-        from datetime import UTC, datetime
+    from datetime import UTC, datetime
 
-        from rcopterx.deploy.certificates.fleet_certificates import make_certificates
+    from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 
-        file = fleet_file(fleet)
-        for line in make_certificates(
-            file, datetime.now(UTC), days, renew=renew or new_authority, new_authority=new_authority
-        ):
-            typer.echo(line)
+    file = fleet_file(fleet)
+    for line in make_certificates(
+        file, datetime.now(UTC), days, renew=renew or new_authority, new_authority=new_authority
+    ):
+        typer.echo(line)
 
 
 def doctor(fleet: FleetArgument, host: HostOption = None) -> None:
@@ -101,12 +98,11 @@ def doctor(fleet: FleetArgument, host: HostOption = None) -> None:
 
     Exit code 1 if there are findings. It does not disturb a fleet: its messages have no content.
     """
-    with user_errors():
-        file = fleet_file(fleet)
-        findings = 0
-        for result in _results(file, chosen_host(file, host)):
-            typer.echo(f"{'ok' if result.good else 'finding'}: {result.text}")
-            findings += not result.good
+    file = fleet_file(fleet)
+    findings = 0
+    for result in _results(file, chosen_host(file, host)):
+        typer.echo(f"{'ok' if result.good else 'finding'}: {result.text}")
+        findings += not result.good
     typer.echo(f"findings: {findings}")
     if findings:
         raise typer.Exit(EXIT_FAILED)

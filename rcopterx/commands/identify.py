@@ -15,10 +15,9 @@ from rcopterx.commands.fleet_option import (
     failure,
     known_vehicles,
     running_fleet,
-    user_errors,
     wanted_fleet,
 )
-from rcopterx.commands.output import JsonOption, PlotOption, check_plot, print_changes, write_plot
+from rcopterx.commands.output import JsonOption, PlotOption, print_changes, write_plot
 
 if TYPE_CHECKING:
     from rcopterx.control.identification.fit import Identification
@@ -73,15 +72,13 @@ def identify(
     vehicles of a formation move apart first, and return at the end. Without --fleet only this flight uses
     the models.
     """
-    check_plot(plot)
     names, say = vehicles or [], partial(typer.echo, err=as_json)
     if bool(names) == together:
         raise typer.BadParameter("name vehicles, or give --all")
     _check_single(names, from_files or [], save, plot)
-    with user_errors():
-        path = None if dry_run or not (fleet or from_files) else _own_file(fleet)
-        file, _ = wanted_fleet(fleet)
-        known_vehicles(file.vehicles, names)
+    path = None if dry_run or not (fleet or from_files) else _own_file(fleet)
+    file, _ = wanted_fleet(fleet)
+    known_vehicles(file.vehicles, names)
     failures: dict[str, str] = {}
     with ExitStack() as stack:
         running = None if from_files else stack.enter_context(running_fleet(fleet))
@@ -116,11 +113,10 @@ def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
     from rcopterx.fleet.radios import command_scale_of
     from rcopterx.fleet.vehicle_types import type_of
 
+    full = command_scale_of(file, name) if is_csv(path) else None
     try:
-        if not is_csv(path):
+        if full is None:
             return load_recording(path)
-        with user_errors():
-            full = command_scale_of(file, name)
         return read_flight(path, type_of(file, name).name, full)
     except (ValueError, OSError) as error:
         raise failure(f"{name}: {error}") from None
@@ -159,8 +155,7 @@ def _fit(file: "FleetFile", name: str, flights: "list[FlightRecording]", say: Ca
     from rcopterx.fleet.vehicle_models import model_of
 
     say(f"{name}: fitting {sum(flight.duration_s for flight in flights):.0f} s of flight")
-    with user_errors():
-        known = model_of(file, name)
+    known = model_of(file, name)
     try:
         return flights[0], known, fit.identify(flights[0], known, *flights[1:])
     except ValueError as error:
@@ -177,13 +172,12 @@ def _use(
         typer.echo(f"{name}: {remark}", err=to_stderr)
     if found.problems:
         return
-    with user_errors():
-        if path is not None:
-            print_changes(name, write_model(path, name, found.model), err=to_stderr)
-            typer.echo(f"{name}: the model is in {path}", err=to_stderr)
-        if running is not None:
-            running[name].use_model(fitted_parameters(found.model))
-            typer.echo(f"{name}: it flies with the model", err=to_stderr)
+    if path is not None:
+        print_changes(name, write_model(path, name, found.model), err=to_stderr)
+        typer.echo(f"{name}: the model is in {path}", err=to_stderr)
+    if running is not None:
+        running[name].use_model(fitted_parameters(found.model))
+        typer.echo(f"{name}: it flies with the model", err=to_stderr)
 
 
 def _print(fits: "dict[str, Fit]", failures: dict[str, str], together: bool, as_json: bool) -> None:

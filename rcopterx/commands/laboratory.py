@@ -11,7 +11,6 @@ from rcopterx.commands.fleet_option import (
     RunningFleetOption,
     failure,
     running_fleet,
-    user_errors,
     wanted_fleet,
 )
 from rcopterx.commands.interruption import until_ctrl_c
@@ -44,7 +43,7 @@ def replay_tracker(
 
     Each client that connects gets the next recorded connection. Ends after the last one.
     """
-    with user_errors(), _replay(file, port, speed) as replay, until_ctrl_c() as interruption:
+    with _replay(file, port, speed) as replay, until_ctrl_c() as interruption:
         request_realtime(REALTIME_PRIORITY)
         host, bound = replay.address
         count = replay.progress.connections
@@ -97,11 +96,10 @@ def inject(
     from rcopterx.ground_station.terminal.scenario import FaultRefusedError, inject_faults
     from rcopterx.simulator.faults import fault_text
 
-    with user_errors():
-        file, _ = wanted_fleet(fleet)
-        if file.simulator is None:
-            raise FleetError(f"{file.name} flies hardware: there is no simulator for faults")
-        lines = _wanted(file, fault, fields or [], scenario)
+    file, _ = wanted_fleet(fleet)
+    if file.simulator is None:
+        raise FleetError(f"{file.name} flies hardware: there is no simulator for faults")
+    lines = _wanted(file, fault, fields or [], scenario)
     with running_fleet(fleet) as running:
         try:
             inject_faults(running.session, lines)

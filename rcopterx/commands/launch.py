@@ -20,7 +20,6 @@ from rcopterx.commands.fleet_option import (
     chosen_host,
     failure,
     fleet_file,
-    user_errors,
 )
 from rcopterx.commands.ground import page_of
 from rcopterx.compiling.cache import compile_all
@@ -199,14 +198,10 @@ def up(
     """
     from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
 
-    with user_errors():
-        file = fleet_file(fleet, speed, lockstep)
-        if host is None and _by_daemons(file, without or ()):
-            return
-    with (
-        user_errors(),
-        interruptible(file, host, without or (), watchdog=watchdog, record=record) as (running, interrupts),
-    ):
+    file = fleet_file(fleet, speed, lockstep)
+    if host is None and _by_daemons(file, without or ()):
+        return
+    with interruptible(file, host, without or (), watchdog=watchdog, record=record) as (running, interrupts):
         watch = Watch(running, interrupts)
 
         def warn() -> None:
@@ -267,15 +262,14 @@ def host(
     """
     from rcopterx.deploy.hosts.launcher import Launcher
 
-    with user_errors():
-        file = fleet_file(fleet)
-        name = chosen_host(file, this)
-        interrupts = _interrupts()
-        with Launcher(file, name, record=record, idle=True) as launcher:
-            typer.echo(f"host {name} of fleet {file.name} is ready; rcopterx up starts the fleet", err=True)
-            while not interrupts.wait(PLAIN_REFRESH_S):
-                while launcher.events:
-                    typer.echo(launcher.events.popleft())
+    file = fleet_file(fleet)
+    name = chosen_host(file, this)
+    interrupts = _interrupts()
+    with Launcher(file, name, record=record, idle=True) as launcher:
+        typer.echo(f"host {name} of fleet {file.name} is ready; rcopterx up starts the fleet", err=True)
+        while not interrupts.wait(PLAIN_REFRESH_S):
+            while launcher.events:
+                typer.echo(launcher.events.popleft())
 
 
 def demo(
@@ -296,7 +290,6 @@ def demo(
     from rcopterx.experiments.demonstration import Demonstration
 
     with ExitStack() as stack:
-        stack.enter_context(user_errors())
         file = fleet_file(fleet, speed, lockstep)
         lines: deque[str] = deque()
         if browser:

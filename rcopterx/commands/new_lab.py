@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from rcopterx.commands.fleet_option import user_errors
 from rcopterx.commands.parsing import three
 
 if TYPE_CHECKING:
@@ -50,18 +49,17 @@ def new_lab(
     from rcopterx.fleet.schema import FleetError
     from rcopterx.fleet.vehicle_types import type_names
 
-    with user_errors():
-        if file.exists():
-            raise FleetError(f"{file}: exists already and is not overwritten")
-        _print("vehicle types, for --type", type_names())
-        address = _prompt("Tracker, HOST:PORT", "127.0.0.1:801", _address)
-        vehicles = _prompt_vehicles(address)
-        corners = (
-            _prompt("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three),
-            _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
-        )
-        name = name_of(file.stem)
-        write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicle_type, vehicles))
+    if file.exists():
+        raise FleetError(f"{file}: exists already and is not overwritten")
+    _print("vehicle types, for --type", type_names())
+    address = _prompt("Tracker, HOST:PORT", "127.0.0.1:801", _address)
+    vehicles = _prompt_vehicles(address)
+    corners = (
+        _prompt("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three),
+        _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
+    )
+    name = name_of(file.stem)
+    write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicle_type, vehicles))
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
 
 
@@ -144,12 +142,11 @@ def crazyswarm2(
     from rcopterx.deploy.crazyswarm import read_tracker, read_vehicles
     from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
 
-    with user_errors():
-        vehicles = read_vehicles(source)
-        brand, address = read_tracker(motion_capture or source.with_name(MOTION_CAPTURE))
-        name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
-        laboratory = NewLaboratory(name, address, *corners, None, "crazyflie", vehicles, brand, rate_hz)
-        write_fleet_file(file, laboratory)
+    vehicles = read_vehicles(source)
+    brand, address = read_tracker(motion_capture or source.with_name(MOTION_CAPTURE))
+    name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
+    laboratory = NewLaboratory(name, address, *corners, None, "crazyflie", vehicles, brand, rate_hz)
+    write_fleet_file(file, laboratory)
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
 
 
@@ -169,9 +166,8 @@ def skybrush(
     from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
     from rcopterx.deploy.skybrush import read_vehicles
 
-    with user_errors():
-        vehicles = read_vehicles(show)
-        name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
-        laboratory = NewLaboratory(name, SIMULATED, *corners, None, "coaxial", vehicles, simulated=True)
-        write_fleet_file(file, laboratory)
+    vehicles = read_vehicles(show)
+    name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
+    laboratory = NewLaboratory(name, SIMULATED, *corners, None, "coaxial", vehicles, simulated=True)
+    write_fleet_file(file, laboratory)
     typer.echo(f"{file}: {len(vehicles)} vehicles; fly the show: examples/light_show --fleet {file}")

@@ -6,8 +6,6 @@ from typing import Annotated
 
 import typer
 
-from rcopterx.commands.fleet_option import user_errors
-
 
 class Kind(StrEnum):
     """What a package can add."""
@@ -31,8 +29,7 @@ def new_plugin(
     """Write a package with a controller, estimator or vehicle type of your own, and a test that flies it."""
     from rcopterx.deploy.new_package import write_package
 
-    with user_errors():
-        written = write_package(kind, name, Path())
+    written = write_package(kind, name, Path())
     for path in written:
         typer.echo(path)
     typer.echo(f"next:\n    pip install -e {name} pytest\n    pytest {name}\n    {USED_BY[kind]} {name}")

@@ -15,8 +15,30 @@ if TYPE_CHECKING:
     from rcopterx.experiments.kept import KeptFlights
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
+
+
+def _checked_figure(path: Path | None) -> Path | None:
+    """Refuse a figure that could not be written before anything is computed."""
+    if path is None:
+        return None
+    try:
+        import matplotlib  # noqa: F401 - only whether it is there
+    except ImportError:
+        raise typer.BadParameter(
+            "figures need matplotlib: pip install 'rcopterx[figures]'", param_hint="--plot"
+        ) from None
+    if path.suffix not in (".png", ".svg", ".pdf"):
+        raise typer.BadParameter(f"{path}: allowed endings are .png, .svg and .pdf", param_hint="--plot")
+    if not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
+        raise typer.BadParameter(f"{path}: the directory cannot be written to", param_hint="--plot")
+    return path
+
+
 PlotOption = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Draw the figure into this file (png, svg, pdf).")
+    Path | None,
+    typer.Option(
+        metavar="FILE", callback=_checked_figure, help="Draw the figure into this file (png, svg, pdf)."
+    ),
 ]
 QuickOption = Annotated[bool, typer.Option("--quick", help="Short flights, as a test.")]
 ProcessesOption = Annotated[
@@ -111,22 +133,6 @@ class Progress:
     def _print(self, text: str, nl: bool = True) -> None:
         clear = "\r\x1b[K" if self._live else ""
         typer.echo(f"{clear}{self._head}: {text}", err=True, nl=nl)
-
-
-def check_plot(path: Path | None) -> None:
-    """Refuse a figure that could not be written before anything is computed."""
-    if path is None:
-        return
-    try:
-        import matplotlib  # noqa: F401 - only whether it is there
-    except ImportError:
-        raise typer.BadParameter(
-            "figures need matplotlib: pip install 'rcopterx[figures]'", param_hint="--plot"
-        ) from None
-    if path.suffix not in (".png", ".svg", ".pdf"):
-        raise typer.BadParameter(f"{path}: allowed endings are .png, .svg and .pdf", param_hint="--plot")
-    if not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
-        raise typer.BadParameter(f"{path}: the directory cannot be written to", param_hint="--plot")
 
 
 def write_plot(draw: Callable[[Any], None], path: Path | None) -> None:

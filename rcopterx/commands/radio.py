@@ -78,7 +78,6 @@ def calibrate(
     """
     steps = step or ["signs", "throttle"]
     check_known(steps, STEPS, "step", "--step")
-    from rcopterx.commands.fleet_option import user_errors
     from rcopterx.commands.radio_bench import (
         Dialogue,
         check_signs,
@@ -92,8 +91,7 @@ def calibrate(
     from rcopterx.fleet.reading import fleet_path
     from rcopterx.fleet.vehicle_models import model_of
 
-    with user_errors():
-        check_own(fleet_path(fleet))
+    check_own(fleet_path(fleet))
     if {"signs", "throttle"} & set(steps):
         with workbench(fleet, vehicle) as (file, path, bench):
             calibration = calibration_of(file, vehicle)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import typer
 
-from rcopterx.commands.fleet_option import failure, known_vehicles, running_fleet, user_errors
+from rcopterx.commands.fleet_option import failure, known_vehicles, running_fleet
 from rcopterx.commands.output import print_changes
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.transmitters import gateway_settings
@@ -76,21 +76,20 @@ def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workb
     def stop(number: int, _frame: object) -> None:
         raise SystemExit(128 + number)
 
-    with user_errors():
-        path = fleet_path(fleet)
-        file = load_fleet(path)
-        known_vehicles(file.vehicles, [vehicle])
-        gateway = file.vehicles[vehicle].transmitter.gateway
-        settings = gateway_settings(file, gateway, run_directory(file.name, file.bus.namespace))
-        own = next(item for item in settings.transmitters if item.vehicle == vehicle)
-        before = signal.signal(signal.SIGTERM, stop)
-        try:
-            with Workbench(own, time.monotonic, _wait) as bench:
-                yield file, path, bench
-        except (WorkbenchError, CalibrationError) as error:
-            raise failure(error) from None
-        finally:
-            signal.signal(signal.SIGTERM, before)
+    path = fleet_path(fleet)
+    file = load_fleet(path)
+    known_vehicles(file.vehicles, [vehicle])
+    gateway = file.vehicles[vehicle].transmitter.gateway
+    settings = gateway_settings(file, gateway, run_directory(file.name, file.bus.namespace))
+    own = next(item for item in settings.transmitters if item.vehicle == vehicle)
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        with Workbench(own, time.monotonic, _wait) as bench:
+            yield file, path, bench
+    except (WorkbenchError, CalibrationError) as error:
+        raise failure(error) from None
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _wait(descriptors: Sequence[int], timeout_s: float) -> Sequence[int]:

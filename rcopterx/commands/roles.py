@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, fleet_file, user_errors
+from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, fleet_file
 
 if TYPE_CHECKING:
     from rcopterx.fleet.schema import FleetFile
@@ -24,8 +24,7 @@ def _file(fleet: str) -> "FleetFile":
 def _run(role: str, unit: str, fleet: str) -> None:
     from rcopterx.deploy.roles.run import run_role
 
-    with user_errors():
-        run_role(role, unit, _file(fleet))
+    run_role(role, unit, _file(fleet))
 
 
 def router(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
@@ -53,13 +52,12 @@ def tracker(
     """Run the Vicon gateway: motion capture to poses."""
     from rcopterx.deploy.roles.run import check_unit
 
-    with user_errors():
-        file = _file(fleet)
-        check_unit(file, "tracker", host)
-        # Only what a role needs is imported.
-        from rcopterx.deploy.roles.tracker import run
+    file = _file(fleet)
+    check_unit(file, "tracker", host)
+    # Only what a role needs is imported.
+    from rcopterx.deploy.roles.tracker import run
 
-        run(file, host, record_raw)
+    run(file, host, record_raw)
 
 
 def transmitters(gateway: Gateway = "transmitters", fleet: FleetOption = DEFAULT_FLEET) -> None:
@@ -68,10 +66,9 @@ def transmitters(gateway: Gateway = "transmitters", fleet: FleetOption = DEFAULT
     from rcopterx.deploy.hosts.vehicle_states import begin_states
     from rcopterx.deploy.roles.run import check_unit
 
-    with user_errors():
-        file = fleet_file(fleet)
-        check_unit(file, "transmitters", gateway)
-        begin_states(file.served_by(gateway), run_directory(file.name, file.bus.namespace))
+    file = fleet_file(fleet)
+    check_unit(file, "transmitters", gateway)
+    begin_states(file.served_by(gateway), run_directory(file.name, file.bus.namespace))
     _run("transmitters", gateway, fleet)
 
 

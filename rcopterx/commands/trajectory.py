@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet
-from rcopterx.commands.output import PlotOption, check_plot, write_plot
+from rcopterx.commands.output import PlotOption, write_plot
 from rcopterx.commands.parsing import check_known, three
 from rcopterx.commands.steer import Vehicle
 
@@ -61,7 +61,6 @@ def trajectory(
     except PathError as error:
         raise typer.BadParameter(str(error)) from None
     if plot is not None:
-        check_plot(plot)
         write_plot(partial(_draw, path), plot)
         typer.echo(f"{path.duration_s:.1f} s")
         return

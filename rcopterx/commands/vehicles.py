@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, known_vehicles, user_errors
+from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, known_vehicles
 from rcopterx.commands.output import JsonOption, print_document, print_table
 from rcopterx.commands.steer import Vehicles
 
@@ -14,8 +14,7 @@ def types(as_json: JsonOption = False) -> None:
     """List the vehicle types that fleet files and new-lab can name, those of installed packages included."""
     from rcopterx.fleet.vehicle_types import type_names, vehicle_type
 
-    with user_errors():
-        found = [vehicle_type(name) for name in type_names()]
+    found = [vehicle_type(name) for name in type_names()]
     document = {
         one.name: {
             "text": one.file.text,
@@ -59,10 +58,9 @@ def margins(
         rows_of,
     )
 
-    with user_errors():
-        file = fleet_file(fleet)
-        known_vehicles(file.vehicles, vehicles)
-        document = formation_margins(file) if formation else fleet_margins(file, vehicles or file.vehicles)
+    file = fleet_file(fleet)
+    known_vehicles(file.vehicles, vehicles)
+    document = formation_margins(file) if formation else fleet_margins(file, vehicles or file.vehicles)
     if as_json:
         print_document(document, as_json)
     elif formation:

@@ -13,7 +13,6 @@ from rcopterx.commands.fleet_option import (
     RunningFleetOption,
     failure,
     running_fleet,
-    user_errors,
     wanted_fleet,
 )
 from rcopterx.commands.interruption import until_ctrl_c
@@ -102,9 +101,8 @@ def logs(
     Logs of other hosts are read over the bus; those of this computer also if the fleet is not up.
     """
     with ExitStack() as stack:
-        with user_errors():
-            file, _ = wanted_fleet(fleet)
-            read = _opened(file, names or [], stack)
+        file, _ = wanted_fleet(fleet)
+        read = _opened(file, names or [], stack)
         for name in names or ():
             if name not in read.processes and f"agent-{name}" not in read.processes:
                 there = ", ".join(read.processes)

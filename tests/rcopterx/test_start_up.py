@@ -6,7 +6,6 @@ import sys
 from typing import NoReturn
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
@@ -117,7 +116,7 @@ def test_the_page_of_a_demonstration_starts_when_nothing_is_left_to_compile(
 
     monkeypatch.setattr(launch, "compile_all", lambda: began.append("compiler"))
     monkeypatch.setattr(launch, "page_of", page)
-    with pytest.raises(typer.Exit):
+    with pytest.raises(FleetError):
         launch.demo()
     assert began == ["compiler", "page"]
 
