@@ -67,7 +67,7 @@ class Agent:
 
     def step(self) -> None:
         """Do everything that is due now: update, decide, control, publish."""
-        # From before the input is collected, so that no plan that it misses is slept through.
+        # Set before the input is collected, so that a plan that arrives just afterwards wakes this process.
         plans, changes = self.parts.plans, self.parts.changes
         plans.awaited = True
         self._now_s = self._bus.begin_step()

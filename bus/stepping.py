@@ -29,7 +29,7 @@ LIFE_BITS: Final = 53  # integers of this size are exact in every language
 
 
 class StepBus(Protocol):
-    """The bus as a process sees it that works in steps; methods without details are those of `Session`.
+    """The bus for a process that works in steps; methods without details are those of `Session`.
 
     `life` is a random number of the process; the code that removes one of `requests` must answer it.
     """

@@ -1,4 +1,4 @@
-"""Checks, for `python -m` also of a snapshot, that all processes can be set up before any is started."""
+"""Checks before any process is started that all can be set up; `python -m` checks a snapshot of a fleet."""
 
 import sys
 from pathlib import Path

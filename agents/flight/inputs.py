@@ -1,4 +1,4 @@
-"""Inputs of a vehicle: without steps when controllers change, rounded before they are sent, and under way."""
+"""Inputs of a vehicle: smooth when controllers change, rounded before sending, known while under way."""
 
 from collections import deque
 from dataclasses import dataclass

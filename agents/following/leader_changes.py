@@ -1,6 +1,7 @@
-"""Requested changes of leaders that have not been made yet, by plans of the leaders, or by newest statuses.
+"""Changes of leaders that were requested and wait for the plans of the new leaders.
 
-In the second case the reply precedes the first plan; until it arrives the vehicle flies on as before.
+If recent statuses show that the plans will come, the reply precedes the first plan. Until the plan arrives,
+the vehicle flies on as before.
 """
 
 from collections import Counter
@@ -75,10 +76,10 @@ class LeaderChanges:
         waiting = _Waiting(incoming, request, self._clock() + FIRST_PLAN_LIMIT_S)
         if isinstance(request, Follow):
             self._discard_promises()
-            refusal, accepted = self._foreseen(request.following)
-            if refusal or accepted:
-                incoming.answer(reply_of(refusal, accepted))
-                if refusal:
+            reply = self._foreseen(request.following)
+            if reply is not None:
+                incoming.answer(reply)
+                if not reply.accepted:
                     return
                 waiting = replace(waiting, answered=True)
         self._waiting.append(waiting)
@@ -119,12 +120,13 @@ class LeaderChanges:
             if missing and self._clock() < waiting.deadline_s:
                 self._waiting.append(waiting)
                 continue
-            refusal, accepted = "; ".join(map(self._absence, missing)) or None, ""
-            if refusal is None:
-                refusal, accepted = self._decide(waiting.request)
+            if missing:
+                reply = reply_of("; ".join(map(self._absence, missing)))
+            else:
+                reply = self._decide(waiting.request)
             if not waiting.answered:
-                waiting.incoming.answer(reply_of(refusal, accepted))
-            elif refusal is not None:
+                waiting.incoming.answer(reply)
+            elif not reply.accepted:
                 self._events["promised_leader_missing"] += 1
         self.update_subscriptions()
         return len(self._waiting) < len(undecided)
@@ -190,39 +192,38 @@ class LeaderChanges:
             return f"no plan from {name}: its agent sends nothing"
         return f"no plan from {name}: its phase is {status.phase}"
 
-    def _foreseen(self, following: tuple[LeaderLink, ...]) -> tuple[str | None, str]:
-        """Return refusal and acceptance by the statuses of the leaders; neither if they do not decide it."""
+    def _foreseen(self, following: tuple[LeaderLink, ...]) -> Reply | None:
+        """Return the reply by the statuses of the leaders; None if only their plans can decide."""
         now_s = self._clock()
         missing = [link.leader for link in following if self._plans.fresh(link.leader, now_s) is None]
         recent = self._peers.statuses(RECENT_STATUS_S)
         flying = all(name in recent and recent[name].phase == Phase.FLYING for name in missing)
         if not (missing and flying and self._pilot.guidance.rotor_on):
-            return None, ""
+            return None
         links, _ = formation_of(self._peers.statuses(), flying=(self._vehicle,))
         after = {**links, self._vehicle: following}
         if line_between(after, self._vehicle, self._vehicle):
-            # They may have changed leaders since: their plans decide.
-            return None, ""
+            # They may have changed leaders since.
+            return None
         problem = self._follow_problem(following)
-        if problem is not None:
-            return problem, ""
-        return None, self._in_words(following, ancestors(after, self._vehicle))
+        return reply_of(problem, self._in_words(following, ancestors(after, self._vehicle)))
 
-    def _decide(self, request: Follow | PrepareLeaders) -> tuple[str | None, str]:
-        """Return refusal and acceptance of a request for which the plans of all leaders have arrived."""
+    def _decide(self, request: Follow | PrepareLeaders) -> Reply:
+        """Grant or refuse a request for which the plans of all leaders have arrived."""
         following = request.following
         refusal = self._grounded(following) if self._pilot.guidance.rotor_on else None
         if refusal is not None:
-            return refusal, ""
+            return reply_of(refusal)
         if isinstance(request, PrepareLeaders):
             links = [followed_leader(item) for item in following]
             self._regrouping.prepare(request.operation, links, request.set_point)
-            return None, f"{self._vehicle} is ready"
+            return reply_of(None, f"{self._vehicle} is ready")
         refusal = self._follow_problem(following)
-        if refusal is not None:
-            return refusal, ""
-        self._follow(request)
-        return None, self._in_words(following, self._plans.ancestors(link.leader for link in following))
+        if refusal is None:
+            self._follow(request)
+        return reply_of(
+            refusal, self._in_words(following, self._plans.ancestors(link.leader for link in following))
+        )
 
     def _grounded(self, following: Sequence[LeaderLink]) -> str | None:
         """Return which of the leaders is not in free flight; None for none."""

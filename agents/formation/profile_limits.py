@@ -1,4 +1,4 @@
-"""Limits of the ways of leaders, which go to set points as all vehicles below them can follow.
+"""Limits of the motion of leaders to their set points, so that all vehicles below them can follow.
 
 They limit only what a leader refers to: against disturbances it has all of its sticks. A follower needs the
 rest of its own sticks for disturbances, its true gain may be smaller than its model's, and a follower with

@@ -139,7 +139,7 @@ class StepGuard:
         return self.calls.try_call(type(controller).__name__, action)
 
     def try_exchange(self, scheme: Controller, share: float, exchange: Callable[[], T]) -> T | None:
-        """Call a scheme within a share of the time of a step; None if that fails, and its next step."""
+        """Call a scheme in a share of the time of a step; None if it fails. Then its next step fails, too."""
         limit_s = share * STEP_SHARE * scheme.period_s
         result = self.calls.attempt(type(scheme).__name__, limit_s, exchange, lambda _: None)
         self._exchange_failed |= result is None

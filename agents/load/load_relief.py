@@ -96,14 +96,11 @@ class LoadRelief:
         return True
 
     def _take_decision(self) -> bool:
-        events = self._bus.events
-        if not events:
-            return False
-        decided = next((relief for relief, event in _EVENTS.items() if event in events), None)
-        if decided is None:
-            return False
-        self._noted = decided
-        return True
+        for relief, event in _EVENTS.items():
+            if event in self._bus.events:
+                self._noted = relief
+                return True
+        return False
 
     def _change(self, relief: Relief) -> None:
         if relief > self.relief:

@@ -1,4 +1,4 @@
-"""Replies to requests: checks them, applies them, or returns why they are refused; paths in a thread."""
+"""Answers requests: applies them or says why they are refused. A thread checks the paths of `fly`."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterable

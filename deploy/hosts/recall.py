@@ -22,7 +22,7 @@ WAIT_S = 0.5  # longest wait for a request
 
 
 class RecallService(Service):
-    """Answers `recall` for the vehicles of a host in a thread of its own, by frames of the `guarded` ones."""
+    """Answers `recall` for vehicles of a host in its thread; knows the last frames of `guarded` vehicles."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""What the fork server imports and builds for the processes that it forks, from packages built in."""
+"""What the fork server imports and builds in advance for its processes; plug-ins are left to them."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path

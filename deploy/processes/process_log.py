@@ -1,4 +1,4 @@
-"""Logging of the processes of a fleet to standard error, a file; supervised ones write the time, too."""
+"""Logging of the processes of a fleet to standard error; supervised processes add the time."""
 
 import logging
 import os

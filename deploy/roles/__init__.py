@@ -1,1 +1,1 @@
-"""The roles that processes of a fleet have: a module each builds the settings of its role and runs it."""
+"""The roles of processes: each has a module, which builds the settings of the role and runs it."""

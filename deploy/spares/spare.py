@@ -1,4 +1,4 @@
-"""A spare: a process with all imports and pilots, warm to replace one that dies in flight in time."""
+"""A spare: a process with all imports and pilots, ready to replace one that dies in flight at once."""
 
 import json
 import os
