@@ -51,9 +51,11 @@ def _version(package: str) -> str:
 
 
 def _processor() -> str:
+    """Return name and generation of the processor, on which the last bits of libraries depend."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         return platform.processor()
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor()
+    fields = {name.strip(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
+    words = [fields[name] for name in ("model name", "cpu family", "model") if name in fields]
+    return " / ".join(words) or platform.processor()
