@@ -1,7 +1,7 @@
 """A file of finished flights, with which an interrupted experiment continues.
 
-One line of JSON per flight, with the digest of the code, the conditions and the length it was flown with;
-lines of others are left alone.
+One line of JSON per flight, with the digest of the code, the conditions and the length it was flown with.
+Lines with other ones stay in the file and are not used.
 """
 
 import hashlib

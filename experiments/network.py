@@ -1,4 +1,4 @@
-"""Links between the vehicles of a rig: broadcasts that are lost or late for every receiver by itself."""
+"""Links between the vehicles of a rig: broadcasts that arrive late, and that each receiver may miss."""
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping

@@ -96,7 +96,7 @@ def found_flight(name: str, directory: Path) -> Flight:
 
 
 def too_many(sizes: Iterable[tuple[Path, int]], limit_bytes: int) -> list[Path]:
-    """Return the first files of a list with sizes that have to go to keep a limit of the total size."""
+    """Return the first files of a list whose removal brings the total size within a limit."""
     files = list(sizes)
     total = sum(size for _, size in files)
     gone = []

@@ -45,9 +45,9 @@ def wake_below(x_m: float, y_m: float, below_m: float, strength_m_s2: float) -> 
 
 
 def ceiling_lift(distance_m: float) -> float:
-    """Thrust that the ceiling adds, as a fraction: momentum theory at constant power, without its far end.
+    """Thrust that the ceiling adds, as a fraction: momentum theory at constant power.
 
-    There is none above the ceiling.
+    It is zero from `CEILING_FAR` on and above the ceiling.
     """
     if distance_m < 0.0:
         return 0.0

@@ -46,7 +46,7 @@ class Simulator:
         session.serve(channels.SIMULATOR_UNIT, ["inject"])
 
     def run_once(self) -> None:
-        """Wait for bytes, received as they arrive, or for the next due time, when all else is handled."""
+        """Receive bytes as they arrive; handle all else at the next due time."""
         tracker_due_s = self._tracker.next_due_s()
         due_s = min(self._step_at_s, tracker_due_s)
         ports = {radio.fileno(): radio for radio in self._room.radios.values() if radio.is_open}

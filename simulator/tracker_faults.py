@@ -93,7 +93,7 @@ class TrackerFaults:
         return tuple(entry.fault for entry in self._table.lasting.values())
 
     def active(self, kind: type[_F]) -> _F | None:
-        """Return the active fault of a sort that concerns no particular subject, None when there is none."""
+        """Return the active fault of a kind that concerns no particular subject; None without one."""
         entry = self._table.lasting.get((kind, None))
         return entry.fault if entry is not None and isinstance(entry.fault, kind) else None
 
@@ -118,7 +118,7 @@ class TrackerFaults:
         return self._last
 
     def skips(self) -> bool:
-        """Whether the next frame is not sent; to be asked once for each."""
+        """Whether the next frame is not sent; to be called once for each frame."""
         fault = self.active(faults.SkipFrames)
         if fault is None:
             self._skipped = 0

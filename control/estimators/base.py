@@ -125,8 +125,9 @@ class InnovationGate:
         return Verdict(believed, run.offset)
 
 
+# no laboratory has poses beyond these
 FARTHEST_M: Final = 1e3
-MOST_TURNED_RAD: Final = 1e4  # poses beyond are not of a laboratory
+MOST_TURNED_RAD: Final = 1e4
 
 
 class PoseEstimator(ABC):

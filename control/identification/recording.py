@@ -52,7 +52,7 @@ class FlightRecording:
 
     @property
     def logged(self) -> bool:
-        """Whether the vehicle logged the sticks: their times are off by some 0.03 s to and fro."""
+        """Whether the vehicle logged the sticks, whose times are then up to about 0.03 s early or late."""
         return self.battery_v is not None
 
     @property

@@ -81,7 +81,7 @@ class EventTriggeredScheme(ReplanningScheme):
         return replace(self._next or self._announce(), priority=self._priority)
 
     def _has_turn(self, situation: Situation, priority: float, near: Sequence[str]) -> bool:
-        """Whether all near vehicles were received in the last round, and few are more urgent."""
+        """Whether the messages of all near vehicles arrived in the last round, and few are more urgent."""
         neighbours = situation.neighbours
         if any(neighbours[name].age_s > 1.5 * self._settings.round_s for name in near):
             return False

@@ -50,9 +50,9 @@ LIMITS: Final = {
 class Seen:
     """Figures of one vehicle, from its true states (their number is `states`) and its radio.
 
-    Distances count from its place at the beginning. `drift_mm` is None while it flies, `touchdown_m_s`, its
-    hardest touchdown, without one, and `silence_ms` with less than two fresh commands. `remarks` are those of
-    its agent.
+    Distances count from its place at the beginning. `drift_mm` and `touchdown_m_s`, the speed of its hardest
+    touchdown, are None before it has touched the floor, `silence_ms` before its second fresh command.
+    `remarks` are those of its agent.
     """
 
     states: int

@@ -17,11 +17,7 @@ from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.control.controllers.cascade.lateral import LateralLags, LateralTilt, with_tilt
 from rcopterx.control.controllers.cascade.limits import PlanLimits, Task, recovery
-from rcopterx.control.controllers.cascade.weights import (
-    HORIZONTAL,
-    CascadeWeights,
-    default_weights,
-)
+from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights, default_weights
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle
 from rcopterx.control.references.sampling import samples_through
