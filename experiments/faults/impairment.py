@@ -1,7 +1,7 @@
 """A bad network, simulated at the sender: messages are delayed, lost, doubled or reordered."""
 
-import asyncio
 import random
+import sched
 import threading
 import time
 from collections.abc import Callable
@@ -40,12 +40,20 @@ class LateSender:
     """Calls functions later, in a thread of its own."""
 
     def __init__(self) -> None:
-        self._loop = asyncio.new_event_loop()
-        threading.Thread(target=self._loop.run_forever, daemon=True).start()
+        # Quickly imported, unlike asyncio: vehicles fly meanwhile.
+        self._scheduler = sched.scheduler(time.monotonic)
+        self._added = threading.Event()
+        threading.Thread(target=self._run, daemon=True).start()
 
     def call(self, after_s: float, function: Callable[[], None]) -> None:
         """Call a function after a time."""
-        self._loop.call_soon_threadsafe(self._loop.call_later, after_s, function)
+        self._scheduler.enter(after_s, 0, function)
+        self._added.set()
+
+    def _run(self) -> None:
+        while True:
+            self._added.wait(self._scheduler.run(blocking=False))
+            self._added.clear()
 
 
 def impair(impairment: Impairment, seconds: float) -> None:
