@@ -57,7 +57,7 @@ class Cooperation:
         """Change to another controller."""
         self.scheme = scheme = controller if isinstance(controller, Scheme) else None
         self.exchanges = 1 if scheme is None else min(max(int(scheme.exchanges), 1), MOST_EXCHANGES)
-        self._guidance.coordinated = self.scheme is not None
+        self._guidance.coordinated = scheme is not None
 
     def unpack(self, scheme: str, payload: bytes, offset_m: Array | None, age_s: float) -> Unpacked | None:
         """Unpack a message; None if it is of another scheme, or rejected and counted."""

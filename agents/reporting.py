@@ -130,8 +130,6 @@ def _error_m(pilot: Pilot) -> float | None:
     )
 
 
-_LOG = logging.getLogger(__name__)
-
 REPORT_PERIOD_S: Final = 0.2
 SPARSE: Final = 2  # factor of the period while the computer cannot keep up; a status counts for a second
 
@@ -168,7 +166,7 @@ class Reporter:
         diagnostics = diagnostics_of(self._settings, pilot, parts, self._realtime, now_s)
         remarks = set(diagnostics.remarks)
         for remark in remarks - self._logged_remarks:
-            _LOG.warning(remark)
+            logging.warning(remark)
         self._logged_remarks = remarks
         self.last_status = status_message(pilot, parts.lost.following_mode, diagnostics)
         self._bus.publish(channels.AGENT_STATUS, vehicle, self.last_status)

@@ -80,8 +80,6 @@ class TrackerSettings:
     realtime_priority: int = 0
 
 
-_LOG = logging.getLogger(__name__)
-
 STATUS_PERIOD_S = 0.2
 POSES_KEPT = 8
 STANDBY_S = 1.0  # a gateway that stands by continues when the other one has been silent for this long
@@ -176,7 +174,7 @@ class TrackerGateway:
             if self.epochs.epoch:
                 if now_s >= self._standby_until_s:
                     self.standbys += 1
-                    _LOG.warning("another gateway publishes poses; this one stands by")
+                    logging.warning("another gateway publishes poses; this one stands by")
                 self._standby_until_s = now_s + STANDBY_S
             self.epochs.leave_behind(epoch)
 

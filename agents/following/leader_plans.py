@@ -89,11 +89,8 @@ class LeaderPlans:
 
     def level(self, names: Iterable[str]) -> int:
         """Return the number of leaders above this vehicle in its longest line, by their plans."""
-        longest = 0
-        for name in names:
-            plan = self.newest(name)
-            longest = max(longest, 1 if plan is None else 1 + len(plan.ancestors))
-        return longest
+        plans = map(self.newest, names)
+        return max((1 if plan is None else 1 + len(plan.ancestors) for plan in plans), default=0)
 
     def cycle_through(self, name: str) -> tuple[str, ...] | None:
         """Return the line of ancestors from a leader back to this vehicle; None if there is none."""

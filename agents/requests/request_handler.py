@@ -216,17 +216,6 @@ class RequestHandler:
         return True
 
     def _tune(self, incoming: Incoming, request: Tune) -> None:
-        refusal = self._tuning_problem(request)
-        if refusal is not None:
-            incoming.answer(reply_of(refusal))
-        else:
-            self._tuned_by = incoming
-
-    def _tuning_problem(self, request: Tune) -> str | None:
-        if self._tuning.busy:
-            return "another change is being prepared"
-        if self._external.client:
-            return f"{self._external.client} flies it from outside"
         present = self._tuning.configuration
         # Tuning ends the effect of the guard against oscillation.
         wanted = without_guard(present).changed(
@@ -236,10 +225,18 @@ class RequestHandler:
             request.estimator_settings,
             request.model,
         )
-        if wanted == present:
-            return f"nothing changes: it flies with {present.controller} and {present.estimator} like this"
-        self._tuning.begin(wanted)
-        return None
+        refusal = None
+        if self._tuning.busy:
+            refusal = "another change is being prepared"
+        elif self._external.client:
+            refusal = f"{self._external.client} flies it from outside"
+        elif wanted == present:
+            refusal = f"nothing changes: it flies with {present.controller} and {present.estimator} like this"
+        if refusal is not None:
+            incoming.answer(reply_of(refusal))
+        else:
+            self._tuning.begin(wanted)
+            self._tuned_by = incoming
 
     def _take_off(self, request: TakeOff) -> Reply:
         guidance = self._pilot.guidance

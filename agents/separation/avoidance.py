@@ -72,10 +72,8 @@ def near(
         other_m = other.trajectory.resampled(other.ahead_s + delay_s, period_s, stages).position_m
         gap_m = own_m - other_m
         distance = float(ellipsoid.normalised(gap_m).min()) / scale
-        closest, closest_m = (
-            min(closest, distance),
-            min(closest_m, float(np.linalg.norm(gap_m, axis=1).min())),
-        )
+        closest = min(closest, distance)
+        closest_m = min(closest_m, float(np.linalg.norm(gap_m, axis=1).min()))
         others.append(Obstacle(other_m, scale * ellipsoid.horizontal_m, scale * ellipsoid.vertical_m))
         if distance < NEAR:
             obstacles.append(others[-1])

@@ -33,8 +33,8 @@ class History:
         self.newest_s = now_s
         agent, plan = state.agent, state.plan
         place = state.position_m or _UNKNOWN
-        flown = plan is not None and plan.airborne and plan.reference is not None
-        reference = plan.reference[:3] if flown and plan is not None and plan.reference else _UNKNOWN
+        flown = plan.reference if plan is not None and plan.airborne else None
+        reference = _UNKNOWN if flown is None else flown[:3]
         error_mm = math.nan if state.error_m is None else 1000.0 * state.error_m
         solve_ms = math.nan if agent is None else agent.diagnostics.solve_ms_p50
         self._rows.append((now_s, *place, *reference, error_mm, solve_ms, *(sticks or 4 * (math.nan,))))
