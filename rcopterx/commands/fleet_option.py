@@ -99,9 +99,11 @@ def user_errors() -> Iterator[None]:
     except (ValueError, RuntimeError, OSError) as error:
         # The modules of some errors import slowly.
         from rcopterx.fleet.schema import FleetError
+        from rcopterx.flights.flights import NoFlightError
+        from rcopterx.flights.mcap_reading import FlightLogError
         from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 
-        if not isinstance(error, (FleetError, OSError, *FLIGHT_ERRORS)):
+        if not isinstance(error, (FleetError, NoFlightError, FlightLogError, OSError, *FLIGHT_ERRORS)):
             raise
         code = EXIT_USAGE if isinstance(error, FleetError) else EXIT_FAILED
         raise failure(*lines_of(error), code=code) from None

@@ -3,8 +3,6 @@
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
@@ -27,18 +25,6 @@ INSTALL: Final = "pip install 'rcopterx[figures]'"
 FlightArgument = Annotated[
     str, typer.Argument(metavar="FLIGHT", help="A file, or the name of a flight, see rcopterx flights.")
 ]
-
-
-@contextmanager
-def _errors() -> Iterator[None]:
-    """End the command with a message if a flight log is missing, damaged, or cannot be read or written."""
-    from rcopterx.flights.flights import NoFlightError
-    from rcopterx.flights.mcap_reading import FlightLogError
-
-    try:
-        yield
-    except (NoFlightError, FlightLogError, OSError) as error:
-        raise failure(error) from None
 
 
 def flights(
@@ -91,8 +77,7 @@ def _print_digest(name: str, directory: Path) -> None:
     from rcopterx.flights.digest import digest_of
     from rcopterx.flights.flights import found_flight
 
-    with _errors():
-        found = digest_of(found_flight(name, directory).parts)
+    found = digest_of(found_flight(name, directory).parts)
     typer.echo(f"{found.digest} of {found.messages} messages")
 
 
@@ -102,9 +87,8 @@ def _check(name: str, directory: Path) -> None:
     from rcopterx.ground_station.report.promises import NEEDED, broken_promises
     from rcopterx.ground_station.report.recorder import Recording
 
-    with _errors():
-        flight = found_flight(name, directory)
-        broken = broken_promises(Recording(records_of(flight.parts, NEEDED)))
+    flight = found_flight(name, directory)
+    broken = broken_promises(Recording(records_of(flight.parts, NEEDED)))
     lines = [f"{at_s:.2f} s {vehicle}: {promise}" for at_s, vehicle, promise in broken]
     typer.echo("\n".join(lines) or f"{flight.name}: no promise is broken")
     if broken:
@@ -119,11 +103,10 @@ def recover(
     from rcopterx.flights.mcap_reading import contents_of
     from rcopterx.flights.recorder import schemas
 
-    with _errors():
-        if contents_of(file).complete:
-            typer.echo(f"{file}: complete, nothing to repair")
-            return
-        mended = mend(file, schemas())
+    if contents_of(file).complete:
+        typer.echo(f"{file}: complete, nothing to repair")
+        return
+    mended = mend(file, schemas())
     damaged = f", {mended.damaged_chunks} damaged chunks left out" if mended.damaged_chunks else ""
     typer.echo(f"{file}: {mended.messages} messages{damaged}")
 
@@ -189,8 +172,7 @@ def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: b
     from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed, replay
     from rcopterx.ground_station.replay.recorded_agent import recorded_agent
 
-    with _errors():
-        recorded = recorded_agent(flight.parts, vehicle)
+    recorded = recorded_agent(flight.parts, vehicle)
     same = arithmetic(recorded.metadata) == arithmetic(provenance())
     fleet = changed(recorded.fleet, vehicle, changes) if changes else recorded.fleet
     result = replay(recorded, fleet, 0.0 if same else TOLERANCE)
@@ -238,11 +220,10 @@ def report(
     from rcopterx.ground_station.report.logged_flight import logged_flight
     from rcopterx.ground_station.report.page import comparison_page, report_page
 
-    with _errors():
-        chosen = [chosen_flight(name) for name in (flight, compare) if name is not None]
-        flights = [logged_flight(found.name, found.parts) for found in chosen]
-        page = report_page(flights[0]) if compare is None else comparison_page(*flights)
-        output.write_text(page, encoding="utf-8")
+    chosen = [chosen_flight(name) for name in (flight, compare) if name is not None]
+    flights = [logged_flight(found.name, found.parts) for found in chosen]
+    page = report_page(flights[0]) if compare is None else comparison_page(*flights)
+    output.write_text(page, encoding="utf-8")
     typer.echo(f"report: {output}")
 
 
@@ -258,5 +239,4 @@ def export(
 
     found = chosen_flight(flight)
     directory = output or Path(found.name)
-    with _errors():
-        typer.echo(f"{len(export_csv(found.parts, directory))} tables in {directory}")
+    typer.echo(f"{len(export_csv(found.parts, directory))} tables in {directory}")
