@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from scipy import sparse
 
+from rcopterx.control.solver.candidates import rated
 from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories, never
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.vehicles.state import Array
@@ -37,7 +38,7 @@ class PeerSolver(ABC):
     ) -> Plan:
         """Solve a problem."""
         plan, iterations, optimal = self._solved(p)
-        return Plan(*plan, np.zeros(plan.y.shape), iterations, optimal)
+        return rated(p, plan, np.zeros(plan.y.shape), iterations, optimal)
 
     @abstractmethod
     def _solved(self, p: OptimalControlProblem) -> tuple[Trajectories, int, bool]:

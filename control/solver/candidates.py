@@ -1,17 +1,25 @@
-"""The plan that is flown when a solver stops before it converges."""
+"""Plans with their quality; and the plan that is flown when a solver stops before it converges."""
 
 import numpy as np
 
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Trajectories
-from rcopterx.control.solver.sweep import cost_of, roll_out
+from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan, Trajectories
+from rcopterx.control.solver.sweep import quality, roll_out
 from rcopterx.vehicles.state import Array
+
+
+def rated(
+    p: OptimalControlProblem, plan: Trajectories, active: Array, iterations: int, optimal: bool
+) -> Plan:
+    """Return a plan with its residuals; arguments as of `Plan`."""
+    _, primal, dual = quality(p, plan)
+    return Plan(*plan, active, iterations, primal, dual, optimal)
 
 
 def best_plan(p: OptimalControlProblem, inputs: Array, last: Array | None) -> Trajectories:
     """Return the less costly of two plans within hard bounds: of inputs, and of the last ones, shifted."""
     known = [inputs] if last is None else [inputs, shift(last)]
     plans = [rolled_out(p, within_hard_bounds(p, candidate)) for candidate in known]
-    return min(plans, key=lambda plan: float(np.nan_to_num(cost_of(p, plan), nan=np.inf)))
+    return min(plans, key=lambda plan: float(np.nan_to_num(quality(p, plan)[0], nan=np.inf)))
 
 
 def shift(stages: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 import osqp
 
 from rcopterx.control.solver.active_set import update_active_set
-from rcopterx.control.solver.candidates import best_plan
+from rcopterx.control.solver.candidates import best_plan, rated
 from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.vehicles.state import Array
@@ -65,4 +65,4 @@ class OsqpSolver:
         active = np.zeros(plan.y.shape)
         update_active_set(p, plan.y, active)
         self._inputs = plan.u
-        return Plan(*plan, active, int(result.info.iter), optimal)
+        return rated(p, plan, active, int(result.info.iter), optimal)

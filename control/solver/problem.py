@@ -47,13 +47,15 @@ class Trajectories(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """Solution of a problem."""
+    """Solution of a problem, with its quality."""
 
     x: Array  # shape (N + 1, nx)
     u: Array  # shape (N, nu)
     y: Array  # shape (N, ny)
     active: Array  # shape (N, ny): 1 where the upper bound is active, -1 where the lower one is, 0 elsewhere
     iterations: int  # number of sweeps, or iterations of OSQP
+    primal_residual: float  # largest excess over a hard bound
+    dual_residual: float  # largest derivative of the cost by an input, bounds included
     optimal: bool  # whether the solver converged; if not, the plan is the best one known
 
 

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from rcopterx.control.solver.active_set import ActiveSet, iterate_active_set, update_active_set
-from rcopterx.control.solver.candidates import best_plan, empty_plan
+from rcopterx.control.solver.candidates import best_plan, empty_plan, rated
 from rcopterx.control.solver.interior_point import FEASIBLE, Barrier, active_rows, iterate, residuals, start
 from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories, never
 from rcopterx.control.solver.sweep import Factor
@@ -52,7 +52,7 @@ class RiccatiSolver:
             plan = best_plan(p, plan.u, self._inputs)
             update_active_set(p, plan.y, self._active.side)
         self._inputs = plan.u
-        return Plan(*plan, self._active.side.copy(), iterations, optimal)
+        return rated(p, plan, self._active.side.copy(), iterations, optimal)
 
     def _allocate(self, p: OptimalControlProblem) -> None:
         """Make room for problems of these shapes; nothing is known of them yet."""

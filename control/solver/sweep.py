@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rcopterx.compiling.compiled import BLOCKS, MATRIX, compiled, part, record
-from rcopterx.control.solver.problem import PROBLEM, TRAJECTORIES, OptimalControlProblem, Trajectories
+from rcopterx.control.solver.problem import HARD, PROBLEM, TRAJECTORIES, OptimalControlProblem, Trajectories
 from rcopterx.vehicles.state import Array
 
 
@@ -192,17 +192,35 @@ def excess(p: OptimalControlProblem, k: int, row: int, value: float) -> float:
 
 
 @compiled(PROBLEM, TRAJECTORIES)
-def cost_of(p: OptimalControlProblem, plan: Trajectories) -> float:
-    """Return the cost of a plan."""
-    stages, nx, _ = p.B.shape
-    total = 0.0
+def quality(p: OptimalControlProblem, plan: Trajectories) -> tuple[float, float, float]:
+    """Return cost, largest excess over a hard bound, and largest derivative of the cost by an input."""
+    stages, nx, nu = p.B.shape
+    cost = primal = dual = 0.0
+    ahead, before = np.zeros(nx), np.empty(nx)
     for i in range(nx):
-        force = 0.0
         for j in range(nx):
-            force += p.P[i, j] * (plan.x[stages, j] - p.x_end[j])
-        total += 0.5 * force * (plan.x[stages, i] - p.x_end[i])
+            ahead[i] += p.P[i, j] * (plan.x[stages, j] - p.x_end[j])
+        cost += 0.5 * ahead[i] * (plan.x[stages, i] - p.x_end[i])
     for k in range(stages - 1, -1, -1):
+        before[:] = 0.0
+        derivative = np.zeros(nu)
+        for m in range(nx):
+            for i in range(nx):
+                before[i] += p.A[k, m, i] * ahead[m]
+            for i in range(nu):
+                derivative[i] += p.B[k, m, i] * ahead[m]
         for row in range(plan.y.shape[1]):
             error, beyond = plan.y[k, row] - p.r[k, row], excess(p, k, row, plan.y[k, row])
-            total += 0.5 * (p.W[k, row] * error**2 + p.s[k, row] * beyond**2)
-    return total
+            cost += 0.5 * (p.W[k, row] * error**2 + p.s[k, row] * beyond**2)
+            force = p.W[k, row] * error + p.s[k, row] * beyond
+            if force != 0.0:
+                for i in range(nx):
+                    before[i] += p.C[k, row, i] * force
+                for i in range(nu):
+                    derivative[i] += p.D[k, row, i] * force
+            if p.s[k, row] == HARD:
+                primal = max(primal, abs(beyond))
+        for i in range(nu):
+            dual = max(dual, abs(derivative[i]))
+        set_vector(ahead, before)
+    return cost, primal, dual
