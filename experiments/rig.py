@@ -226,7 +226,11 @@ class Rig:
         limits = None
         if not self._vehicles[event.vehicle].as_published:
             models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
-            limits = profile_limits_of(self._links(), models, event.vehicle)
+            links = {
+                name: tuple(target_link(link) for link in pilot.guidance.followed)
+                for name, pilot in self.pilots.items()
+            }
+            limits = profile_limits_of(links, models, event.vehicle)
         refusal = event.apply(self.pilots[event.vehicle], Scene(plans, limits))
         if refusal is not None:
             raise RigError(f"{event.vehicle} refused {event}: {refusal}")
@@ -322,13 +326,6 @@ class Rig:
         if log is not None and measurement is not None:
             log.add_pose(self._frame, measurement)
             log.add_input(self._frame, applied)
-
-    def _links(self) -> dict[str, tuple[LeaderLink, ...]]:
-        """Present links of each vehicle, with offsets at rest."""
-        return {
-            name: tuple(target_link(link) for link in pilot.guidance.followed)
-            for name, pilot in self.pilots.items()
-        }
 
     def _leader_plans(
         self, name: str, known: Mapping[str, tuple[int, ControlOutput]], leaders: Sequence[str]

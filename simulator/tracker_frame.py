@@ -114,14 +114,16 @@ class FrameContent:
     def _payload_of_subject(self, kind: int, subject: int, body: TrackedBody) -> bytes:
         match kind:
             case ObjectType.GLOBAL_SEGMENTS | ObjectType.LOCAL_SEGMENTS:
-                return GlobalSegments(subject, (self._segment(body),)).payload()
+                translation_mm, quaternion = self._pose(body)
+                root = Segment(ROOT_SEGMENT, translation_mm, matrix_from_quaternion(quaternion))
+                return GlobalSegments(subject, (root,)).payload()
             case ObjectType.LIGHTWEIGHT_SEGMENTS:
                 return self._light_segments(subject, body)
             case ObjectType.OBJECT_QUALITY:
                 return ObjectQuality(subject, body.quality).payload()
             case ObjectType.SUBJECT_INFO:
-                root = SegmentInfo(0, ROOT_SEGMENT, body.root_segment or body.name)
-                return SubjectInfo(subject, body.name, (root,)).payload()
+                name = body.root_segment or body.name
+                return SubjectInfo(subject, body.name, (SegmentInfo(0, ROOT_SEGMENT, name),)).payload()
             case ObjectType.SUBJECT_TOPOLOGY:
                 return GlobalSegments(subject, (Segment(ROOT_SEGMENT),)).payload()
             case ObjectType.SUBJECT_SCALE:
@@ -138,11 +140,6 @@ class FrameContent:
             return translation_mm, body.quaternion_xyzw
         vector, w = body.quaternion_xyzw[:3], body.quaternion_xyzw[3]
         return y_up_from_z_up(translation_mm), (*y_up_from_z_up(vector), w)
-
-    def _segment(self, body: TrackedBody) -> Segment:
-        """Root segment, which is the only one."""
-        translation_mm, quaternion = self._pose(body)
-        return Segment(ROOT_SEGMENT, translation_mm, matrix_from_quaternion(quaternion))
 
     def _light_segments(self, subject: int, body: TrackedBody) -> bytes:
         translation_mm, (x, y, z, w) = self._pose(body)

@@ -67,8 +67,8 @@ class CascadeSettings(MpcSettings, frozen=True, kw_only=True):
     input_weights: FourWeights | None = None
     """Diagonal of R: pitch, roll, thrust, yaw; by default from the model and its uncertainty."""
     effort_factors: tuple[EffortFactor, EffortFactor, EffortFactor] = (1.0, 1.0, 1.0)
-    """Factors of the input weights of pitch and roll, of thrust and of yaw, and of how slowly the estimated
-    disturbances of pitch, roll and yaw are taken in; the guard against oscillation raises them."""
+    """Factors of the input weights of pitch and roll, of thrust and of yaw. Larger ones also slow the filter
+    of the disturbances of pitch, roll and yaw down. The guard against oscillation raises them."""
     feed_forward: bool = True
     """Input reference from the reference's accelerations; False refers inputs to hovering."""
     disturbance_compensation: bool = True
