@@ -60,9 +60,8 @@ def run_router(
         if identity is not None:
             _identify(session, identity)
             fleet, host = identity.fleet, identity.host
-            links = LinkService(session, fleet, host, others, speed=clock.speed) if others else None
-            if links is not None:
-                stack.callback(links.close)
+            if others:
+                stack.callback(LinkService(session, fleet, host, others, speed=clock.speed).close)
             ends = client_config([listen[0]], namespace, OPENING_LIMIT_S, credentials, patient=clock.lockstep)
             probe_until(ended, ends, probe_key(fleet, host), clock.real_s(PERIOD_S))
         else:

@@ -252,8 +252,7 @@ class BrandClient(FrameClient):
         bodies = {body.name: body for body in seen[-1].bodies}
         poses = tuple(self._pose(name, bodies.get(name)) for name in self._subjects)
         latency_s = self._settings.latency_s
-        samples = (("Configured", latency_s),) if latency_s else ()
-        return CapturedFrame(seen[-1].frame, self._connects, self._period_s, now_s, latency_s, samples, poses)
+        return CapturedFrame(seen[-1].frame, self._connects, self._period_s, now_s, latency_s, poses)
 
     def _pose(self, name: str, body: Body | None) -> SubjectPose:
         if body is None:

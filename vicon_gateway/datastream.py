@@ -93,7 +93,6 @@ WANTED_TYPES = frozenset(REQUIRED_TYPES) | {
 }
 
 PING_PERIOD_S = 1.0
-NETWORK_LATENCY = "Network Transmission"
 MAX_LATENCY_S = 10.0
 MAX_PERIOD_S = 10.0
 _NO_FRAME_ID = 0xFFFFFFFF
@@ -137,7 +136,7 @@ class DataStreamSession:
         self._subjects: tuple[_Subject, ...] = ()
         self._segments: dict[int, tuple[Segment, ...]] = {}
         self._qualities: dict[int, float] = {}
-        self._latency_samples: tuple[tuple[str, float], ...] = ()
+        self._latency_s = 0.0  # without that of the network
         self._y_up = False
         self._decoders: dict[int, Callable[[list[bytes]], None]] = {
             ObjectType.STREAM_INFO: self._update_period,
@@ -181,12 +180,9 @@ class DataStreamSession:
         frame, received_s = self._pending
         self._pending = None
         self.counters.frames += 1
-        samples = self._latency_samples
-        if (network := self.network_latency_s) is not None:
-            samples = (*samples, (NETWORK_LATENCY, network))
-        latency_s = sum((seconds for _, seconds in samples), 0.0)
+        latency_s = self._latency_s + (self.network_latency_s or 0.0)
         subjects = tuple([self._subject_pose(subject) for subject in self._subjects])
-        return CapturedFrame(frame, self._connection, self.period_s, received_s, latency_s, samples, subjects)
+        return CapturedFrame(frame, self._connection, self.period_s, received_s, latency_s, subjects)
 
     def _next_body(self) -> bytes | None:
         try:
@@ -259,8 +255,9 @@ class DataStreamSession:
 
     def _update_latency(self, payloads: list[bytes]) -> None:
         samples = LatencyInfo.parse(payloads[0]).samples if payloads else ()
-        self._latency_samples = tuple(sample for sample in samples if 0.0 <= sample[1] <= MAX_LATENCY_S)
-        self.counters.rejected += len(samples) - len(self._latency_samples)
+        plausible_s = [latency_s for _, latency_s in samples if 0.0 <= latency_s <= MAX_LATENCY_S]
+        self._latency_s = sum(plausible_s)
+        self.counters.rejected += len(samples) - len(plausible_s)
 
     def _update_qualities(self, payloads: list[bytes]) -> None:
         self._qualities = {}

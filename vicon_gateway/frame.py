@@ -25,7 +25,5 @@ class CapturedFrame(NamedTuple):
     connection: int
     period_s: float
     received_s: float  # local clock at arrival
-    # capture to arrival: a sum, and its stages, "Network Transmission" among them once a ping was answered
-    latency_s: float
-    latency_samples: tuple[tuple[str, float], ...]
+    latency_s: float  # capture to arrival, that of the network included once a ping was answered
     subjects: tuple[SubjectPose, ...]

@@ -7,7 +7,6 @@ from tracker_bench import BODIES, PATIENT, QUICK, Bench
 from rcopterx.simulator import faults
 from rcopterx.simulator.tracker import TrackerServer
 from rcopterx.vicon_gateway.client import MAX_DRAIN_BYTES
-from rcopterx.vicon_gateway.datastream import NETWORK_LATENCY
 
 
 @pytest.mark.parametrize(
@@ -178,11 +177,10 @@ def test_unanswered_pings_leave_the_network_latency_out_and_harm_nothing() -> No
     with Bench(PATIENT) as bench:
         bench.server.apply(faults.IgnorePings())
         bench.run_frames(5)
-        assert NETWORK_LATENCY not in dict(bench.last.latency_samples)
+        assert bench.last.latency_s == 0.0
         bench.server.apply(faults.Recover())
         # The next ping is due a second after the first.
-        bench.run_until(lambda: NETWORK_LATENCY in dict(bench.last.latency_samples))
-        assert bench.last.latency_s == pytest.approx(sum(s for _, s in bench.last.latency_samples))
+        bench.run_until(lambda: bench.last.latency_s > 0.0)
 
 
 def test_swapped_subjects_exchange_their_poses() -> None:

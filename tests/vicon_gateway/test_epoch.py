@@ -14,7 +14,7 @@ def frame(number: int, received_s: float, connection: int = 1, x_m: float | None
     """A frame with a body that moves; with `x_m` it is there."""
     position = (received_s if x_m is None else x_m, 0.0, 1.0)
     pose = SubjectPose("h1", False, position, (0.0, 0.0, 0.0, 1.0), None)
-    return CapturedFrame(number, connection, PERIOD_S, received_s, 0.0, (), (pose,))
+    return CapturedFrame(number, connection, PERIOD_S, received_s, 0.0, (pose,))
 
 
 def started(number: int = 1000, received_s: float = 50.0) -> EpochCounter:

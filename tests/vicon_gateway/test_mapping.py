@@ -12,7 +12,7 @@ def hidden(name: str) -> SubjectPose:
 
 
 def frame(received_s: float, *subjects: SubjectPose) -> CapturedFrame:
-    return CapturedFrame(0, 1, 0.02, received_s, 0.0, (), subjects)
+    return CapturedFrame(0, 1, 0.02, received_s, 0.0, subjects)
 
 
 def test_subjects_are_given_to_their_vehicles_occluded_or_not() -> None:
