@@ -110,11 +110,11 @@ class Guidance:
         """Return position [m], shape (3,), and yaw [rad] at which the own reference ends."""
         return end_of(self.source)
 
-    def on_event(self, event: Event, estimate: Estimate | None) -> bool:
-        """Process an event; return whether the phase changed."""
+    def on_event(self, event: Event, estimate: Estimate | None) -> None:
+        """Process an event, which may change the phase."""
         before, phase = self.phase, next_phase(self.phase, event)
         if phase is before:
-            return False
+            return
         self.phase = phase
         if self.phase is not Phase.FLYING:
             under_way = self.phase is Phase.EMERGENCY and before in (Phase.TAKEOFF, Phase.LANDING)
@@ -125,7 +125,6 @@ class Guidance:
             self.hold_here(estimate)
         if self.phase is Phase.FLYING:
             self._joined = frozenset()
-        return True
 
     def hold_here(self, estimate: Estimate) -> None:
         """Make the present place the set point."""
@@ -337,14 +336,13 @@ class Guidance:
             self._begin_transitions(usable, estimate, time_s, None)
         return usable
 
-    def check_floor(self, estimate: Estimate, time_s: float) -> bool:
-        """Leave the landing phase once the vehicle stands on the floor; return whether it does."""
+    def check_floor(self, estimate: Estimate, time_s: float) -> None:
+        """Leave the landing phase once the vehicle stands on the floor."""
         if self.phase is not Phase.LANDING:
-            return False
+            return
         reference_m = float(self.source.sample(time_s, 1.0, 1).position_m[0, 2])
-        if not self._touchdown.happened(estimate.motion, reference_m, time_s):
-            return False
-        return self.on_event(Event.TOUCHED_DOWN, estimate)
+        if self._touchdown.happened(estimate.motion, reference_m, time_s):
+            self.on_event(Event.TOUCHED_DOWN, estimate)
 
 
 def resting(estimate: Estimate, period_s: float, stages: int) -> Trajectory:

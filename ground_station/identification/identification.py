@@ -37,13 +37,6 @@ class Wanted(NamedTuple):
     reach_m: float = 0.4  # largest distance from the set point on every axis
 
 
-class Excited(NamedTuple):
-    """What is known after an excitation."""
-
-    recordings: dict[str, FlightRecording]
-    failures: dict[str, str]  # why the flight of a vehicle cannot be used
-
-
 @contextmanager
 def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float) -> Iterator[None]:
     """Let vehicles hover apart, without leaders, then return to formation; `IdentificationError`."""
@@ -75,8 +68,8 @@ def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float) -> Iterator
 
 def excited_flights(
     fleet: Observer, names: Sequence[str], wanted: Wanted, progress: Progress = lambda _: None
-) -> Excited:
-    """Excite hovering vehicles at the same time; return recordings and failures."""
+) -> tuple[dict[str, FlightRecording], dict[str, str]]:
+    """Excite hovering vehicles at the same time; return recordings, and why other flights are of no use."""
     recordings: dict[str, FlightRecording] = {}
     failures: dict[str, str] = {}
     recorder = Recorder(fleet.session, only=(channels.POSE, channels.APPLIED))
@@ -112,7 +105,7 @@ def excited_flights(
             recordings[name] = recording_of(recording, name, vehicle.kind, period_s)
         except IdentificationError as error:
             failures[name] = str(error)
-    return Excited(recordings, failures)
+    return recordings, failures
 
 
 def _wait(fleet: Observer, names: Sequence[str], duration_s: float, progress: Progress) -> dict[str, str]:

@@ -35,8 +35,7 @@ def test_the_rotor_never_turns_on_the_floor(history: list[Event]) -> None:
     guidance = Guidance()
     for event in history:
         before = guidance.phase
-        changed = guidance.on_event(event, ALOFT)
-        assert changed == (guidance.phase is not before)
+        guidance.on_event(event, ALOFT)
         assert guidance.rotor_on == (guidance.phase in AIRBORNE)
         if before in (Phase.GROUND, Phase.ARMED) and guidance.rotor_on:
             assert event in (Event.TAKE_OFF, Event.RESUME)
@@ -112,7 +111,9 @@ def land(guidance: Guidance, heights_m: np.ndarray, start_s: float = 0.0) -> lis
     for number, (before_m, height_m) in enumerate(itertools.pairwise(heights_m)):
         time_s = start_s + number * PERIOD_S
         climb_m_s = (height_m - before_m) / PERIOD_S
-        if guidance.check_floor(at((0.0, 0.0, height_m), climb_m_s=climb_m_s), time_s):
+        before = guidance.phase
+        guidance.check_floor(at((0.0, 0.0, height_m), climb_m_s=climb_m_s), time_s)
+        if guidance.phase is not before:
             left.append(time_s)
     return left
 
