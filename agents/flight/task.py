@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
 from msgspec import Struct
 
 from rcopterx.agents.formation.law import FormationOffset, OffsetTransition
@@ -12,7 +11,7 @@ from rcopterx.agents.phases import Phase
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.set_points import ReferenceSource
 from rcopterx.control.references.trajectory import Trajectory, whole_turns
-from rcopterx.vehicles.state import YAW, Array
+from rcopterx.vehicles.state import YAW, Array, turned_about_z
 
 END_OF_TIME_S: Final = 1e9
 
@@ -70,8 +69,7 @@ def offset_between(leader: Trajectory, estimate: Estimate, like: FormationOffset
     gap = estimate.motion[:3] - leader.position_m[0]
     yaw = float(leader.yaw_rad[0])
     if like.frame == "heading":
-        c, s = np.cos(yaw), np.sin(yaw)
-        gap = np.array([c * gap[0] + s * gap[1], -s * gap[0] + c * gap[1], gap[2]])
+        gap = turned_about_z(gap, -yaw)
     yaw_gap = float(estimate.motion[YAW]) - yaw - like.yaw_rad
     yaw_rad = like.yaw_rad + yaw_gap - math.tau * whole_turns(yaw_gap)
     return FormationOffset(gap, yaw_rad, like.frame)

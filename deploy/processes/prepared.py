@@ -37,14 +37,11 @@ def modules_of(fleet: FleetFile, specs: Iterable[ProcessSpec]) -> list[str]:
             modules += [type(protocol_of(fleet, name)).__module__ for name in fleet.served_by(spec.unit)]
         if spec.role == "agent":
             control = fleet.vehicles[spec.unit].control
-            modules += [
-                module
-                for module in (
-                    *map(CONTROLLERS.built_in_module, (DEFAULT_CONTROLLER, control.controller)),
-                    *map(ESTIMATORS.built_in_module, (DEFAULT_ESTIMATOR, control.estimator)),
-                )
-                if module is not None
-            ]
+            built_in = (
+                *map(CONTROLLERS.built_in_module, (DEFAULT_CONTROLLER, control.controller)),
+                *map(ESTIMATORS.built_in_module, (DEFAULT_ESTIMATOR, control.estimator)),
+            )
+            modules += filter(None, built_in)
     return list(dict.fromkeys(modules))
 
 

@@ -30,12 +30,9 @@ def bus_address(fleet: FleetFile, host: str, process: str = "") -> BusAddress:
 
 def clock_of(fleet: FleetFile) -> Clock:
     """Return the clock of a fleet; in lockstep with its page."""
-    clock = fleet.clock
-    return (
-        replace(clock, page=lockstep_path(run_directory(fleet.name, fleet.bus.namespace)))
-        if clock.lockstep
-        else clock
-    )
+    if not fleet.clock.lockstep:
+        return fleet.clock
+    return replace(fleet.clock, page=lockstep_path(run_directory(fleet.name, fleet.bus.namespace)))
 
 
 def router_endpoints(fleet: FleetFile, host: str) -> list[str]:
