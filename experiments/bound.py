@@ -7,9 +7,8 @@ only add to errors and are left out; the wait for a radio frame counts by its me
 """
 
 import math
-from collections.abc import Mapping
 from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag, solve_discrete_lyapunov
@@ -161,16 +160,11 @@ def cases(_: Options) -> Cases[float]:
     }
 
 
-def figures(_: str, bounds_mm: Mapping[int, float]) -> dict[str, Any]:
-    """Median and worst of the vehicles or fleets by seed."""
-    return median_and_worst(list(bounds_mm.values()))
-
-
 EXPERIMENT: Final = Experiment(
     "bound",
     "Errors in hover that no controller falls below, computed",
     {"helicopters": 50},
     cases,
-    figures,
+    lambda _, bounds_mm: median_and_worst(list(bounds_mm.values())),  # of the vehicles or fleets by seed
     helicopters_only=True,
 )

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.agents.formation.topology import ancestors, places
+from rcopterx.agents.formation.topology import places
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.events import Event, GoTo
 from rcopterx.experiments.figures import finish_figure
@@ -204,8 +204,7 @@ def errors_by_generation(
 
 def generation(links: FormationGraph, name: str) -> int:
     """Longest way up to a head; 0 for a head."""
-    own = [link.leader for link in links[name]]
-    return 0 if not ancestors(links, name) else 1 + max(generation(links, leader) for leader in own)
+    return 1 + max((generation(links, link.leader) for link in links[name]), default=-1)
 
 
 def draw_chain(result: Result[Any], figure: Any) -> None:

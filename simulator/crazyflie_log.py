@@ -29,22 +29,20 @@ class CrazyflieLog:
     def obey(self, packet: Packet, now_s: float) -> Packet | None:
         """Return the answer to a request; None for one that is unknown or too short."""
         data = packet.data
-        if packet.channel == log.TABLE_CHANNEL and data[:1] == bytes((log.GET_INFO,)):
-            return Packet(
-                log.LOG,
-                packet.channel,
-                struct.pack("<BHIBB", log.GET_INFO, len(TABLE), crc32(b"".join(TABLE)), 16, 128),
-            )
-        if packet.channel == log.TABLE_CHANNEL and data[:1] == bytes((log.GET_ITEM,)) and len(data) == 3:
-            item = int.from_bytes(data[1:], "little")
-            entry = bytes((log.FLOAT,)) + TABLE[item] if item < len(TABLE) else b""
-            return Packet(log.LOG, packet.channel, data + entry)
-        if packet.channel == log.CONTROL_CHANNEL and data == bytes((RESET,)):
-            self._blocks, self._period_s, self._due_s = {}, {}, {}
-            return Packet(log.LOG, packet.channel, bytes((RESET, 0, log.NEW)))
-        if packet.channel == log.CONTROL_CHANNEL and len(data) >= 3:
-            return Packet(log.LOG, packet.channel, data[:2] + bytes((self._control(data, now_s),)))
-        return None
+        match (packet.channel, *data):
+            case (log.TABLE_CHANNEL, log.GET_INFO, *_):
+                answer = struct.pack("<BHIBB", log.GET_INFO, len(TABLE), crc32(b"".join(TABLE)), 16, 128)
+            case (log.TABLE_CHANNEL, log.GET_ITEM, _, _):
+                item = int.from_bytes(data[1:], "little")
+                answer = data + (bytes((log.FLOAT,)) + TABLE[item] if item < len(TABLE) else b"")
+            case (log.CONTROL_CHANNEL, command) if command == RESET:
+                self._blocks, self._period_s, self._due_s = {}, {}, {}
+                answer = bytes((RESET, 0, log.NEW))
+            case (log.CONTROL_CHANNEL, _, _, _, *_):
+                answer = data[:2] + bytes((self._control(data, now_s),))
+            case _:
+                return None
+        return Packet(log.LOG, packet.channel, answer)
 
     def _control(self, data: bytes, now_s: float) -> int:
         command, block = data[:2]

@@ -1,0 +1,30 @@
+"""Promises of the emulated log of a Crazyflie: requests that are too short or unknown get no answer."""
+
+import pytest
+
+from rcopterx.simulator.crazyflie_log import CrazyflieLog
+from rcopterx.transmitter_gateway.protocols.crazyflie_battery import (
+    CONTROL_CHANNEL,
+    CREATE_BLOCK,
+    DATA_CHANNEL,
+    GET_INFO,
+    GET_ITEM,
+    LOG,
+    START_BLOCK,
+    TABLE_CHANNEL,
+)
+from rcopterx.transmitter_gateway.protocols.crtp import Packet
+
+
+@pytest.mark.parametrize(
+    ("channel", "data"),
+    [
+        (TABLE_CHANNEL, (GET_ITEM, 0)),
+        (CONTROL_CHANNEL, (CREATE_BLOCK, 1)),
+        (CONTROL_CHANNEL, (START_BLOCK,)),
+        (CONTROL_CHANNEL, ()),
+        (DATA_CHANNEL, (GET_INFO, 0, 0)),
+    ],
+)
+def test_a_short_or_unknown_request_gets_no_answer(channel: int, data: tuple[int, ...]) -> None:
+    assert CrazyflieLog().obey(Packet(LOG, channel, bytes(data)), 0.0) is None
