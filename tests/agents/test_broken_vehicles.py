@@ -56,7 +56,7 @@ def test_a_weak_rotor_lands_softly_and_says_why() -> None:
 def test_a_reversed_axis_is_left_alone_from_then_on() -> None:
     rig = broken(1, PlantFaults(stick_gain=(-1.0, 1.0, 1.0, 1.0)), 5.0, 2.0)
     assert rig.pilots["h1"].remarks == ("it lands: pitch acts the wrong way round",)
-    flown = rig.fly(0.5).vehicles["h1"]
+    flown = rig.fly(0.5)["h1"]
     assert np.all(flown.inputs[:, 0] == 0.0)
     lands(rig)
 

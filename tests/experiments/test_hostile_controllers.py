@@ -36,7 +36,7 @@ def fly(rig: Rig, name: str, kind: str, seconds: float) -> None:
     pilot.limit_time(AlarmTimeLimit())
     hostile = FloodingScheme if kind == "flooding" else HostileController
     pilot.use_controller(hostile(COAXIAL, 0.02, hostile.Settings(kind=kind)))
-    flown = rig.fly(SOUND_S + seconds).vehicles
+    flown = rig.fly(SOUND_S + seconds)
     distances = [
         np.linalg.norm(flown[name].motion[:, :3] - flown[other].motion[:, :3], axis=1)
         for other in flown
