@@ -25,13 +25,12 @@ from rcopterx.ground_station.scripting.notes import (
     tracker_problems,
 )
 from rcopterx.ground_station.scripting.state import VehicleState, arrival_problem, formation_problem
-from rcopterx.ground_station.scripting.waiting import Notifier, NotReachedError
+from rcopterx.ground_station.scripting.waiting import Notifier, NotReachedError, begin_turns
 
 M = TypeVar("M", bound=Message)
 
 FIRST_STATUS_S = 1.5  # longest wait for a first status; statuses come five times a second
 UNDER_WAY_S = 0.05  # a status that arrives this soon after a call may have been sent before it
-LOCKSTEP_START_S = 180.0  # real time in which the processes of a fleet in lockstep start
 FIRST_MOTION_S = 0.5  # longest wait for a first plan or pose; they come every control period
 
 
@@ -98,12 +97,7 @@ class Observer:
             address, wake=self._notifier.notify, clock=clock, timeout_s=timeout_s, begin=False
         )
         if (turns := self.session.turns) is not None:
-            try:
-                turns.await_others(LOCKSTEP_START_S)
-            except TimeoutError as error:
-                self.session.close()
-                raise NotReachedError(f"the fleet did not start: {error}") from None
-            turns.begin()
+            begin_turns(turns)
             self._notifier.pause = turns.wait
 
     def __str__(self) -> str:

@@ -6,6 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+from rcopterx.bus.turns import Turns
+
+LOCKSTEP_START_S = 180.0  # real time in which the processes of a fleet in lockstep start
 LONGEST_NAP_S = 0.1  # conditions that depend on the passing of time are checked this often
 
 
@@ -15,6 +18,16 @@ class NotReachedError(TimeoutError):
 
 class StoppedError(NotReachedError):
     """A wait ended early because a stop was requested; see `stopped_by`."""
+
+
+def begin_turns(turns: Turns) -> None:
+    """Take turns once all other processes of the fleet are there; `NotReachedError` if some do not start."""
+    try:
+        turns.await_others(LOCKSTEP_START_S)
+    except TimeoutError as error:
+        turns.leave()
+        raise NotReachedError(f"the fleet did not start: {error}") from None
+    turns.begin()
 
 
 _STOP: ContextVar[threading.Event | None] = ContextVar("stop", default=None)

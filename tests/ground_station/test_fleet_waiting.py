@@ -2,10 +2,19 @@
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
-from rcopterx.ground_station.scripting.waiting import Notifier, StoppedError, stopped_by
+from rcopterx.bus.lockstep_page import create_page, opened_page
+from rcopterx.bus.turns import CONDUCTOR, SCRIPT, Turns
+from rcopterx.ground_station.scripting.waiting import (
+    Notifier,
+    NotReachedError,
+    StoppedError,
+    begin_turns,
+    stopped_by,
+)
 
 
 def test_what_holds_already_is_not_waited_for() -> None:
@@ -57,3 +66,13 @@ def test_a_stop_does_not_reach_other_threads() -> None:
     stop.set()
     with stopped_by(stop), ThreadPoolExecutor(1) as pool:
         assert pool.submit(notifier.wait_until, lambda: False, 0.01).result(60) is False
+
+
+def test_a_fleet_in_lockstep_that_does_not_start_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.ground_station.scripting.waiting.LOCKSTEP_START_S", 0.1)
+    create_page(tmp_path / "lockstep", [CONDUCTOR, "agent-h2", SCRIPT])
+    page = opened_page(tmp_path / "lockstep")
+    with pytest.raises(NotReachedError, match=f"did not start: missing after 0.1 s: {CONDUCTOR}, agent-h2"):
+        begin_turns(Turns(page, SCRIPT, lambda: None))
