@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Final
@@ -24,9 +25,9 @@ while os.getppid() == parent:
         time.sleep(every_s - time.monotonic() % every_s)
 """
 """Spins for a share of the time, at the same times as others of its kind, until its parent ends."""
-SPIN_ONCE: Final = """
+SPIN_UNTIL: Final = """
 import sys, time
-end_s = time.monotonic() + float(sys.argv[1])
+end_s = float(sys.argv[1])
 while time.monotonic() < end_s:
     pass
 """
@@ -50,12 +51,14 @@ def spinning(
 
 @contextmanager
 def spinning_once(seconds: float, processor: int) -> Iterator[bool]:
-    """Run a program that takes a processor for `seconds`, and wait until it has ended.
+    """Run a program that takes a processor for `seconds` from now on, and wait until it has ended.
 
     It ends by its own clock at real-time priority, because this process may wait for a processor longer than
-    that. Yields whether this priority is permitted.
+    that; at the same time if another program of this kind has the processor first. Yields whether this
+    priority is permitted.
     """
-    with subprocess.Popen([sys.executable, "-S", "-c", SPIN_ONCE, str(seconds)]) as program:
+    end_s = time.monotonic() + seconds
+    with subprocess.Popen([sys.executable, "-S", "-c", SPIN_UNTIL, str(end_s)]) as program:
         yield _take(program.pid, processor)
 
 

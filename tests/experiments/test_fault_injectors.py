@@ -2,6 +2,7 @@
 
 import errno
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -26,7 +27,7 @@ from rcopterx.experiments.faults.host_injectors import (
     LogsGone,
     NoDescriptors,
 )
-from rcopterx.experiments.faults.load import loaded
+from rcopterx.experiments.faults.load import loaded, spinning_once
 from rcopterx.experiments.faults.orders import VARIABLE, give_order, obedient_processes
 from rcopterx.experiments.faults.process_injectors import (
     DiesAtStart,
@@ -133,6 +134,14 @@ def test_a_starved_process_may_use_one_processor_only_until_it_is_over(start: St
         assert affinities_of(pid) == {frozenset(processors)}
     assert seen == {frozenset({min(processors)})}
     assert supervisor.pid("it") == pid
+
+
+def test_two_programs_that_take_one_processor_do_not_take_it_one_after_the_other() -> None:
+    processor = min(os.sched_getaffinity(0))
+    before_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+    with spinning_once(0.3, processor), spinning_once(0.3, processor):
+        pass
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before_s < 0.5
 
 
 def test_the_second_fault_of_a_pair_comes_after_the_first_one_and_hits_the_successor(start: Start) -> None:
