@@ -71,13 +71,13 @@ class Reception:
             if self._waking:
                 self._turns.read(index)
 
-    def await_all(self) -> None:
-        """Wait until everything has arrived that was sent, or is lost."""
+    def await_all(self, give_up_s: float) -> None:
+        """Wait until everything has arrived that was sent, or a router has lost it; real time."""
         # The newest first: when it is there, most of the others are.
         for index, counter in reversed(self._counters.items()):
             self._awaited = index
             while self._received[index] < counter.count:
-                if self._turns.lost:
+                if self._turns.page.lost_routers and time.monotonic() > give_up_s:
                     self._received[index] = counter.count
                 else:
                     self._turns.arrived.wait(POLL_S)
@@ -113,7 +113,6 @@ class Turns:
         self._new_receptions: list[Reception] = []  # of which the router may not have taken notice yet
         self._found = 0
         self.replies = self.receive(f"reply {self.index}")  # to requests of this process
-        self._began_s = time.monotonic()
         self._taken = 0
 
     def begin(self) -> None:
@@ -262,18 +261,13 @@ class Turns:
         for index in range(self._found, end):
             for reception in self._receptions:
                 reception.await_counter(index, self.page.counters[index], beyond=False)
-        self._found, self._began_s = end, time.monotonic()
+        self._found, give_up_s = end, time.monotonic() + LOST_S
         for reception in self._receptions:
-            reception.await_all()
+            reception.await_all(give_up_s)
         now_s, held = self.page.time_s, [self.held.popleft() for _ in range(len(self.held))]
         self.held.extendleft(item for item in held if item[0] >= now_s)
         for *_, deliver in sorted((item for item in held if item[0] < now_s), key=itemgetter(0, 1, 2, 3)):
             deliver()
-
-    @property
-    def lost(self) -> bool:
-        """Whether what has not arrived in this turn is lost with a router."""
-        return self.page.lost_routers > 0 and time.monotonic() > self._began_s + LOST_S
 
     def _ring(self, bell: int) -> None:
         with suppress(BlockingIOError):
