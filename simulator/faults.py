@@ -35,7 +35,7 @@ class LastingFault(FaultRequest, frozen=True, kw_only=True):
     @property
     def slot(self) -> tuple[object, ...]:
         """Key of a fault: a second one with the same key replaces the first."""
-        return (type(self), getattr(self, "subject", None) or getattr(self, "vehicle", None))
+        return (type(self), getattr(self, "subject", None))
 
 
 class Close(FaultRequest, frozen=True, tag="close"):
@@ -177,6 +177,11 @@ class VehicleFault(LastingFault, frozen=True):
     """Base of the faults of one vehicle."""
 
     vehicle: Annotated[str, Meta(max_length=400)]
+
+    @property
+    def slot(self) -> tuple[object, ...]:
+        """Key of a fault: a second one with the same key replaces the first."""
+        return (type(self), self.vehicle)
 
 
 class BreakRadio(VehicleFault, frozen=True, tag="break_radio"):
