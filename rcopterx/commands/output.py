@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,12 +22,10 @@ def _checked_figure(path: Path | None) -> Path | None:
     """Refuse a figure that could not be written before anything is computed."""
     if path is None:
         return None
-    try:
-        import matplotlib  # noqa: F401 - only whether it is there
-    except ImportError:
+    if find_spec("matplotlib") is None:
         raise typer.BadParameter(
             "figures need matplotlib: pip install 'rcopterx[figures]'", param_hint="--plot"
-        ) from None
+        )
     if path.suffix not in (".png", ".svg", ".pdf"):
         raise typer.BadParameter(f"{path}: allowed endings are .png, .svg and .pdf", param_hint="--plot")
     if not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
