@@ -9,7 +9,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
-from unittest.mock import patch
 
 import numpy as np
 import tomlkit
@@ -20,6 +19,7 @@ from rcopterx.benchmarks.scale import fly_legs
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
+from rcopterx.deploy.processes.forking import environment_with
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
@@ -95,7 +95,7 @@ def _flown(agents: Mapping[str, str], certificates: bool, seconds: float) -> lis
             stack.enter_context(_host(net, host, path))
         # This process uses the router of a host, which it finds by the run directory.
         own = {"RCOPTERX_RUN": str(_run_directory(path, LABORATORY))}
-        stack.enter_context(patch.dict(os.environ, own))
+        stack.enter_context(environment_with(own))
         fleet = stack.enter_context(closing(Fleet(file, LABORATORY, FIRST_ROUTER_S)))
         fleet.wait_ready(timeout_s=READY_S)
         fleet.wait_until(

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
-from unittest.mock import patch
 
+from rcopterx.deploy.processes.forking import environment_with
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
 VARIABLE: Final = "RCOPTERX_FAULT_ORDERS"
@@ -23,7 +23,7 @@ def obedient_processes() -> Iterator[None]:
     paths = [str(INSIDE), *filter(None, [os.environ.get("PYTHONPATH")])]
     with TemporaryDirectory(prefix="rcopterx-orders-") as directory:
         values = {VARIABLE: directory, "PYTHONPATH": os.pathsep.join(paths)}
-        with patch.dict(os.environ, values):
+        with environment_with(values):
             yield
 
 
