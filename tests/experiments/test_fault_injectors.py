@@ -2,7 +2,6 @@
 
 import errno
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -27,7 +26,6 @@ from rcopterx.experiments.faults.host_injectors import (
     LogsGone,
     NoDescriptors,
 )
-from rcopterx.experiments.faults.load import loaded, spinning_once
 from rcopterx.experiments.faults.orders import VARIABLE, give_order, obedient_processes
 from rcopterx.experiments.faults.process_injectors import (
     DiesAtStart,
@@ -136,14 +134,6 @@ def test_a_starved_process_may_use_one_processor_only_until_it_is_over(start: St
     assert supervisor.pid("it") == pid
 
 
-def test_two_programs_that_take_one_processor_do_not_take_it_one_after_the_other() -> None:
-    processor = min(os.sched_getaffinity(0))
-    before_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-    with spinning_once(0.3, processor), spinning_once(0.3, processor):
-        pass
-    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before_s < 0.5
-
-
 def test_the_second_fault_of_a_pair_comes_after_the_first_one_and_hits_the_successor(start: Start) -> None:
     bench, supervisor = start(SLEEPS)
     waits: list[float] = []
@@ -163,24 +153,6 @@ def test_a_pair_of_which_a_fault_is_not_possible_shows_that(start: Start) -> Non
     for first, second in (("other", "it"), ("it", "other")):
         with pytest.raises(NotReachedError, match="other does not run"):
             Pair(Killed(first), Stopped(second, 0.01), 0.0).active(bench).__enter__()
-
-
-def test_programs_that_spin_end_with_the_load() -> None:
-    shown: list[str] = []
-    before = children_of_this_process()
-    with loaded(2, shown.append):
-        children = children_of_this_process() - before
-        assert len(children) == 2 + len(os.sched_getaffinity(0))
-    assert not shown or "no permission" in shown[0]
-    assert not children & children_of_this_process()
-    with loaded(0, shown.append):
-        assert children_of_this_process() <= before
-
-
-def children_of_this_process() -> set[str]:
-    return set(
-        Path(f"/proc/{os.getpid()}/task/{threading.main_thread().native_id}/children").read_text().split()
-    )
 
 
 def test_what_was_reached_for_a_moment_counts_as_reached(start: Start) -> None:
