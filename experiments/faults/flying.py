@@ -14,11 +14,12 @@ from rcopterx.experiments import steps
 from rcopterx.experiments.faults.bench import Bench, FaultFlight
 from rcopterx.experiments.faults.observation import WATCHED, broken_in, seen_of
 from rcopterx.experiments.faults.promise import Promise
-from rcopterx.experiments.faults.reports import Report, report_of
+from rcopterx.experiments.faults.reports import Report, not_flown, report_of
 from rcopterx.experiments.paper_sequence import leader_of
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
+from rcopterx.ground_station.terminal.scenario import FaultRefusedError
 from rcopterx.vehicles.tuples import Three
 
 HOME_M: Final = (0.0, 0.0, 1.0)  # where the leader hovers
@@ -49,7 +50,7 @@ class FaultRange:
         return self
 
     def fly(self, row: FaultFlight) -> Report:
-        """Fly a row; returns the report, also of a flight that ended early."""
+        """Fly a row; returns the report, also of one that ended early or that the laboratory refused."""
         started_s = self.fleet.session.clock()
         places_m: dict[str, Three] = {}
         problem = None
@@ -62,6 +63,9 @@ class FaultRange:
             self._fly(row)
         except StoppedError:
             raise
+        except FaultRefusedError as error:
+            self.stop()
+            return not_flown(row, str(error))
         except FLIGHT_ERRORS as error:
             problem = "; ".join(lines_of(error))
             self.bench.say(f"ended early: {problem}")
@@ -100,7 +104,8 @@ class FaultRange:
 
     def survives(self, row: FaultFlight, report: Report) -> bool:
         """Whether the fleet is fit for the next row."""
-        return row.promise in (Promise.FLIES_ON, Promise.REFUSED) and report["verdict"] == "passed"
+        unbroken = ("passed",) if row.promise in (Promise.FLIES_ON, Promise.REFUSED) else ()
+        return report["verdict"] in (*unbroken, "not flown")
 
     def truth(self, name: str) -> LaboratoryVehicle:
         """Newest true state of a vehicle.
@@ -132,7 +137,7 @@ class FaultRange:
 
     def _wait_until_calm(self) -> None:
         """Wait until spares are ready and the watchdog may kill every process: faults do not add up."""
-        if self.fleet.launcher is None:
+        if self.fleet.launcher is None or self.fleet.file.clock.lockstep:
             return
         supervisor = self.bench.supervisor
 

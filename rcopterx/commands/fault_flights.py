@@ -5,7 +5,6 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,6 @@ from rcopterx.commands.launch import Interrupts, interruptible
 from rcopterx.commands.output import Progress, print_document
 
 if TYPE_CHECKING:
-    from rcopterx.bus.clock import Clock
     from rcopterx.experiments.faults.bench import FaultFlight
     from rcopterx.experiments.faults.flying import FaultRange
     from rcopterx.ground_station.scripting.fleet import Fleet
@@ -73,24 +71,20 @@ class FleetHolder:
         if self._range is None:
             fleet = self._fleet()
             fleet.wait_ready(timeout_s=READY_S)
-            self._range = FaultRange(Bench(fleet, say, partial(self.wait, fleet.file.clock), self._path))
+            self._range = FaultRange(Bench(fleet, say, fleet.wait, self._path))
         return self._range
 
     def _fleet(self) -> "Fleet":
+        from rcopterx.bus.turns import SCRIPT
+
         if self._path is None:
             return self._stack.enter_context(running_fleet(self._options.fleet))
-        file = fleet_file(str(self._path), self._options.speed)
+        lockstep = self._options.lockstep
+        file = fleet_file(str(self._path), self._options.speed, lockstep)
         fleet, self.interrupts = self._stack.enter_context(
-            interruptible(file, None, record=self._options.record)
+            interruptible(file, None, record=self._options.record, script=SCRIPT if lockstep else "")
         )
         return fleet
-
-    def wait(self, clock: "Clock", seconds: float) -> None:
-        """Wait in the time of a fleet; raises StoppedError after Ctrl-C."""
-        from rcopterx.ground_station.scripting.waiting import StoppedError
-
-        if self.interrupts.wait(clock.real_s(seconds)):
-            raise StoppedError("interrupted")
 
     def close(self) -> None:
         """Land and stop the fleet if it was started here."""
@@ -136,6 +130,8 @@ def fly_faults(names: Sequence[str], runs: int, options: FlightOptions) -> None:
 
 def fly_chaos(seconds: float, seed: int, busy: int, options: FlightOptions) -> None:
     """Inject random faults that all vehicles shall survive; exit code 1 if one did not."""
+    if options.lockstep:
+        raise typer.BadParameter("chaos breaks processes, for which lockstep waits", param_hint="--lockstep")
     from rcopterx.experiments.faults.chaos import Chaos
     from rcopterx.ground_station.scripting.waiting import NotReachedError, stopped_by
 
@@ -160,9 +156,12 @@ def _fly_row(row: "FaultFlight", holder: FleetHolder, head: str) -> dict[str, An
 
     say = Progress(head).say
     place = holder.fault_range(say)
-    if row.launched and place.fleet.launcher is None:
-        say("not flown: it needs a fleet of its own: add --up")
-        return not_flown(row, "add --up")
+    reason = "it needs a fleet of its own: add --up" if place.fleet.launcher is None else None
+    if place.fleet.file.clock.lockstep:
+        reason = "it breaks processes, for which lockstep waits"
+    if row.launched and reason is not None:
+        say(f"not flown: {reason}")
+        return not_flown(row, reason)
     with stopped_by(holder.interrupts.event):
         report = place.saying(say).fly(row)
     say(report["verdict"])

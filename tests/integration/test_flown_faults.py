@@ -9,7 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from integration_support import fleet_text, free_port
+from integration_support import NAMES, fleet_text, free_port, of_types
+from support.radio_addresses import radio_paths
 
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 
@@ -65,6 +66,26 @@ def test_everybody_flies_on_whichever_of_these_goes_wrong(
 ) -> None:
     done = fly(path, environment, "--faults", *QUICK, "--no-record", "--report", str(tmp_path / "out"))
     assert_promises_kept(QUICK, tmp_path / "out", done)
+
+
+@pytest.mark.lockstep
+@pytest.mark.timeout(180)
+def test_in_lockstep_faults_of_the_laboratory_are_flown_and_others_are_not_with_the_reason(
+    path: Path, environment: dict[str, str]
+) -> None:
+    path.write_text(of_types(dict.fromkeys(NAMES, "crazyflie"), radio_paths(3)))
+    names = ("leader-killed", "radio-no-dsm2", "pose-jumps-100-ms")
+    done = fly(path, environment, "--faults", *names, "--lockstep", "--no-record", "--json")
+    reports = {report["name"]: (report["verdict"], report["problem"]) for report in json.loads(done.stdout)}
+    assert done.returncode == 0, done.stderr
+    assert reports == {
+        "leader-killed": ("not flown", "it breaks processes, for which lockstep waits"),
+        "radio-no-dsm2": (
+            "not flown",
+            "break_radio: h2: only a Multiprotocol module tells that it does not know the protocol",
+        ),
+        "pose-jumps-100-ms": ("passed", None),
+    }
 
 
 @pytest.mark.campaign

@@ -29,6 +29,7 @@ def test_the_list_names_every_fault_with_its_promise() -> None:
         (("--faults", "earthquake"), "unknown fault flight 'earthquake'"),
         (("--faults", "--all"), "--faults flies all of its table by itself"),
         ((), "name a manoeuvre, or say --all or --faults"),
+        (("chaos", "--up", "--lockstep"), "chaos breaks processes, for which lockstep waits"),
         (("--all", "hover"), "either names of manoeuvres or --all"),
         (("hover", "router-killed"), "unknown manoeuvre 'router-killed'"),
     ],
