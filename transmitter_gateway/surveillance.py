@@ -44,6 +44,8 @@ class Track:
     velocity_m_s: Position = (0.0, 0.0, 0.0)  # low-passed; this and the following of the own vehicle only
     yaw_rad: float | None = None
     captured_s: float = -math.inf  # on the local clock
+    occluded: bool = False  # whether the motion capture lost it since the newest accepted position
+    undelivered_s: float = 0.0  # longest time since then for which frames were captured, but did not arrive
 
 
 class Surveillance:
@@ -55,7 +57,7 @@ class Surveillance:
         self.own_track: Track | None = None
         self._others: dict[str, Track] = {}
         self._close: list[str] = []
-        self._jumping_since_s: float | None = None
+        self._jumping_s: float | None = None  # for how long all poses have been rejected as jumps
         self._mistaken: str | None = None
         self._stood_at_m: float | None = None
         self.newest: PoseInput | None = None
@@ -69,10 +71,14 @@ class Surveillance:
             return False
         if track is None:
             track = self.own_track = Track(pose.epoch, pose.frame, now_s)
+        captured_s = _captured_between_s(track, pose)
+        track.undelivered_s = max(track.undelivered_s, min(captured_s, LONGEST_DRIFT_S))
+        waited_s = now_s - track.arrived_s
         track.epoch, track.frame, track.arrived_s = pose.epoch, pose.frame, now_s
         self.newest = pose
         position = pose.position_m
         if position is None:
+            track.occluded = True
             self._counters["occluded pose"] += 1
             return False
         if self._is_stuck(track, position, airborne):
@@ -80,10 +86,12 @@ class Surveillance:
             return False
         if airborne and self._is_jump(track, position, now_s):
             self._counters["pose jump"] += 1
+            self._note_jump(waited_s)
             return False
-        self._jumping_since_s = None
+        self._jumping_s = None
         self._follow(track, pose, position, now_s, moving=airborne)
         track.position_m, track.seen_s = position, now_s
+        track.occluded, track.undelivered_s = False, 0.0
         return True
 
     def other_pose(self, pose: PoseInput, now_s: float) -> bool:
@@ -131,20 +139,32 @@ class Surveillance:
         limits = self._limits
         if limits.maximum_jump_m is None or track.position_m is None:
             return False
-        unseen_s = now_s - track.seen_s
+        # The motion capture does not confuse a body that it saw all the time.
+        followed_s = 0.0 if track.occluded else track.undelivered_s
+        unseen_s = max(now_s - track.seen_s, followed_s)
         elapsed = min(unseen_s, LONGEST_EXTRAPOLATION_S)
+        moving_s = min(unseen_s, max(LONGEST_EXTRAPOLATION_S, followed_s))
         (x, y, z), (vx, vy, vz) = track.position_m, track.velocity_m_s
         x, y, z = x + vx * elapsed, y + vy * elapsed, z + vz * elapsed
-        reach = limits.maximum_jump_m + limits.maximum_speed_m_s * elapsed
-        if unseen_s > elapsed:
-            drift_s = min(unseen_s - elapsed, LONGEST_DRIFT_S)
+        reach = limits.maximum_jump_m + limits.maximum_speed_m_s * moving_s
+        if unseen_s > moving_s:
+            drift_s = min(unseen_s - moving_s, LONGEST_DRIFT_S)
             # Wherever it is between there and as far as it may have sunk.
             z = min(max(position[2], z - SINK_M_S2 / 2 * drift_s**2), z)
             reach += DRIFT_M_S * drift_s
-        jump = math.dist((x, y, z), position) > reach
-        if jump and self._jumping_since_s is None:
-            self._jumping_since_s = now_s
-        return jump
+        return math.dist((x, y, z), position) > reach
+
+    def _note_jump(self, waited_s: float) -> None:
+        """Poses that stay somewhere else belong to another body, and which one was ours is not known.
+
+        A silence, as of a computer that has too much to do, does not count.
+        """
+        if self._jumping_s is None:
+            self._jumping_s = 0.0
+        else:
+            self._jumping_s += min(waited_s, LONGEST_EXTRAPOLATION_S)
+        if self._jumping_s >= self._limits.jump_descend_s:
+            self._mistaken = "own pose jumped and did not come back"
 
     def _follow(
         self, track: Track, pose: PoseInput, position: Position, now_s: float, *, moving: bool
@@ -171,7 +191,7 @@ class Surveillance:
 
     def release(self) -> None:
         """Forget that the vehicle may have been mistaken for another; it is not flying."""
-        self._jumping_since_s = None
+        self._jumping_s = None
         self._mistaken = None
 
     def take_over(self, distrust: str | None) -> None:
@@ -200,10 +220,9 @@ class Surveillance:
 
     def judge(self, now_s: float, thrust_time_s: float) -> Judgement:
         """Judge the newest poses at `now_s`; `thrust_time_s` is the time with thrust since arming [s]."""
-        mistaken = self._mistaken_identity(now_s)
         own = self.own_track
         hold, lost = self._lost(own, now_s)
-        descend = mistaken or lost
+        descend = self._mistaken or lost
         if own is not None and own.position_m is not None:
             if self._limits.fence is not None:
                 fence_hold, fence_descend = judge_fence(self._limits.fence, own.position_m, own.velocity_m_s)
@@ -213,13 +232,6 @@ class Surveillance:
         if limit is not None and thrust_time_s >= limit:
             descend = descend or f"thrust for {limit:g} s, the longest allowed"
         return Judgement(hold, descend)
-
-    def _mistaken_identity(self, now_s: float) -> str | None:
-        """Poses that stay somewhere else belong to another body, and which one was ours is not known."""
-        since_s = self._jumping_since_s
-        if since_s is not None and now_s >= since_s + self._limits.jump_descend_s:
-            self._mistaken = "own pose jumped and did not come back"
-        return self._mistaken
 
     def _lost(self, own: Track | None, now_s: float) -> tuple[str | None, str | None]:
         seen_s = -math.inf if own is None else own.captured_s
@@ -251,10 +263,14 @@ class Surveillance:
         if own is None or own.position_m is None:
             return []
         hold_s, descend_s = self._limits.tracking_hold_s, self._limits.tracking_descend_s
-        times = [own.captured_s + limit for limit in (hold_s, descend_s) if limit is not None]
-        if self._jumping_since_s is not None:
-            times.append(self._jumping_since_s + self._limits.jump_descend_s)
-        return times
+        return [own.captured_s + limit for limit in (hold_s, descend_s) if limit is not None]
+
+
+def _captured_between_s(track: Track, pose: PoseInput) -> float:
+    """Time from the newest pose of an uninterrupted stream of frames to this one, as captured; else 0."""
+    if pose.period_s is None or pose.epoch != track.epoch:
+        return 0.0
+    return (pose.frame - track.frame) * pose.period_s
 
 
 def judge_fence(fence: Fence, position: Position, velocity: Position) -> tuple[str | None, str | None]:

@@ -126,6 +126,12 @@ class Flight:
         # It was not seen standing: it appeared in the air.
         arbiter.surveillance.take_over(None)
 
+    def starve(self, seconds: float) -> None:
+        """Let the vehicle fly with its last sticks while nothing on the computer gets a processor."""
+        self.laboratory.advance(seconds)
+        self.bench.now_s += seconds
+        self.bench.frame += round(seconds / PERIOD_S)
+
     def end_commands(self) -> Landing:
         place = self.plant.pose.position_m
         self.pitch_acts = self.options.pitch_acts

@@ -152,7 +152,8 @@ def test_a_dongle_that_is_unplugged_closes_its_ports_until_it_is_back(bench: Ben
     bench.dongle.plugged = False
     wait_for(lambda: port.write_frame(joined([b"\xff"]), bench.now_s) is WriteOutcome.CLOSED, "the radio")
     assert not port.is_open
-    assert re.search("No such device|not plugged in", port.problem or "")  # the dongle is searched again at once
+    # The dongle is searched again at once.
+    assert re.search("No such device|not plugged in", port.problem or "")
     assert port.fileno() is None
     wait_for(lambda: not bench.opened(port) and "not plugged in" in (port.problem or ""), "the radio")
     bench.dongle.plugged = True

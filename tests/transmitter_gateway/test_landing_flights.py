@@ -105,6 +105,21 @@ def test_vehicle_that_has_sunk_while_nobody_saw_it_is_believed_and_lands_gently(
         assert flown.touchdown_m_s < 0.6
 
 
+@KINDS
+@pytest.mark.parametrize("thrust", [-0.2, 0.25], ids=["sinking", "climbing"])
+def test_vehicle_that_moved_while_the_computer_was_starved_is_believed_and_lands_gently(
+    conditions: Conditions, thrust: float
+) -> None:
+    for seed in SEEDS:
+        flight = Flight(conditions, seed, Options(height_m=1.5))
+        flight.fly(3.0)
+        flight.fly(0.2, (0.3, 0.3, thrust))
+        flight.starve(0.4)
+        flown = flight.end_commands()
+        assert flown.reason == "landed"
+        assert flown.touchdown_m_s < 0.6
+
+
 def test_occlusion_of_80_ms_is_flown_through() -> None:
     flown = landing(HELICOPTER, 0, Options(seen=lambda seconds: not 1.2 < seconds <= 1.28))
     assert_gentle(flown)

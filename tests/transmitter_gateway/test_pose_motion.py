@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from surveillance_bench import BOX, QUIET, Watch
+from surveillance_bench import BOX, CENTRE, QUIET, Watch
 
 from rcopterx.transmitter_gateway.limits import SurveillanceLimits
 from rcopterx.transmitter_gateway.surveillance import Judgement
@@ -77,6 +77,46 @@ def test_a_vehicle_that_sinks_unseen_is_believed_to_be_as_far_beside_its_place_a
         watch = Watch()
         watch.step()
         assert watch.step((distance_m, 0.0, 0.5), 1.0) == believed
+
+
+def test_a_vehicle_is_believed_to_have_moved_while_frames_did_not_arrive() -> None:
+    """The motion capture saw the body meanwhile, so it confuses it with no other one."""
+    for frames, believed in ((70, True), (40, False)):
+        watch = Watch()
+        watch.step((0.0, 0.0, 0.05))
+        watch.frame += frames - 1
+        assert watch.step((0.5, 0.0, 1.1), 0.7) == believed
+
+
+def test_frames_that_arrive_late_are_judged_by_when_they_were_captured() -> None:
+    watch = Watch()
+    watch.step()
+    watch.frame += 33
+    assert watch.step((0.2, 0.0, 1.3), 0.05)
+
+
+def test_a_vehicle_that_was_occluded_may_be_another_one_after_a_silence() -> None:
+    watch = Watch()
+    watch.step()
+    assert not watch.step(None)
+    watch.frame += 69
+    assert not watch.step((0.6, 0.0, 1.0), 0.7)
+
+
+def test_a_vehicle_may_be_another_one_after_a_stream_has_restarted() -> None:
+    watch = Watch()
+    watch.step()
+    watch.epoch, watch.frame = 2, 500
+    assert not watch.step((0.6, 0.0, 1.0), 0.7)
+
+
+def test_a_silence_after_a_jump_does_not_bring_the_vehicle_down_for_good() -> None:
+    watch = Watch()
+    watch.step()
+    assert not watch.step((0.6, 0.0, 1.0))
+    assert not watch.step((0.6, 0.0, 1.0), 0.35)
+    assert watch.step(CENTRE)
+    assert watch.judge() == QUIET
 
 
 def test_on_the_floor_and_without_a_jump_limit_any_position_is_believed() -> None:

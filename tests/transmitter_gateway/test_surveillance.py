@@ -111,8 +111,6 @@ def test_next_events_are_the_tracking_limits() -> None:
     assert watch.surveillance.next_event_s() == []
     watch.step()
     assert watch.surveillance.next_event_s() == [watch.now_s + 0.1, watch.now_s + 0.3]
-    watch.step((1.0, 0.0, 1.0))
-    assert watch.surveillance.next_event_s()[-1] == watch.now_s + 0.3
 
 
 # Which poses count --------------------------------------------------------------------------------------
@@ -248,8 +246,9 @@ def test_limits_in_time_and_distance_met_exactly() -> None:
     assert edge.step((0.25, 0.0, 1.0), 0.0625)
     jumping = Watch(limits)
     jumping.step()
-    jumping.step((3.0, 0.0, 1.0), 0.0625)
-    jumping.now_s += 0.5
+    for _ in range(9):
+        assert jumping.judge().descend != "own pose jumped and did not come back"
+        jumping.step((3.0, 0.0, 1.0), 0.0625)
     assert jumping.judge().descend == "own pose jumped and did not come back"
 
 
