@@ -10,10 +10,11 @@ from rich.text import Text
 from rcopterx.agents.phases import Phase
 from rcopterx.experiments.paper_sequence import fly_paper_sequence, leader_of
 from rcopterx.ground_station.report.figures import SETTLED_S, FlightFigures
-from rcopterx.ground_station.report.recorder import Recorder
+from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.report.statistics import rms_and_max
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
+from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
 
 TURNS_PER_SEQUENCE = 3 * math.pi
 RECORDS_KEPT = 40_000
@@ -28,22 +29,16 @@ CAPTION = (
 )
 
 
-class _Stopped(Exception):  # noqa: N818 - not an error, the way out of a sequence
-    pass
-
-
 class Demonstration:
-    """Flies a running fleet in a thread of its own.
+    """Flies a running fleet in a thread of its own until `stop` is set."""
 
-    `wait` waits in real time [s] and returns whether the user has stopped the demonstration.
-    """
-
-    def __init__(self, fleet: Fleet, wait: Callable[[float], bool], say: Callable[[str], object]) -> None:
+    def __init__(self, fleet: Fleet, stop: threading.Event, say: Callable[[str], object]) -> None:
         self._fleet, self._clock = fleet, fleet.session.clock
-        self._wait = wait
+        self._stop = stop
         self._say = say
         self._leader = leader_of(fleet)
         self._recorder = Recorder(fleet.session, RECORDS_KEPT)
+        self._recording = Recording(())
         self._thread = threading.Thread(target=self._run, name="demonstration", daemon=True)
         self._end_s = math.inf
         self._flown_s = 0.0
@@ -66,8 +61,9 @@ class Demonstration:
 
     def _run(self) -> None:
         try:
-            self._fleet.wait_ready()
-            self._fleet.take_off()
+            with stopped_by(self._stop):
+                self._fleet.wait_ready()
+                self._fleet.take_off()
             started_s = self._clock()
             if self._seconds is not None:
                 self._end_s = started_s + self._seconds
@@ -81,7 +77,8 @@ class Demonstration:
                     turns += 1
             finally:
                 self._flown_s = self._clock() - started_s
-        except _Stopped:
+                self._recording = self._recorder.stop()
+        except StoppedError:
             return
         except FLIGHT_ERRORS as error:
             self.problem = str(error)
@@ -102,8 +99,8 @@ class Demonstration:
     def _pause(self, seconds: float) -> None:
         left_s = self._end_s - self._clock()
         wait_s = self._fleet.file.clock.real_s(max(0.0, min(seconds, left_s)))
-        if self._wait(wait_s) or self._clock() >= self._end_s:
-            raise _Stopped
+        if self._stop.wait(wait_s) or self._clock() >= self._end_s:
+            raise StoppedError
 
     def _task(self) -> object:
         """Present task of the leader; None while it is unknown, as when the arbiter lands it."""
@@ -116,7 +113,7 @@ class Demonstration:
     def summary(self) -> Table:
         """Figures of the flight, or of its last minute."""
         names = list(self._fleet.file.vehicles)
-        return summary_table(FlightFigures(self._recorder.stop(), names), names, self._flown_s)
+        return summary_table(FlightFigures(self._recording, names), names, self._flown_s)
 
 
 def summary_table(figures: FlightFigures, names: Sequence[str], flown_s: float) -> Table:

@@ -298,11 +298,11 @@ def demo(
             stack.enter_context(page_of(fleet, lines.append))
         running, interrupts = stack.enter_context(interruptible(file, None, record=record))
         watch = Watch(running, interrupts, lines)
-        demonstration = Demonstration(running, interrupts.wait, watch.say)
+        demonstration = Demonstration(running, interrupts.event, watch.say)
         demonstration.start(seconds)
         watch.until(lambda: demonstration.finished)
         demonstration.stop()
-        problem = demonstration.problem
-        Console().print(demonstration.summary())
-    if problem is not None:
-        raise failure(problem)
+    # Its figures take time, in which vehicles would fly on.
+    Console().print(demonstration.summary())
+    if demonstration.problem is not None:
+        raise failure(demonstration.problem)

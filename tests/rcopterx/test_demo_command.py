@@ -1,0 +1,88 @@
+"""Promises of `demo`: Ctrl-C and the end of its time land at once; its figures are those of the flight."""
+
+import io
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from rich.console import Console
+from support.scripted import ScriptedVehicle, fleet_file_text, patient_fleet
+from support.waiting import wait_for
+
+from rcopterx.bus.session import BusAddress
+from rcopterx.commands import launch
+from rcopterx.commands.launch import Interrupts
+from rcopterx.experiments.demonstration import Demonstration
+from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.scripting.fleet import Fleet
+
+Vehicles = dict[str, ScriptedVehicle]
+
+
+@pytest.fixture
+def fleet(up: str) -> Iterator[Fleet]:
+    fleet = patient_fleet(load_fleet(Path(up)))
+    yield fleet
+    fleet.close()
+
+
+def ended(demonstration: Demonstration) -> Demonstration:
+    wait_for(lambda: demonstration.finished, "the demonstration goes on")
+    assert demonstration.problem is None
+    return demonstration
+
+
+def test_a_demonstration_that_is_stopped_before_take_off_arms_no_vehicle(
+    fleet: Fleet, vehicles: Vehicles
+) -> None:
+    vehicles["h2"].ready = False
+    stop = threading.Event()
+    demonstration = Demonstration(fleet, stop, print)
+    demonstration.start(None)
+    stop.set()
+    ended(demonstration)
+    assert not vehicles["h1"].verbs
+
+
+def test_figures_of_a_demonstration_end_with_its_flight(fleet: Fleet, vehicles: Vehicles) -> None:
+    demonstration = Demonstration(fleet, threading.Event(), print)
+    demonstration.start(1.0)
+    ended(demonstration)
+    vehicles["h1"].counts = {"leader_plan_late": 5}
+
+    def counted() -> bool:
+        agent = fleet["h1"].state.agent
+        return agent is not None and bool(agent.diagnostics.fallbacks)
+
+    wait_for(counted, "the vehicle does not report what it counts")
+    console = Console(width=80, file=io.StringIO(), record=True)
+    console.print(demonstration.summary())
+    assert "leader_plan_late" not in console.export_text()
+
+
+def test_a_demonstration_lands_before_its_figures_are_computed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, bus_address: BusAddress
+) -> None:
+    done: list[str] = []
+
+    @contextmanager
+    def flight(*_: object, **__: object) -> Iterator[tuple[object, Interrupts]]:
+        yield None, Interrupts()
+        done.append("landing")
+
+    def summary() -> str:
+        done.append("figures")
+        return ""
+
+    flown = SimpleNamespace(
+        start=lambda _: None, finished=True, stop=lambda: None, problem=None, summary=summary
+    )
+    path = tmp_path / "fleet.toml"
+    path.write_text(fleet_file_text(bus_address))
+    monkeypatch.setattr(launch, "interruptible", flight)
+    monkeypatch.setattr("rcopterx.experiments.demonstration.Demonstration", lambda *_: flown)
+    launch.demo(str(path), browser=False)
+    assert done == ["landing", "figures"]
