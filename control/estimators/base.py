@@ -19,6 +19,7 @@ from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, Array, t
 
 _DEVIATIONS: Final = 5.0  # departures from the prediction by so many standard deviations are noise
 _SUDDEN_M: Final = 0.02  # a pose further from the predicted one, noise apart, waits until another one agrees
+_UNKNOWN_M_S2: Final = 5.0  # acceleration that a prediction without poses misses if half the thrust is wrong
 _MOST_SUDDEN: Final = 4  # so many sudden poses in a row that do not agree are rejected
 _SPEED_FACTOR: Final = 2.0
 _FEWEST_POSES: Final = 3
@@ -68,11 +69,13 @@ class InnovationGate:
         self._run: _Run | None = None
         self._last_sudden: Array | None = None  # innovation of the last pose if that was sudden
         self._sudden = 0  # how many were in a row
+        self._waited_s = 0.0  # time since the last pose
         self.rejected = 0  # poses refused so far
         self.restarts = 0  # times the refused poses were believed after all
 
     def wait(self, period_s: float) -> None:
         """Let time pass."""
+        self._waited_s += period_s
         if self._run is not None:
             self._run.since_last_s += period_s
 
@@ -85,11 +88,13 @@ class InnovationGate:
 
         All have shape (4,).
         """
-        noise = _DEVIATIONS * deviation
-        if not _within(innovation, self._widths + noise):
+        allowed = _DEVIATIONS * deviation
+        allowed[:3] += 0.5 * _UNKNOWN_M_S2 * self._waited_s**2
+        self._waited_s = 0.0
+        if not _within(innovation, self._widths + allowed):
             return self._refuse(pose, innovation)
         self._run = None
-        return self._judge_sudden(innovation, _SUDDEN_M + noise[:3])
+        return self._judge_sudden(innovation, _SUDDEN_M + allowed[:3])
 
     def _judge_sudden(self, innovation: Array, near_m: Array) -> Verdict:
         before, self._last_sudden = self._last_sudden, None

@@ -16,6 +16,7 @@ from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import BLIND_LIMIT_S, Pilot, StampedMeasurement
 from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import inertial_velocity
 
 
 @settings(max_examples=30, deadline=None)
@@ -110,6 +111,13 @@ def test_after_a_pause_of_the_process_the_estimator_starts_anew_where_the_vehicl
     pilot.observe(seen(1))
     pilot.observe(seen(1 + round(BLIND_LIMIT_S / 0.02) + 2, (0.9, 0.9, 0.5)))
     assert pilot.estimate.motion[:3] == pytest.approx([0.9, 0.9, 0.5])
+
+
+def test_after_blind_flight_the_estimator_starts_with_the_mean_velocity_meanwhile() -> None:
+    pilot = airborne(noted())
+    x, y, z = UP
+    pilot.observe(seen(25, (x + 0.25, y, z - 0.75)))
+    assert inertial_velocity(pilot.estimate.motion) == pytest.approx([0.25 / 0.48, 0.0, -0.75 / 0.48])
 
 
 def test_the_prediction_uses_what_the_gateway_flies_while_it_overrides_the_agent() -> None:
