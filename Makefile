@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS := 1
 # A fleet is many processes: without stored bytecode each would compile the sources of all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo kernels test campaign fuzz measure mutation lint docs wheel clean
+.PHONY: help demo kernels compile test campaign fuzz measure mutation lint docs wheel clean
 
 help:
 	@echo "make demo      three simulated helicopters fly in formation; ARGS=\"--seconds 40\" ends by itself"
@@ -32,11 +32,16 @@ define install
 	     $(BIN)/python -m ensurepip > /dev/null && $(PIP) -e '.$(1)'; }
 endef
 
-$(VENV)/.base: pyproject.toml
+# What compiling needs; the other packages are installed meanwhile.
+$(VENV)/.compiler:
 	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] <= (3, 13) else "Python 3.11 to 3.13 is needed, this is %d.%d; try make PYTHON=python3.11" % sys.version_info[:2])'
 	@$(PYTHON) -m venv --without-pip $(VENV)
 	@$(PYTHON) -m pip --python $(BIN)/python install --quiet --disable-pip-version-check uv 2> /dev/null \
 	|| { $(BIN)/python -m ensurepip > /dev/null && $(PIP) uv; } || true
+	$(call install,,numba scipy msgspec)
+	@touch $@
+
+$(VENV)/.base: pyproject.toml | $(VENV)/.compiler
 	$(call install,,-e . pip)
 	@touch $@
 
@@ -47,11 +52,13 @@ $(EXTRAS:%=$(VENV)/.%): $(VENV)/.%: $(VENV)/.base
 
 $(VENV)/.browser $(VENV)/.fuzz $(VENV)/.mutation $(VENV)/.package: $(VENV)/.test
 
-kernels: $(VENV)/.base
+kernels: $(VENV)/.base compile
+
+compile: $(VENV)/.compiler
 	@$(BIN)/python -m rcopterx.compiling
 
-demo: $(VENV)/.base
-	@$(MAKE) --no-print-directory --jobs=2 kernels $(VENV)/.ground
+demo: $(VENV)/.compiler
+	@$(MAKE) --no-print-directory --jobs=2 compile $(VENV)/.ground
 	@exec $(BIN)/rcopterx demo $(ARGS)
 
 test: $(VENV)/.test

@@ -1,8 +1,11 @@
 """Promises about the start of a command: it imports what it needs, and nothing that takes long beside it."""
 
 import os
+import re
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 from typing import NoReturn
 
 import pytest
@@ -10,11 +13,13 @@ from typer.testing import CliRunner
 
 from rcopterx.command_line import app
 from rcopterx.commands import launch
+from rcopterx.compiling.cache import MODULES
 from rcopterx.control.identification.excitation import BASE_HZ
 from rcopterx.control.references.path_shapes import HEADINGS
 from rcopterx.deploy.hosts.running import RunningFleet
 from rcopterx.fleet.schema import FleetError
 
+ROOT = Path(__file__).parents[2]
 NUMERICAL = {"numpy", "scipy", "osqp", "matplotlib", "numba"}
 
 
@@ -131,3 +136,11 @@ def test_another_fleet_on_this_computer_is_named(
     monkeypatch.setattr("rcopterx.deploy.hosts.running.running_fleets", lambda: up[:1])
     launch.warn_of_others("trio")
     assert not capsys.readouterr().err
+
+
+def test_make_compiles_kernels_with_the_packages_that_it_installs_first() -> None:
+    (installed,) = re.findall(r"install,,(numba .*)\)", (ROOT / "Makefile").read_text(encoding="utf-8"))
+    loaded = imported_by(f"import importlib; [importlib.import_module('rcopterx.' + m) for m in {MODULES}]")
+    required = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
+    names = {re.split(r"[><=]", requirement)[0] for requirement in required}
+    assert loaded & names == {*installed.split(), "numpy"}
