@@ -24,10 +24,11 @@ help:
 	@echo "make clean     remove the virtual environment and caches"
 
 # uv installs in seconds what takes pip a minute; pip does it where uv, or a package for uv, cannot be had.
+UV = $(if $(shell uv --version 2> /dev/null),uv,$(BIN)/python -m uv)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 define install
 	@echo "installing rcopterx$(1) into $(VENV) with uv"
-	@$(BIN)/python -m uv pip install --quiet --python $(BIN)/python $(2) 2> /dev/null \
+	@$(UV) pip install --quiet --python $(BIN)/python $(2) 2> /dev/null \
 	|| { echo "uv failed: pip installs the same, which takes a minute"; \
 	     $(BIN)/python -m ensurepip > /dev/null && $(PIP) -e '.$(1)'; }
 endef
@@ -36,7 +37,8 @@ endef
 $(VENV)/.compiler:
 	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] <= (3, 13) else "Python 3.11 to 3.13 is needed, this is %d.%d; try make PYTHON=python3.11" % sys.version_info[:2])'
 	@$(PYTHON) -m venv --without-pip $(VENV)
-	@$(PYTHON) -m pip --python $(BIN)/python install --quiet --disable-pip-version-check uv 2> /dev/null \
+	@$(UV) --version > /dev/null 2>&1 \
+	|| $(PYTHON) -m pip --python $(BIN)/python install --quiet --disable-pip-version-check uv 2> /dev/null \
 	|| { $(BIN)/python -m ensurepip > /dev/null && $(PIP) uv; } || true
 	$(call install,,numba scipy msgspec)
 	@touch $@

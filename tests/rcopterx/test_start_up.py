@@ -144,3 +144,16 @@ def test_make_compiles_kernels_with_the_packages_that_it_installs_first() -> Non
     required = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
     names = {re.split(r"[><=]", requirement)[0] for requirement in required}
     assert loaded & names == {*installed.split(), "numpy"}
+
+
+@pytest.mark.parametrize(("version", "command"), [("uv 0.9", "uv"), ("", ".venv/bin/python -m uv")])
+def test_make_installs_with_the_uv_of_the_computer_if_it_works(
+    version: str, command: str, tmp_path: Path
+) -> None:
+    uv = tmp_path / "uv"
+    uv.write_text(f"#!/bin/sh\necho {version}\n")
+    uv.chmod(0o755)
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    words = ["make", "--dry-run", "--always-make", ".venv/.compiler"]
+    plan = subprocess.run(words, cwd=ROOT, env=os.environ | {"PATH": path}, capture_output=True, text=True)
+    assert f"\n{command} pip install" in plan.stdout, plan.stderr
