@@ -19,6 +19,12 @@ pytestmark = pytest.mark.integration
 DEPENDS_ON_THE_MACHINE = "ms without a fresh command"
 QUICK = ("vicon-gateway-stopped-30-s", "router-spins", "pose-jumps-100-ms")
 """Of other kinds than those that fly in shared_fleet."""
+OF_CRAZYFLIES = tuple(
+    name
+    for name in FAULT_FLIGHTS
+    if name.startswith(("leader-", "follower-", "transmitter-gateway-", "radio-")) and name != "radio-no-dsm2"
+)
+"""What is between poses and firmware; a Crazyradio has no other protocol."""
 
 
 @pytest.fixture
@@ -93,6 +99,16 @@ def test_in_lockstep_faults_of_the_laboratory_are_flown_and_others_are_not_with_
 def test_every_promise_of_the_table_is_kept(path: Path, tmp_path: Path, environment: dict[str, str]) -> None:
     done = fly(path, environment, "--faults", "--report", str(tmp_path / "out"))
     assert_promises_kept(tuple(FAULT_FLIGHTS), tmp_path / "out", done)
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(1800)
+def test_crazyflies_keep_the_promises_about_agents_transmitter_gateway_and_radios(
+    path: Path, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    path.write_text(of_types(dict.fromkeys(NAMES, "crazyflie"), radio_paths(3)))
+    done = fly(path, environment, "--faults", *OF_CRAZYFLIES, "--report", str(tmp_path / "out"))
+    assert_promises_kept(OF_CRAZYFLIES, tmp_path / "out", done)
 
 
 @pytest.mark.campaign
