@@ -25,6 +25,7 @@ TURN_RAD: Final = 0.5  # how far the normal is turned when a vehicle flies strai
 SETTLED_M: Final = 0.3  # distance from the reference below which the turn fades out
 LEVEL: Final = 0.3  # normals that rise less than this leave the height alone
 NARROWEST_M: Final = 0.01  # range of heights that bounds leave at least
+FLOOR_M: Final = 0.25  # vehicles below others are not pressed lower than this above their lowest height
 FAR_M: Final = 20.0  # upper bound of the rows
 _TINY: Final = 1e-6
 
@@ -44,7 +45,7 @@ class Clearances:
     def heights(self, bounds: Array) -> Array:
         """Return bounds of the height, shape (2, N); where there is no room, around the middle."""
         low = np.minimum(np.maximum(bounds[0], self.lowest_m), bounds[1] - NARROWEST_M)
-        high = np.maximum(np.minimum(bounds[1], self.highest_m), bounds[0] + NARROWEST_M)
+        high = np.minimum(bounds[1], np.maximum(self.highest_m, bounds[0] + FLOOR_M))
         middle, none = 0.5 * (low + high), high - low < NARROWEST_M
         half = 0.5 * NARROWEST_M
         return np.array((np.where(none, middle - half, low), np.where(none, middle + half, high)))

@@ -6,7 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.vehicle_types import COAXIAL_LAG
 
-from rcopterx.control.controllers.cascade.clearance import NARROWEST_M, SLOTS, TURN_RAD, clearances, normals
+from rcopterx.control.controllers.cascade.clearance import (
+    FLOOR_M,
+    NARROWEST_M,
+    SLOTS,
+    TURN_RAD,
+    clearances,
+    normals,
+)
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.control.interfaces import Estimate, Obstacle
 from rcopterx.control.references.trajectory import hold
@@ -92,6 +99,14 @@ def test_heights_between_two_others_leave_a_range_to_plan_in(above_m: float, bel
     assert (high - low >= NARROWEST_M - 1e-9).all()
     assert (low >= -1.2 - 1e-9).all()
     assert (high <= 1.2 + 1e-9).all()
+
+
+def test_a_vehicle_below_another_is_not_pressed_to_the_floor() -> None:
+    own = np.tile((0.0, 0.0, 0.2), (STAGES, 1))
+    found = clearances(own, own, [still(np.array([0.2, 0.0, 0.6]))])
+    low, high = found.heights(np.array((0.0, 2.0)))
+    assert (low == 0.0).all()
+    assert high == pytest.approx(np.full(STAGES, FLOOR_M))
 
 
 def flown(obstacles: list[Obstacle], goal: Array, steps: int = 250, **settings: object) -> Array:
