@@ -25,5 +25,5 @@ class CapturedFrame(NamedTuple):
     connection: int
     period_s: float
     received_s: float  # local clock at arrival
-    latency_s: float  # capture to arrival, that of the network included once a ping was answered
+    latency_s: float  # capture to arrival, that of the network included once three pings were answered
     subjects: tuple[SubjectPose, ...]
