@@ -51,7 +51,6 @@ def test_what_is_sent_to_a_stopped_process_waits_and_delays_no_other(tmp_path: P
     try:
         assert receiver.stdout is not None
         assert receiver.stdout.readline() == "ready\n"
-        receiver.send_signal(signal.SIGSTOP)
         block, low = zenoh.CongestionControl.BLOCK, zenoh.Priority.DATA_LOW
         others: list[bytes] = []
         with (
@@ -60,6 +59,7 @@ def test_what_is_sent_to_a_stopped_process_waits_and_delays_no_other(tmp_path: P
         ):
             other.declare_subscriber("other", lambda sample: others.append(sample.payload.to_bytes()))
             wait_for(lambda: sender.put("other", b"first") or others, "the other process is not there")
+            receiver.send_signal(signal.SIGSTOP)
             for _ in range(MESSAGES):
                 sender.put("key", bytes(BYTES), congestion_control=block, priority=low)
             sender.put("other", b"last", congestion_control=block)
