@@ -2,10 +2,12 @@
 
 import json
 import os
+import select
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import IO
 
 import pytest
 import zenoh
@@ -24,14 +26,23 @@ import sys, threading
 from zenoh.handlers import Callback
 from rcopterx.bus.endpoints import client_config, open_session
 session = open_session(client_config([sys.argv[1]], "t", 30.0, patient=True))
-arrived = threading.Semaphore(0)
-subscriber = session.declare_subscriber("key", Callback(lambda _: arrived.release(), indirect=False))
+connected, arrived = threading.Event(), threading.Semaphore(0)
+
+def receive(sample):
+    arrived.release() if sample.payload.to_bytes() else connected.set()
+
+subscriber = session.declare_subscriber("key", Callback(receive, indirect=False))
+connected.wait()
 print("ready", flush=True)
 for _ in range(int(sys.argv[2])):
     arrived.acquire()
 print("complete", flush=True)
 """
 MESSAGES, BYTES = 200, 4000
+
+
+def readable(stream: IO[str]) -> bool:
+    return bool(select.select([stream], [], [], 0.0)[0])
 
 
 @pytest.mark.parametrize(("patient", "lease_ms"), [(False, LEASE_MS), (True, PATIENT_LEASE_MS)])
@@ -50,7 +61,6 @@ def test_what_is_sent_to_a_stopped_process_waits_and_delays_no_other(tmp_path: P
     receiver = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:
         assert receiver.stdout is not None
-        assert receiver.stdout.readline() == "ready\n"
         block, low = zenoh.CongestionControl.BLOCK, zenoh.Priority.DATA_LOW
         others: list[bytes] = []
         with (
@@ -59,6 +69,9 @@ def test_what_is_sent_to_a_stopped_process_waits_and_delays_no_other(tmp_path: P
         ):
             other.declare_subscriber("other", lambda sample: others.append(sample.payload.to_bytes()))
             wait_for(lambda: sender.put("other", b"first") or others, "the other process is not there")
+            ready = receiver.stdout
+            wait_for(lambda: sender.put("key", b"") or readable(ready), "the receiver is not there")
+            assert ready.readline() == "ready\n"
             receiver.send_signal(signal.SIGSTOP)
             for _ in range(MESSAGES):
                 sender.put("key", bytes(BYTES), congestion_control=block, priority=low)
