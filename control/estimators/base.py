@@ -50,7 +50,6 @@ class _Run:
     last: Array
     poses: int = 1
     duration_s: float = 0.0
-    since_last_s: float = 0.0
 
 
 class InnovationGate:
@@ -76,23 +75,21 @@ class InnovationGate:
     def wait(self, period_s: float) -> None:
         """Let time pass."""
         self._waited_s += period_s
-        if self._run is not None:
-            self._run.since_last_s += period_s
 
     def open(self) -> None:
-        """Forget refused poses, as the estimator restarts."""
-        self._run = None
+        """Forget refused poses and the time before, as the estimator restarts."""
+        self._run, self._waited_s = None, 0.0
 
     def judge(self, pose: Array, innovation: Array, deviation: Array) -> Verdict:
         """Judge a pose (position and unwrapped yaw), its innovation and that one's standard deviation.
 
         All have shape (4,).
         """
+        waited_s, self._waited_s = self._waited_s, 0.0
         allowed = _DEVIATIONS * deviation
-        allowed[:3] += 0.5 * _UNKNOWN_M_S2 * self._waited_s**2
-        self._waited_s = 0.0
+        allowed[:3] += 0.5 * _UNKNOWN_M_S2 * waited_s**2
         if not _within(innovation, self._widths + allowed):
-            return self._refuse(pose, innovation)
+            return self._refuse(pose, innovation, waited_s)
         self._run = None
         return self._judge_sudden(innovation, _SUDDEN_M + allowed[:3])
 
@@ -113,16 +110,15 @@ class InnovationGate:
         self._sudden = 0
         return verdict
 
-    def _refuse(self, pose: Array, innovation: Array) -> Verdict:
+    def _refuse(self, pose: Array, innovation: Array, waited_s: float) -> Verdict:
         self.rejected += 1
         run = self._run
-        if run is None or not _within(pose - run.last, self._widths + self._fastest * run.since_last_s):
+        if run is None or not _within(pose - run.last, self._widths + self._fastest * waited_s):
             self._run = _Run(innovation, pose)
             return REJECT
         run.last = pose
         run.poses += 1
-        run.duration_s += run.since_last_s
-        run.since_last_s = 0.0
+        run.duration_s += waited_s
         believed = run.poses >= _FEWEST_POSES and run.duration_s >= self._limit_s - _TIME_TOLERANCE_S
         if believed:
             self._run = None

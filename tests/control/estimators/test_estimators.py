@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from support.vehicle_types import COAXIAL_LAG, TYPES
 
-from rcopterx.control.estimators.base import InnovationGate, PoseEstimator
+from rcopterx.control.estimators.base import PoseEstimator
 from rcopterx.control.estimators.finite_difference import FiniteDifferenceEstimator, FiniteDifferenceSettings
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import ESTIMATORS
@@ -178,14 +178,6 @@ def test_an_impact_on_the_floor_is_not_taken_for_a_fall_through_it(name: str, fa
         estimator.correct(Measurement(np.array([0.0, 0.0, height_m]), 0.0))
     assert abs(estimator.estimate.motion[2]) < 0.12
     assert abs(estimator.estimate.motion[6]) < 0.4
-
-
-@pytest.mark.parametrize(("waited_s", "accepted"), [(0.02, False), (0.2, False), (0.25, True)])
-def test_gate_allows_for_what_a_prediction_without_poses_misses(waited_s: float, accepted: bool) -> None:
-    gate = InnovationGate(COAXIAL_LAG, FiniteDifferenceSettings())
-    gate.wait(waited_s)
-    pose, innovation = np.array([0.0, 0.0, 0.87, 0.0]), np.array([0.0, 0.0, -0.13, 0.0])
-    assert gate.judge(pose, innovation, np.zeros(4)).accepted == accepted
 
 
 class WithoutMove(FiniteDifferenceEstimator):

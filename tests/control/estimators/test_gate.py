@@ -1,6 +1,7 @@
 """Promises of the innovation gate for sudden poses that are near enough to have been flown to."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.vehicle_types import COAXIAL
@@ -59,3 +60,17 @@ def test_the_first_of_refused_poses_is_the_offset_of_those_after_it_until_they_a
     assert verdicts[0] == REJECT
     assert [verdict.accepted for verdict in verdicts] == [False] * 5 + [True]
     assert all(np.array_equal(offset_of(verdict), [1.0, 0.0, 0.0, 0.0]) for verdict in verdicts[1:])
+
+
+@pytest.mark.parametrize(("waited_s", "accepted"), [(0.02, False), (0.2, False), (0.25, True)])
+def test_gate_allows_for_what_a_prediction_without_poses_misses(waited_s: float, accepted: bool) -> None:
+    gate = InnovationGate(COAXIAL, EstimatorSettings())
+    gate.wait(waited_s)
+    assert gate.judge(2.6 * DOWNWARD, 2.6 * DOWNWARD, np.zeros(4)).accepted == accepted
+
+
+def test_time_before_a_restart_allows_for_nothing() -> None:
+    gate = InnovationGate(COAXIAL, EstimatorSettings())
+    gate.wait(0.25)
+    gate.open()
+    assert gate.judge(2.6 * DOWNWARD, 2.6 * DOWNWARD, np.zeros(4)) == REJECT
