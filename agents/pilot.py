@@ -27,7 +27,6 @@ from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.phases import EVENT_OF_STATE, Event, Phase
 from rcopterx.agents.separation.avoidance import Neighbour, PlanAvoidance, SeparationEllipsoid
-from rcopterx.control.estimators.base import body_motion
 from rcopterx.control.identification.excitation import Exciter
 from rcopterx.control.interfaces import Controller, Estimate, Estimator, Measurement
 from rcopterx.control.models.prediction import predict
@@ -98,8 +97,9 @@ class Pilot:
         self.fallbacks: Counter[str] = Counter()
         self.sequence = 0
         self.informed = False  # whether the transmitter's state is known, before which nothing is commanded
-        self._last_seen: Measurement | None = None  # newest measurement, accepted or not
-        self._watched = False  # whether another agent flies it in the air, and this one watches
+        self._seen = False
+        self._last_place_m: Array | None = None  # position of the newest pose; None if that was rejected
+        self._watched = False  # whether another agent flies the vehicle in the air, and this one watches
         self._expected_yaw_rad = 0.0
         self._lift_off = LiftOff(model)
         self._blind_s = 0.0  # time since the last pose that the estimator accepted
@@ -146,7 +146,8 @@ class Pilot:
             return False
         # Frames that were neither received nor coasted over, for instance while the process was stopped.
         self._unseen_s += max(0, pending - 1) * frame.period_s
-        standing, acted = self._standing, list[tuple[Array, float]]()
+        standing = self._standing
+        acted: list[tuple[Array, float]] = []
         for _ in range(min(pending, round(BLIND_LIMIT_S / frame.period_s))):
             start_s = clock.time_s
             clock.pass_period()
@@ -159,34 +160,32 @@ class Pilot:
             self.fallbacks[OCCLUDED] += 1
             return True
         unseen_s, self._unseen_s = self._unseen_s, 0.0
+        accepted = True
         if first or standing or unseen_s >= BLIND_LIMIT_S:
             self._predict(acted)
-            self._restart_estimator(measurement, 0.0 if first or standing else unseen_s)
-            self._blind_s = 0.0
-        elif self.estimator.correct(measurement, acted):
-            self._blind_s = 0.0
+            self._restart_estimator(measurement, None if first or standing else unseen_s)
         else:
-            # The estimator decides for how long it rejects poses.
-            self._blind_s += frame.period_s
+            accepted = self.estimator.correct(measurement, acted)
+        # The estimator decides for how long it rejects poses.
+        self._blind_s = 0.0 if accepted else self._blind_s + frame.period_s
+        self._last_place_m = measurement.position_m if accepted else None
+        if not accepted:
             self.fallbacks["gated_pose"] += 1
-        self._last_seen = measurement
         return True
 
     def expect_heading(self, yaw_rad: float) -> None:
         """Count the turns of the first measured heading from this one, the last of a predecessor."""
         self._expected_yaw_rad = yaw_rad
 
-    def _restart_estimator(self, measurement: Measurement, unseen_s: float) -> None:
-        """Start at a measured pose with the mean velocity since the last one; at rest if `unseen_s` is 0."""
-        last, estimate = self._last_seen, self.estimate
-        known_rad = self._expected_yaw_rad if last is None else float(estimate.motion[YAW])
+    def _restart_estimator(self, measurement: Measurement, unseen_s: float | None) -> None:
+        """Start at a pose, after `unseen_s` in flight with the mean velocity of that time, else at rest."""
+        known_rad = float(self.estimate.motion[YAW]) if self._seen else self._expected_yaw_rad
         yaw_rad = nearest_heading(measurement.yaw_rad, known_rad)
-        if last is None or unseen_s == 0.0:
-            self.estimator.reset(replace(measurement, yaw_rad=yaw_rad))
-            return
-        velocity_m_s = (measurement.position_m - last.position_m) / unseen_s
-        motion = body_motion(np.array((*measurement.position_m, yaw_rad)), np.array((*velocity_m_s, 0.0)))
-        self.estimator.take_over(Estimate(motion, estimate.actuator, estimate.disturbance))
+        velocity_m_s = None
+        if unseen_s is not None and self._last_place_m is not None:
+            velocity_m_s = (measurement.position_m - self._last_place_m) / unseen_s
+        self.estimator.reset(replace(measurement, yaw_rad=yaw_rad), velocity_m_s)
+        self._seen = True
 
     def coast(self) -> bool:
         """Predict over an overdue frame; return False beyond the limit of blind flight."""

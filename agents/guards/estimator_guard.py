@@ -7,6 +7,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from rcopterx.agents.guards.guarded_call import GuardedCall
+from rcopterx.control.estimators.base import body_motion
 from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Estimator, Measurement
 from rcopterx.control.models.finite import flaw_of
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, Array
@@ -63,10 +64,15 @@ class EstimatorGuard:
         self._restart()
         return True
 
-    def reset(self, measurement: Measurement) -> None:
-        """See `Estimator.reset`."""
-        self._call(lambda estimator: estimator.reset(measurement), None)
-        self._started = True
+    def reset(self, measurement: Measurement, velocity_m_s: Array | None = None) -> None:
+        """Start at a pose, with an inertial velocity, shape (3,), or at rest as `Estimator.reset`."""
+        if velocity_m_s is None:
+            self._call(lambda estimator: estimator.reset(measurement), None)
+            self._started = True
+            return
+        pose = np.array((*measurement.position_m, measurement.yaw_rad))
+        motion = body_motion(pose, np.array((*velocity_m_s, 0.0)))
+        self.take_over(Estimate(motion, self.estimate.actuator, self.estimate.disturbance))
 
     def take_over(self, estimate: Estimate) -> None:
         """See `Estimator.take_over`."""

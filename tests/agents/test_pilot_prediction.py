@@ -120,6 +120,18 @@ def test_after_blind_flight_the_estimator_starts_with_the_mean_velocity_meanwhil
     assert inertial_velocity(pilot.estimate.motion) == pytest.approx([0.25 / 0.48, 0.0, -0.75 / 0.48])
 
 
+def test_after_a_rejected_pose_and_blind_flight_the_estimator_starts_at_rest() -> None:
+    class Strict(ExactEstimator):
+        def correct(self, measurement: Measurement) -> bool:
+            return False
+
+    pilot = airborne(Pilot(COAXIAL_LAG, NotedController(HOVER[None, :]), Strict(COAXIAL_LAG), Guidance()))
+    x, y, z = UP
+    pilot.observe(seen(1, (x + 1.0, y, z)))
+    pilot.observe(seen(25, UP))
+    assert inertial_velocity(pilot.estimate.motion) == pytest.approx([0.0, 0.0, 0.0])
+
+
 def test_the_prediction_uses_what_the_gateway_flies_while_it_overrides_the_agent() -> None:
     pilot = airborne(noted(inputs=np.array([[0.0, 0.0, 1.0, 0.0]])))
     sinking = np.array([0.0, 0.0, 0.4, 0.0])
