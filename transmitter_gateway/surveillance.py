@@ -71,8 +71,8 @@ class Surveillance:
             return False
         if track is None:
             track = self.own_track = Track(pose.epoch, pose.frame, now_s)
-        captured_s = _captured_between_s(track, pose)
-        track.undelivered_s = max(track.undelivered_s, min(captured_s, LONGEST_DRIFT_S))
+        gap_s = _captured_since_s(pose, track.epoch, track.frame) or 0.0
+        track.undelivered_s = max(track.undelivered_s, min(gap_s, LONGEST_DRIFT_S))
         waited_s = now_s - track.arrived_s
         track.epoch, track.frame, track.arrived_s = pose.epoch, pose.frame, now_s
         self.newest = pose
@@ -159,10 +159,8 @@ class Surveillance:
 
         A silence, as of a computer that has too much to do, does not count.
         """
-        if self._jumping_s is None:
-            self._jumping_s = 0.0
-        else:
-            self._jumping_s += min(waited_s, LONGEST_EXTRAPOLATION_S)
+        before_s = self._jumping_s
+        self._jumping_s = 0.0 if before_s is None else before_s + min(waited_s, LONGEST_EXTRAPOLATION_S)
         if self._jumping_s >= self._limits.jump_descend_s:
             self._mistaken = "own pose jumped and did not come back"
 
@@ -174,10 +172,8 @@ class Surveillance:
         if last is None or not moving:
             track.velocity_m_s = (0.0, 0.0, 0.0)
         else:
-            elapsed = now_s - track.seen_s
-            if pose.period_s is not None and pose.epoch == track.seen_epoch:
-                elapsed = (pose.frame - track.seen_frame) * pose.period_s
-            elapsed = max(elapsed, SHORTEST_STEP_S)
+            captured_s = _captured_since_s(pose, track.seen_epoch, track.seen_frame)
+            elapsed = max(now_s - track.seen_s if captured_s is None else captured_s, SHORTEST_STEP_S)
             weight = -math.expm1(-elapsed / self._limits.velocity_filter_s)
             (x, y, z), (last_x, last_y, last_z), (vx, vy, vz) = position, last, track.velocity_m_s
             track.velocity_m_s = (
@@ -266,11 +262,11 @@ class Surveillance:
         return [own.captured_s + limit for limit in (hold_s, descend_s) if limit is not None]
 
 
-def _captured_between_s(track: Track, pose: PoseInput) -> float:
-    """Time from the newest pose of an uninterrupted stream of frames to this one, as captured; else 0."""
-    if pose.period_s is None or pose.epoch != track.epoch:
-        return 0.0
-    return (pose.frame - track.frame) * pose.period_s
+def _captured_since_s(pose: PoseInput, epoch: int, frame: int) -> float | None:
+    """Time from the capture of a frame to that of a pose; None if unknown, or in another stream."""
+    if pose.period_s is None or pose.epoch != epoch:
+        return None
+    return (pose.frame - frame) * pose.period_s
 
 
 def judge_fence(fence: Fence, position: Position, velocity: Position) -> tuple[str | None, str | None]:
