@@ -59,7 +59,7 @@ def _multi_module(radio: RadioEnd) -> MultiModule | None:
 def condition_refused(radio: RadioEnd, condition: str) -> str | None:
     """Why a radio cannot be brought into a condition; None if it can. See `set_condition`."""
     if condition == "refusing" and _multi_module(radio) is None:
-        return "only a Multiprotocol module tells that it does not know the protocol"
+        return "only a Multiprotocol module reports that it does not know the protocol"
     return None
 
 

@@ -88,7 +88,7 @@ def test_in_lockstep_faults_of_the_laboratory_are_flown_and_others_are_not_with_
         "leader-killed": ("not flown", "it breaks processes, for which lockstep waits"),
         "radio-no-dsm2": (
             "not flown",
-            "break_radio: h2: only a Multiprotocol module tells that it does not know the protocol",
+            "break_radio: h2: only a Multiprotocol module reports that it does not know the protocol",
         ),
         "pose-jumps-100-ms": ("passed", None),
     }
