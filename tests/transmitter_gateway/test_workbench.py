@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from support.waiting import wait_for
 
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
@@ -12,7 +13,7 @@ from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.transmitter_gateway.calibration import ArmingChannel, Calibration
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
-from rcopterx.transmitter_gateway.serial_port import SerialLine
+from rcopterx.transmitter_gateway.serial_port import SerialLine, SerialPort
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.workbench import Workbench
 
@@ -27,6 +28,7 @@ def test_the_workbench_does_not_wait_for_a_receiver(tmp_path: Path, arming: Armi
 
     def wait(descriptors: Sequence[int], timeout_s: float) -> Sequence[int]:
         nonlocal now_s
+        wait_for(lambda: not port.is_opening, "the port does not open")
         now_s += min(timeout_s, STEP_S)
         radio.service(now_s)
         return select.select(descriptors, [], [], 0)[0]
@@ -39,6 +41,8 @@ def test_the_workbench_does_not_wait_for_a_receiver(tmp_path: Path, arming: Armi
         ArbiterLimits(),
     )
     with Workbench(settings, lambda: now_s, wait) as bench:
+        port = bench.transmitter.port
+        assert isinstance(port, SerialPort)
         assert "ready" in bench.wait_ready(limit_s=2.0)
         assert now_s < 2.0
     radio.close()

@@ -20,7 +20,7 @@ from rcopterx.simulator.faults import Recover
 HEIGHT_M = 0.8
 HOME_M = (0.0, 0.0, HEIGHT_M)
 ROOM_M = 0.4
-"""Between vehicles on the floor: nearer than 0.3 m, transmitter gateways would not let them take off."""
+"""Beside a vehicle on the floor: with less than 0.3 m on its way up, take-offs are refused."""
 # There are more tests than a battery lasts.
 SIMULATOR = "condition_overrides = { battery_endurance_s = 36000.0 }"
 
@@ -136,10 +136,10 @@ def truth(flying: Flying, hangar: Hangar, request: pytest.FixtureRequest) -> Tru
 
 
 def room_m(truth: Truth) -> float:
-    """Smallest distance from a vehicle on the floor to another one."""
+    """Smallest distance, seen from above, from a vehicle on the floor to another one, flying or not."""
     vehicles = [vehicle for name in NAMES if (vehicle := truth(name)) is not None]
     distances_m = [
-        float(np.linalg.norm(np.subtract(one.position_m, other.position_m)))
+        float(np.linalg.norm(np.subtract(one.position_m, other.position_m)[:2]))
         for one, other in combinations(vehicles, 2)
         if one.on_floor or other.on_floor
     ]
