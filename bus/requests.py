@@ -207,7 +207,7 @@ class TakeVehicle(Request, frozen=True, kw_only=True):
 class StartHost(Request, frozen=True, kw_only=True):
     """Start the processes of the fleet file on a host whose daemon runs."""
 
-    without: Annotated[tuple[Name, ...], Meta(max_length=64)] = ()
+    without: tuple[Name, ...] = ()
     """Vehicles that do not take part at first."""
 
 
@@ -281,7 +281,7 @@ class IdentifyReply(Reply, frozen=True, kw_only=True):
     host: Name
     digest: Text
     """Digest of the fleet file; two programs with the same one use the same fleet file."""
-    vehicles: Annotated[tuple[Name, ...], Meta(max_length=64)] = ()
+    vehicles: tuple[Name, ...] = ()
     version: Text = ""
     """Of the software on this host."""
 

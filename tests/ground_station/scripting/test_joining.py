@@ -42,8 +42,11 @@ def router_of(path: Path) -> Iterator[None]:
         child.end()
 
 
-def written(tmp_path: Path, name: str = "lab", address: BusAddress | None = None) -> Path:
-    text = fleet_file_text(address or own_address()).replace('name = "lab"', f'name = "{name}"')
+def written(
+    tmp_path: Path, name: str = "lab", address: BusAddress | None = None, vehicles: int = 2
+) -> Path:
+    names = tuple(f"h{number}" for number in range(1, vehicles + 1))
+    text = fleet_file_text(address or own_address(), names).replace('name = "lab"', f'name = "{name}"')
     path = tmp_path / f"{name}.toml"
     path.write_text(text)
     return path
@@ -88,6 +91,13 @@ def test_another_version_of_the_file_is_refused(tmp_path: Path) -> None:
         router_of(path),
         pytest.raises(WrongFleetError, match=r"^fleet lab is up with another version of its file \(\w{12}"),
     ):
+        Fleet(changed, timeout_s=DEADLINE_S)
+
+
+def test_another_version_of_the_file_of_a_hundred_vehicles_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, vehicles=100)
+    changed = parse_fleet(path.read_text() + "\n[avoidance]\nenabled = false\n")
+    with router_of(path), pytest.raises(WrongFleetError, match="another version of its file"):
         Fleet(changed, timeout_s=DEADLINE_S)
 
 
