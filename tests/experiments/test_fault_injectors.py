@@ -17,6 +17,7 @@ from types import SimpleNamespace
 import pytest
 from support.waiting import DEADLINE_S, wait_for
 
+from rcopterx.benchmarks.processes import cpu_s
 from rcopterx.bus.clock import Clock
 from rcopterx.experiments.faults.bench import Bench
 from rcopterx.experiments.faults.host_injectors import (
@@ -261,11 +262,15 @@ def test_processes_get_slow_spin_and_show_another_time_from_inside(
         wait_for(lambda: abs(ask(process)[1] + 3600.0 - time.time()) < 60.0, "the clock is right")
     with Slow("it", 0.05, 0.0).active(bench):
         wait_for(lambda: ask(process)[0] < 0.04, "it is slow for ever")
-    killer = threading.Timer(0.3, process.kill)
-    killer.start()
-    with Spinning("it").active(bench):
+
+    def killed(_: float) -> None:
+        used_s = cpu_s(process.pid)
+        wait_for(lambda: cpu_s(process.pid) > used_s, "it does not spin")
+        process.kill()
+        wait_for(lambda: supervisor.processes[-1] is not process, "it is not replaced")
+
+    with Spinning("it").active(replace(bench, wait=killed)):
         assert process.wait(DEADLINE_S) < 0
-    killer.join()
 
 
 def test_a_slow_process_takes_longer_for_every_turn(obedient: tuple[Bench, OneProcess]) -> None:
