@@ -26,11 +26,11 @@ FLEET = "lab"
 LOWEST_PORT, PORTS = 20_000, 12_000
 
 
-def free_port(address: str = "127.0.0.1") -> int:
-    """A TCP port that is free at this moment, below the ephemeral ports of Linux."""
+def free_port(address: str = "127.0.0.1", kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+    """A port that is free at this moment, below the ephemeral ports of Linux."""
     while True:
         port = LOWEST_PORT + secrets.randbelow(PORTS)
-        with socket.socket() as probe, suppress(OSError):
+        with socket.socket(type=kind) as probe, suppress(OSError):
             probe.bind((address, port))
             return port
 

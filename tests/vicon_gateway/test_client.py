@@ -61,9 +61,11 @@ def test_state_is_up_only_after_the_first_frame() -> None:
         assert bench.client.state.name == "up"
 
 
-def test_absent_tracker_is_tried_again_with_growing_pauses_and_said_so(listener: socket.socket) -> None:
-    port = listener.getsockname()[1]
-    listener.close()
+def test_absent_tracker_is_tried_again_with_growing_pauses_and_said_so() -> None:
+    # A bound socket that does not listen: no other program gets its number meanwhile.
+    absent = socket.socket()
+    absent.bind(("127.0.0.1", 0))
+    port = absent.getsockname()[1]
     now_s = 0.0
     client = DataStreamClient("127.0.0.1", port, clock=lambda: now_s)
     deadline_s = time.monotonic() + DEADLINE_S
@@ -77,6 +79,7 @@ def test_absent_tracker_is_tried_again_with_growing_pauses_and_said_so(listener:
         assert client.state.doing.startswith(f"trying 127.0.0.1:{port} again in")
         pauses.append(client.state.doing.split(" in ")[1].split(" s ")[0])
         now_s += 2.0
+    absent.close()
     assert pauses == ["0.1", "0.2", "0.4", "0.8", "1.6", "2.0", "2.0"]
     assert client.state.connects == 0
 
