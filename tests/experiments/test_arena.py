@@ -18,13 +18,14 @@ from rcopterx.experiments.arena import arena as arena_module
 from rcopterx.experiments.arena.arena import DEFAULT_SCHEMES, arena, digest, foreign_digests
 from rcopterx.experiments.arena.flying import Flown, arena_scheme, arena_schemes, fly_task
 from rcopterx.experiments.arena.page import ranked, write_arena
-from rcopterx.experiments.arena.tasks import TASKS, quick, wedge
+from rcopterx.experiments.arena.tasks import HEAD, TASKS, wedge
+from rcopterx.experiments.events import GoTo
 from rcopterx.experiments.rig import RigOptions
 from rcopterx.experiments.runner import Options
 from rcopterx.simulator.conditions import HELICOPTERS
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_scheme"
-SHORT = replace(quick(TASKS["three"]), duration_s=6.0)
+SHORT = replace(TASKS["three"], duration_s=4.0, events=(GoTo(2.2, HEAD, (1.2, 0.3, 1.4)),), errors_from_s=2.0)
 
 
 @cache
@@ -59,7 +60,7 @@ def test_same_seed_gives_the_same_figures() -> None:
 
 @pytest.mark.parametrize("name", ["cascade", "consensus"])
 def test_formation_survives_an_agent_that_is_killed_and_one_that_is_slow(name: str) -> None:
-    options = RigOptions(killed={"h2": (3.0, 4.0)}, slow={"h3": 3})
+    options = RigOptions(killed={"h2": (2.0, 3.0)}, slow={"h3": 3})
     figures = fly_task(arena_scheme(name), replace(SHORT, options=options), HELICOPTERS, seed=100)
     assert not figures.lost
     assert figures.messages_per_s < 0.8 * undisturbed(name).messages_per_s

@@ -11,17 +11,17 @@ from rcopterx.simulator.conditions import HELICOPTERS
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array
 
-ENDURANCE_S = 50.0
-FLIGHT_S = 38.0
-"""Three quarters of a battery that lasts a tenth of the usual time, as six minutes of a usual one."""
+ENDURANCE_S = 30.0
+FLIGHT_S = 23.0
+"""Three quarters of a battery that lasts half a minute, as some minutes of a usual one."""
 
 
 def late_hover(sag: float) -> tuple[Array, float]:
-    """Root mean squares of x, y, z [m] in the last 15 s, and the mean thrust stick in them."""
+    """Root mean squares of x, y, z [m] in the last 11 s, and the mean thrust stick in them."""
     conditions = replace(HELICOPTERS, battery_sag=sag, battery_endurance_s=ENDURANCE_S)
     rig = Rig([RigVehicle("h1", COAXIAL, Pose((0.0, 0.0, 1.0)), "cascade")], conditions, seed=4)
     flown = rig.fly(FLIGHT_S)["h1"]
-    late = flown.time_s >= FLIGHT_S - 15.0
+    late = flown.time_s >= FLIGHT_S - 11.0
     errors = (flown.motion[:, :3] - flown.reference[:, :3])[late]
     return np.sqrt(np.mean(errors**2, axis=0)), float(flown.inputs[late, 2].mean())
 

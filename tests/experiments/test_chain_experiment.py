@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from rcopterx.agents.formation.topology import ancestors, cycle
+from rcopterx.experiments import chain
 from rcopterx.experiments.chain import (
     SHAPES,
+    STEPS_M,
     Absolute,
     cases,
     draw_chain,
@@ -25,7 +27,8 @@ EACH_TIME = ("chain_heading", "several_leaders")
     "name",
     [name if name in EACH_TIME else pytest.param(name, marks=pytest.mark.campaign) for name in SHAPES],
 )
-def test_every_follower_stays_beside_its_leaders(name: str) -> None:
+def test_every_follower_stays_beside_its_leaders(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(chain, "STEPS_M", STEPS_M[:1])
     errors = fly_shape(SHAPES[name], True, LABORATORY, 0)
     assert errors.keys() == {vehicle for vehicle, own in SHAPES[name].items() if own}
     for vehicle, values in errors.items():

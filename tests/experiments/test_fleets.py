@@ -2,7 +2,7 @@
 
 import pytest
 
-from rcopterx.experiments import fleets
+from rcopterx.experiments import fleets, formation
 from rcopterx.experiments.fleets import Flown, figures, fly_fleet
 from rcopterx.experiments.formation import SLOTS
 from rcopterx.experiments.knowledge import LEVELS
@@ -12,6 +12,8 @@ from rcopterx.simulator.conditions import HELICOPTERS
 
 def test_fleet_of_drawn_helicopters_keeps_its_formation(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleets, "sequence", lambda _quick: SLOTS[:1])
+    for module in (fleets, formation):
+        monkeypatch.setattr(module, "SLOT_S", 4.0)
     flown = fly_fleet("default", quick=True, conditions=HELICOPTERS, seed=1)
     assert 0.0 < flown.rms_mm < 45.0
     assert flown.rms_mm < flown.max_mm < 220.0

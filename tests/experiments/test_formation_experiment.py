@@ -59,9 +59,12 @@ def test_sequence_fills_five_minutes_and_its_second_half_mirrors_the_first() -> 
 
 
 @pytest.mark.parametrize(("scheme", "conditions"), [(PAPER, IDEAL), (CASCADE, LABORATORY)])
-def test_formation_flies_the_sequence(scheme: object, conditions: object) -> None:
+def test_formation_flies_the_sequence(
+    scheme: object, conditions: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.experiments.formation.SLOT_S", 4.0)
     flight = fly_formation(scheme, SLOTS[:1], conditions, 2)  # type: ignore[arg-type]  # parametrized
-    assert flight.tracks.shape == (180, 3, 2, 4)
+    assert flight.tracks.shape == (120, 3, 2, 4)
     assert flight.tracks[-1, 0, 0, :3] == pytest.approx((0.3, 0.0, 1.4), abs=0.05)
     assert 0 < flight.errors_m.max() < 0.2
     assert len(flight.errors_m) == 2 * len(flight.gap_errors_m)
