@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.squared import squared
 from support.waiting import DEADLINE_S, is_running, wait_for
 from typer.testing import CliRunner
 
@@ -182,16 +183,12 @@ def test_interrupted_experiment_flies_only_what_its_file_lacks(
 
 def test_flights_on_several_cores_return_in_order() -> None:
     fractions: list[float] = []
-    flights = {str(number): partial(_square, number) for number in range(4)}
+    flights = {str(number): partial(squared, number) for number in range(4)}
     for processes in (1, 2):
         options = Options((0,), processes=processes)
         flown = fly_all(flights, options, lambda _, fraction: fractions.append(fraction))
         assert list(flown.items()) == [("0", 0), ("1", 1), ("2", 4), ("3", 9)]
         assert fractions[-1] == 1.0
-
-
-def _square(number: int, progress: object = None) -> int:
-    return number * number
 
 
 FLIES_LONG = """
