@@ -116,7 +116,9 @@ def check(step: ControlStep, model: Model = COAXIAL_LAG) -> None:
 
 @every_type
 @pytest.mark.parametrize("name", NAMES)
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=settings().max_examples // 2, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(st.data(), references, st.booleans())
 def test_command_is_finite_and_within_limits_whatever_state_and_reference(
     name: str, model: Model, data: st.DataObject, reference: Trajectory, fresh: bool
@@ -132,7 +134,7 @@ def test_command_is_finite_and_within_limits_whatever_state_and_reference(
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=settings().max_examples // 3)
 @given(
     arrays(float, 8, elements=anything),
     arrays(float, 4, elements=anything),
@@ -150,7 +152,7 @@ def test_command_is_finite_and_within_limits_whatever_the_estimator_says(
 
 @every_type
 @pytest.mark.parametrize("name", NAMES)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=settings().max_examples // 3)
 @given(unit, yaws, arrays(float, 4, elements=st.floats(-1, 1)))
 def test_a_state_far_outside_the_box_is_no_reason_to_give_up(
     name: str, model: Model, where: Array, heading: float, place: Array

@@ -76,7 +76,7 @@ def bears_its_uncertainty(model: Model) -> dict[str, bool]:
     return borne | {"horizontal": bears(tilted, model.uncertainty)}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=settings().max_examples // 2)
 @given(VEHICLES)
 def test_every_vehicle_within_reason_bears_the_uncertainty_of_its_model(model: Model) -> None:
     borne = bears_its_uncertainty(model)
@@ -145,7 +145,7 @@ def test_a_lightly_damped_vehicle_bears_its_uncertainty_by_a_weight_of_its_veloc
     assert all(bears_its_uncertainty(model).values())
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=settings().max_examples // 10)
 @given(between(0.02, 0.15), between(2.0, 13.0))
 def test_no_identified_helicopter_is_flown_softer_than_its_type(damping: float, flapping: float) -> None:
     softest = default_weights(COAXIAL, PERIOD_S).inputs[0] / COAXIAL.input_gain[0] ** 2
