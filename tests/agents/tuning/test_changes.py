@@ -19,13 +19,13 @@ ESTIMATORS = ("extended_kalman", "kalman", "finite_difference")
 @pytest.mark.parametrize(("before", "after"), list(permutations(CONTROLLERS, 2)))
 def test_another_controller_takes_over_without_a_bump(before: str, after: str) -> None:
     flight = HoveringFlight(before)
-    flight.fly(150)
+    flight.fly(75)
     outcome = flight.change(controller=after)
     assert isinstance(outcome, str)
     assert outcome.startswith(after)
     flight.fly(1)
     assert flight.bump() < BUMP
-    flight.fly(150)
+    flight.fly(100)
     assert flight.error_m() < 0.25
     assert flight.tuning.configuration.controller == after
 
@@ -33,18 +33,18 @@ def test_another_controller_takes_over_without_a_bump(before: str, after: str) -
 @pytest.mark.parametrize(("before", "after"), list(permutations(ESTIMATORS, 2)))
 def test_another_estimator_takes_over_without_a_bump(before: str, after: str) -> None:
     flight = HoveringFlight("cascade", before)
-    flight.fly(150)
+    flight.fly(75)
     assert isinstance(flight.change(estimator=after), str)
     flight.fly(1)
     assert flight.bump() < BUMP
-    flight.fly(150)
+    flight.fly(100)
     assert flight.error_m() < 0.25
 
 
 @pytest.mark.parametrize("horizon", [10, 80])
 def test_another_horizon_takes_over_without_a_bump(horizon: int) -> None:
     flight = HoveringFlight("cascade")
-    flight.fly(150)
+    flight.fly(75)
     assert isinstance(flight.change(controller_settings={"horizon": horizon}), str)
     flight.fly(1)
     assert flight.bump() < BUMP
@@ -55,7 +55,7 @@ def test_another_horizon_takes_over_without_a_bump(horizon: int) -> None:
 
 def test_another_model_takes_over_without_a_bump() -> None:
     flight = HoveringFlight("cascade")
-    flight.fly(150)
+    flight.fly(75)
     b_x, b_y, b_z, b_psi = flight.pilot.model.input_gain
     gains = (1.2 * b_x, 1.2 * b_y, 1.1 * b_z, b_psi)
     assert isinstance(flight.change(model={"input_gain": gains, "uncertainty": {"gain_factor": 1.3}}), str)
@@ -63,13 +63,13 @@ def test_another_model_takes_over_without_a_bump() -> None:
     assert flight.bump() < BUMP
     assert flight.pilot.model.input_gain == gains
     assert flight.pilot.model.uncertainty.gain_factor == 1.3
-    flight.fly(150)
+    flight.fly(100)
     assert flight.error_m() < 0.25
 
 
 def test_settings_change_the_controller_of_an_identified_model() -> None:
     flight = HoveringFlight("cascade")
-    flight.fly(50)
+    flight.fly(25)
     identified = {"delay_s": 0.07}
     assert isinstance(flight.change(model=identified), str)
     assert isinstance(flight.change(controller_settings={"horizon": 30}), str)
@@ -88,7 +88,7 @@ def test_settings_change_the_controller_of_an_identified_model() -> None:
 )
 def test_a_model_that_the_vehicle_cannot_have_is_refused(model: dict[str, object], reason: str) -> None:
     flight = HoveringFlight("cascade")
-    flight.fly(50)
+    flight.fly(25)
     outcome = flight.change(model=model)
     assert isinstance(outcome, ValueError)
     assert reason in str(outcome)
@@ -124,7 +124,7 @@ def test_what_is_not_allowed_is_refused_with_what_is_and_the_flight_goes_on(
     settings: dict[str, object], reason: str
 ) -> None:
     flight = HoveringFlight("cascade")
-    flight.fly(50)
+    flight.fly(25)
     controller = flight.pilot.controller
     outcome = flight.change(controller_settings=settings)
     assert isinstance(outcome, ValueError)
