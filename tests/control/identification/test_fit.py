@@ -100,11 +100,12 @@ def test_positions_alone_are_enough(flight: FlightRecording) -> None:
 
 
 def test_a_flight_without_excitation_is_refused() -> None:
-    found = identify(still_flight(COAXIAL), COAXIAL)
+    found = identify(still_flight(COAXIAL, 20.0), COAXIAL)
     assert any(problem.startswith("too little excitation: pitch gain") for problem in found.problems)
 
 
 def test_a_flight_with_sticks_of_another_vehicle_is_refused(flight: FlightRecording) -> None:
+    flight = flight.part(0.0, 0.7)
     swapped = replace(flight, inputs=flight.inputs[:, [1, 0, 2, 3]])
     assert identify(swapped, COAXIAL).problems
 
@@ -126,7 +127,12 @@ def test_a_tilt_without_bar_is_fitted_too() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rate_rad_s", "time_s", "servo_lag_s"), [(3.5, 0.025, 0.02), (4.3, 0.03, 0.05), (2.6, 0.02, 0.08)]
+    ("rate_rad_s", "time_s", "servo_lag_s"),
+    [
+        pytest.param(3.5, 0.025, 0.02, marks=pytest.mark.campaign),
+        pytest.param(4.3, 0.03, 0.05, marks=pytest.mark.campaign),
+        (2.6, 0.02, 0.08),
+    ],
 )
 def test_a_flight_controller_with_a_fast_rate_loop_is_identified(
     rate_rad_s: float, time_s: float, servo_lag_s: float
