@@ -13,7 +13,7 @@ from scipy.linalg import solve_discrete_are
 
 from rcopterx.control import plugins
 from rcopterx.control.plugins import CONTROLLERS, SCHEMES
-from rcopterx.experiments.arena.tasks import TASKS, Task
+from rcopterx.experiments.arena.tasks import TASKS, Task, wedge
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
@@ -33,7 +33,7 @@ ADDED = {
 
 
 def short(task: Task) -> Task:
-    return replace(task, duration_s=6.5)
+    return replace(task, duration_s=5.5)
 
 
 @pytest.fixture(autouse=True)
@@ -86,7 +86,10 @@ def test_a_sound_answer_gets_nine_tenths_of_the_points(
 
 
 def test_a_better_answer_gets_more_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    limit_mm = grade.AFTERNOONS["lqr"]["hover"]
+    starts_m, links = wedge(2)
+    pair = replace(TASKS["hover"], starts_m=starts_m, links=links, duration_s=3.5, errors_from_s=1.5)
+    monkeypatch.setattr(grade, "TASKS", {"hover": pair})
+    limit_mm = 20.0
     before = grade.mark("own_lqr", "hover", limit_mm, seed=100)
     monkeypatch.setattr(own_lqr, "gain", riccati)
     after = grade.mark("own_lqr", "hover", limit_mm, seed=100)
