@@ -21,7 +21,7 @@ def row(vehicles: int, missed: int, p99_ms: float = 5.0, left_out: int = 0) -> d
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("vehicles", [1, 2, 10, 11, 28, 40, 100])
+@pytest.mark.parametrize("vehicles", [1, 2, 10, 11, 28, 40, pytest.param(100, marks=pytest.mark.campaign)])
 def test_fleets_of_every_size_pass_the_checks_of_a_start(
     vehicles: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

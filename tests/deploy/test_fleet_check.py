@@ -132,7 +132,7 @@ def test_a_wrong_field_is_refused_by_its_path_before_anything_is_started(
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def forks() -> Iterator[ForkServer]:
     with closing(ForkServer(["rcopterx.deploy.roles.agent", "rcopterx.deploy.roles.simulator"])) as server:
         yield server

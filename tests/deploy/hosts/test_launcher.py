@@ -266,6 +266,7 @@ def test_a_launcher_watches_unless_that_is_switched_off(
     option: bool, table: str, watches: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    monkeypatch.setattr("rcopterx.deploy.hosts.launcher.check_in_process", lambda *_: None)
     launcher = Launcher(parse_fleet(on_free_ports(PAIR + table)), "main", watchdog=option)
     try:
         assert launcher.supervisor.watchdog_on is watches
