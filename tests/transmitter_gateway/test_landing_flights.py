@@ -13,7 +13,15 @@ from rcopterx.transmitter_gateway.limits import Fence
 
 CONDITIONS = {"first order": LABORATORY, "helicopter": HELICOPTER, "drawn helicopters": HELICOPTERS}
 KINDS = pytest.mark.parametrize("conditions", CONDITIONS.values(), ids=CONDITIONS)
-SEEDS = range(4)
+
+
+@pytest.fixture(
+    params=[range(2), pytest.param(range(2, 6), marks=pytest.mark.campaign)], ids=["each time", "campaign"]
+)
+def seeds(request: pytest.FixtureRequest) -> range:
+    """Of flights that differ in their weather, and drawn helicopters in everything."""
+    found: range = request.param
+    return found
 
 
 def assert_gentle(flown: Landing, offset_m: float = 0.3, touchdown_m_s: float = 0.6) -> None:
@@ -24,13 +32,13 @@ def assert_gentle(flown: Landing, offset_m: float = 0.3, touchdown_m_s: float = 
 
 
 @KINDS
-def test_vehicle_that_hovers_lands_where_it_was(conditions: Conditions) -> None:
-    for seed in SEEDS:
+def test_vehicle_that_hovers_lands_where_it_was(conditions: Conditions, seeds: range) -> None:
+    for seed in seeds:
         assert_gentle(landing(conditions, seed))
 
 
-def test_quadrotor_lands_where_it_was() -> None:
-    for seed in SEEDS:
+def test_quadrotor_lands_where_it_was(seeds: range) -> None:
+    for seed in seeds:
         assert_gentle(landing(LABORATORY, seed, Options(model=QUADROTOR)))
 
 
@@ -39,33 +47,35 @@ def test_quadrotor_lands_where_it_was() -> None:
     "push", [(0.4, 0.4, 0.0), (0.0, 0.0, 0.05), (0.0, 0.0, -0.04)], ids=["fast", "climbing", "sinking"]
 )
 def test_vehicle_that_moves_is_braked_and_lands(
-    conditions: Conditions, push: tuple[float, float, float]
+    conditions: Conditions, push: tuple[float, float, float], seeds: range
 ) -> None:
-    for seed in SEEDS:
+    for seed in seeds:
         assert_gentle(landing(conditions, seed, Options(push=push)))
 
 
 @KINDS
 @pytest.mark.parametrize("gain", [0.5, 1.5])
 def test_half_to_one_and_a_half_times_the_nominal_gain_lands_all_the_same(
-    conditions: Conditions, gain: float
+    conditions: Conditions, gain: float, seeds: range
 ) -> None:
     # Gusts tilt helicopters, and half the gain holds them half as well.
     offset_m = 0.4 if gain < 1.0 else 0.3
-    for seed in SEEDS:
+    for seed in seeds:
         assert_gentle(landing(conditions, seed, Options(gain=gain, height_m=1.2)), offset_m)
 
 
 @pytest.mark.parametrize("height_m", [0.3, 2.0])
-def test_height_does_not_matter(height_m: float) -> None:
-    for seed in SEEDS:
+def test_height_does_not_matter(height_m: float, seeds: range) -> None:
+    for seed in seeds:
         assert_gentle(landing(HELICOPTER, seed, Options(height_m=height_m)))
 
 
 @KINDS
 @pytest.mark.parametrize("gain", [1.0, 2.0])
-def test_twice_the_nominal_gain_swings_no_vehicle_up(conditions: Conditions, gain: float) -> None:
-    for seed in SEEDS:
+def test_twice_the_nominal_gain_swings_no_vehicle_up(
+    conditions: Conditions, gain: float, seeds: range
+) -> None:
+    for seed in seeds:
         flight = Flight(conditions, seed, Options(gain=gain))
         flight.fly(12.0)
         place = flight.plant.pose.position_m
@@ -93,10 +103,10 @@ def test_vehicle_that_is_seen_again_lands_gently() -> None:
 @KINDS
 @pytest.mark.parametrize("unseen_s", [1.2, 1.4])
 def test_vehicle_that_has_sunk_while_nobody_saw_it_is_believed_and_lands_gently(
-    conditions: Conditions, unseen_s: float
+    conditions: Conditions, unseen_s: float, seeds: range
 ) -> None:
     """A Vicon gateway that is restarted without a spare process is away for so long."""
-    for seed in SEEDS:
+    for seed in seeds:
         flown = landing(
             conditions, seed, Options(height_m=1.5, seen=lambda seconds: not 0.0 < seconds < unseen_s)
         )
@@ -108,9 +118,9 @@ def test_vehicle_that_has_sunk_while_nobody_saw_it_is_believed_and_lands_gently(
 @KINDS
 @pytest.mark.parametrize("thrust", [-0.2, 0.25], ids=["sinking", "climbing"])
 def test_vehicle_that_moved_while_the_computer_was_starved_is_believed_and_lands_gently(
-    conditions: Conditions, thrust: float
+    conditions: Conditions, thrust: float, seeds: range
 ) -> None:
-    for seed in SEEDS:
+    for seed in seeds:
         flight = Flight(conditions, seed, Options(height_m=1.5))
         flight.fly(3.0)
         flight.fly(0.2, (0.3, 0.3, thrust))
@@ -128,9 +138,9 @@ def test_occlusion_of_80_ms_is_flown_through() -> None:
 @KINDS
 @pytest.mark.parametrize("push", [(0.1, 0.0, 0.0), (-0.3, 0.0, 0.0)], ids=["forwards", "backwards"])
 def test_a_pitch_stick_that_acts_the_wrong_way_round_is_turned_round(
-    conditions: Conditions, push: tuple[float, float, float]
+    conditions: Conditions, push: tuple[float, float, float], seeds: range
 ) -> None:
-    for seed in SEEDS:
+    for seed in seeds:
         flown = landing(conditions, seed, Options(pitch_acts=-1.0, push=push))
         assert flown.reason == "landed"
         assert flown.farthest_m < 2.0
@@ -139,8 +149,10 @@ def test_a_pitch_stick_that_acts_the_wrong_way_round_is_turned_round(
 
 
 @KINDS
-def test_a_pitch_stick_without_effect_lets_a_vehicle_drift_and_land(conditions: Conditions) -> None:
-    for seed in SEEDS:
+def test_a_pitch_stick_without_effect_lets_a_vehicle_drift_and_land(
+    conditions: Conditions, seeds: range
+) -> None:
+    for seed in seeds:
         flown = landing(conditions, seed, Options(pitch_acts=0.0, push=(-0.3, 0.0, 0.0)))
         assert flown.reason == "landed"
         assert flown.farthest_m < 3.0
@@ -150,11 +162,11 @@ def test_a_pitch_stick_without_effect_lets_a_vehicle_drift_and_land(conditions: 
 @KINDS
 @pytest.mark.parametrize("pitch", [-0.3, -0.1, 0.1, 0.3])
 def test_a_vehicle_whose_pitch_is_stuck_is_down_before_it_is_cut(
-    conditions: Conditions, pitch: float
+    conditions: Conditions, pitch: float, seeds: range
 ) -> None:
     surveillance = replace(Options().limits.surveillance, fence=Fence((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0)))
     limits = replace(Options().limits, surveillance=surveillance)
-    for seed in SEEDS:
+    for seed in seeds:
         flown = landing(conditions, seed, Options(pitch_stuck_at=pitch, limits=limits))
         assert flown.reason == "landed"
         assert flown.touchdown_m_s < 0.6

@@ -42,9 +42,7 @@ def router_of(path: Path) -> Iterator[None]:
         child.end()
 
 
-def written(
-    tmp_path: Path, name: str = "lab", address: BusAddress | None = None, vehicles: int = 2
-) -> Path:
+def written(tmp_path: Path, name: str = "lab", address: BusAddress | None = None, vehicles: int = 2) -> Path:
     names = tuple(f"h{number}" for number in range(1, vehicles + 1))
     text = fleet_file_text(address or own_address(), names).replace('name = "lab"', f'name = "{name}"')
     path = tmp_path / f"{name}.toml"
