@@ -219,11 +219,11 @@ class LeaderChanges:
             self._regrouping.prepare(request.operation, links, request.set_point)
             return reply_of(None, f"{self._vehicle} is ready")
         refusal = self._follow_problem(following)
-        if refusal is None:
-            self._follow(request)
-        return reply_of(
-            refusal, self._in_words(following, self._plans.ancestors(link.leader for link in following))
-        )
+        if refusal is not None:
+            return reply_of(refusal)
+        self._follow(request)
+        line = self._plans.ancestors(link.leader for link in following)
+        return reply_of(None, self._in_words(following, line))
 
     def _grounded(self, following: Sequence[LeaderLink]) -> str | None:
         """Return which of the leaders is not in free flight; None for none."""
