@@ -15,6 +15,7 @@ from rcopterx.deploy.processes.process_log import set_up
 from rcopterx.deploy.roles.last_to_end import PR_SET_PDEATHSIG, outlive_launcher
 from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 
+_LOG = logging.getLogger(__name__)
 ROLES = ("router", "recorder", "simulator", "tracker", "transmitters", "agent")
 EXIT_USAGE = 2
 EXIT_UNREACHABLE = 3
@@ -58,7 +59,7 @@ def run_role(
 
 def log_start(role: str, unit: str) -> None:
     """Log that a role starts in this process."""
-    logging.info("%s %s: started, process %d", role, unit, os.getpid())
+    _LOG.info("%s %s: started, process %d", role, unit, os.getpid())
 
 
 def name_process(*words: str) -> None:
@@ -98,8 +99,8 @@ def run_reporting(run: Callable[[], None]) -> None:
     try:
         run()
     except FleetError as error:
-        logging.error(error)
+        _LOG.error(error)
         sys.exit(EXIT_USAGE)
     except (BusUnreachableError, OSError) as error:
-        logging.error(error)
+        _LOG.error(error)
         sys.exit(EXIT_UNREACHABLE)
