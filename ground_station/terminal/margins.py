@@ -2,18 +2,13 @@
 
 import math
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any, Final
 
-import numpy as np
-
 from rcopterx.agents.formation.topology import ancestors
 from rcopterx.agents.tuning.configuration import Configuration
-from rcopterx.control.controllers.cascade.controller import CascadeSettings
-from rcopterx.control.controllers.cascade.weights import default_weights
-from rcopterx.control.estimators.settings import ExtendedKalmanSettings
-from rcopterx.control.margins.axes import lag_loop, tilt_loop
+from rcopterx.control.margins.cascade import loops_of
 from rcopterx.control.margins.following import LinearVehicle, amplifications, linear_vehicle
 from rcopterx.control.margins.loop import (
     DELAY_LIMIT_S,
@@ -21,12 +16,10 @@ from rcopterx.control.margins.loop import (
     GAIN_LIMIT,
     PHASE_LIMIT_RAD,
     SENSITIVITY_LIMIT,
-    FeedbackLoop,
     Robustness,
     margins,
     robustness,
 )
-from rcopterx.control.plugins import parse_settings
 from rcopterx.deploy.roles.run import end_with_parent
 from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import snapshot_of
@@ -34,7 +27,6 @@ from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
 
 COLUMNS: Final = (
     "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "freq. up", "freq. down",
@@ -46,9 +38,6 @@ _NEARLY: Final = 0.999
 
 CONTROLLER: Final = "cascade"
 ESTIMATOR: Final = "extended_kalman"  # the pair whose loops are known
-HORIZONTAL: Final = "horizontal"  # both horizontal axes of a vehicle with a tilt model, which couples them
-HORIZONTAL_AXES: Final = {"x": U_PITCH, "y": U_ROLL}
-STEADY_AXES: Final = {"height": U_THRUST, "yaw": U_YAW}
 
 
 def configured(file: FleetFile, vehicle: str) -> Configuration:
@@ -78,7 +67,12 @@ def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
     }
     if table["unknown"] is None:
         try:
-            loops = _loops_of(model, file.vehicles[name].control.period_s, configuration)
+            loops = loops_of(
+                model,
+                file.vehicles[name].control.period_s,
+                configuration.controller_settings,
+                configuration.estimator_settings,
+            )
         except ValueError as error:
             raise FleetError(f"vehicles.{name}.control: {error}") from None
         table["axes"] = {
@@ -227,7 +221,9 @@ def _warnings(name: str, model: Model, period_s: float, configuration: Configura
     return [
         f"{name}: margins of {axis} below the rule: {', '.join(names)}; raise its input weight, "
         "or identify the vehicle"
-        for axis, loop in _loops_of(model, period_s, configuration).items()
+        for axis, loop in loops_of(
+            model, period_s, configuration.controller_settings, configuration.estimator_settings
+        ).items()
         if (names := robustness(loop, model.uncertainty).shortfalls)
     ]
 
@@ -238,29 +234,6 @@ def _unknown_loops(configuration: Configuration) -> str | None:
         return None
     flown = f"{configuration.controller} with {configuration.estimator}"
     return f"margins are known for {CONTROLLER} with {ESTIMATOR}, not for {flown}"
-
-
-def _loops_of(model: Model, period_s: float, configuration: Configuration) -> Mapping[str, FeedbackLoop]:
-    """Loops of a vehicle by axis: `horizontal`, or `x` and `y` without a tilt model, `height` and `yaw`.
-
-    For a configuration without `_unknown_loops`, and without integral action. Raises `SettingsError`.
-    """
-    cascade = parse_settings(CascadeSettings, configuration.controller_settings)
-    estimator = parse_settings(ExtendedKalmanSettings, configuration.estimator_settings)
-    states, efforts = default_weights(model, period_s)
-    states, efforts = cascade.state_weights or states, cascade.input_weights or efforts
-    compensate = cascade.disturbance_compensation
-
-    def single(axis: int) -> FeedbackLoop:
-        weights = states[axis], states[4 + axis], efforts[axis]
-        return lag_loop(model, period_s, axis, weights, estimator, compensate)
-
-    steady = {name: single(axis) for name, axis in STEADY_AXES.items()}
-    if model.tilt is None:
-        return {name: single(axis) for name, axis in HORIZONTAL_AXES.items()} | steady
-    demand = float((np.array(efforts[:2]) / model.b[:2] ** 2).mean())
-    weights = 0.5 * (states[0] + states[1]), 0.5 * (states[4] + states[5]), demand
-    return {HORIZONTAL: tilt_loop(model, period_s, weights, estimator, compensate)} | steady
 
 
 if __name__ == "__main__":
