@@ -151,9 +151,8 @@ def run_gateway(settings: GatewaySettings) -> None:
 def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios, caught: set[int]) -> Session:
     """Join the bus; the radios are served meanwhile, because a router may be late or missing."""
     radios.serve()
-    with ThreadPoolExecutor(1, "bus") as pool:
+    with ThreadPoolExecutor() as pool:
         opening = pool.submit(Session, settings.bus, wakeup.notify)
-        opening.add_done_callback(lambda _: wakeup.notify())
         while not opening.done():
             radios.wait(math.inf)
             radios.serve()

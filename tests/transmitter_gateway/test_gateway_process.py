@@ -1,8 +1,9 @@
 """A transmitter gateway as a program, from its start to its end, in virtual time."""
 
+import select
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -37,6 +38,16 @@ class VirtualClock(Clock):
         return self.time
 
 
+class OwnTurns:
+    """The turns of a process in lockstep, counted; each ends at once."""
+
+    count = 0
+
+    def wait(self, timeout_s: float, descriptors: Collection[int]) -> set[int]:
+        self.count += 1
+        return set(select.select(descriptors, [], [], timeout_s)[0])
+
+
 class Program(Laboratory):
     """Runs a gateway process; after a turn the script goes on if the condition that it yielded last holds."""
 
@@ -49,7 +60,12 @@ class Program(Laboratory):
         self.problem: Exception | None = None
         self.priorities: list[int] = []
         self.is_over = False
+        self.joined_before_radios = False
         self._condition: Condition = bool
+
+    def wakeup_for(self, clock: Clock) -> "Program":
+        assert clock is self.settings.bus.clock
+        return self
 
     def radios_for(self, *arguments: object) -> Radios:
         self.radios_of_gateway = Radios(*arguments)  # type: ignore[arg-type]  # as the process passes them
@@ -62,6 +78,7 @@ class Program(Laboratory):
         assert self.router_is_there.wait(DEADLINE_S)
         if self.problem is not None:
             raise self.problem
+        self.joined_before_radios = not hasattr(self, "radios_of_gateway")
         return self.bus
 
     def request_realtime(self, priority: int) -> bool:
@@ -119,7 +136,7 @@ class Program(Laboratory):
 def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Program]:
     program = Program(tmp_path)
     for name, value in {
-        "Wakeup": lambda _: program,
+        "Wakeup": program.wakeup_for,
         "Radios": program.radios_for,
         "Session": program.join,
         "own_heartbeat": lambda: Heartbeat(program.page),
@@ -156,9 +173,28 @@ def test_a_flight_ends_with_a_landing_when_the_process_shall_end(program: Progra
     assert ports_are_closed(program)
     assert program.phase is Phase.ENDING
     assert (program.is_over, program.bus.is_closed) == (True, True)
+    assert not program.joined_before_radios
     assert program.priorities == [PRIORITY]
     statuses = [message for _, message in program.bus.published if isinstance(message, TransmitterStatus)]
     assert all(status.realtime for status in statuses)
+
+
+def test_in_lockstep_the_process_joins_the_bus_before_its_radios_open_and_waits_in_turns(
+    program: Program, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def script() -> Iterator[Condition]:
+        yield from program.flight()
+        program.sinks = True
+        signal.raise_signal(signal.SIGTERM)
+
+    bus = program.settings.bus
+    program.settings = replace(program.settings, bus=replace(bus, clock=replace(bus.clock, lockstep=True)))
+    turns = OwnTurns()
+    monkeypatch.setattr(program.bus, "turns", turns, raising=False)
+    program.run_script(script())
+    assert program.states() == {State.CUT}
+    assert program.joined_before_radios
+    assert turns.count > 20
 
 
 def test_a_signal_kills_once_and_the_process_goes_on(program: Program) -> None:
