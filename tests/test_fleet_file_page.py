@@ -14,13 +14,19 @@ PAGE = Path(deploy.__file__).resolve().parents[1] / "docs" / "fleet_file.md"
 ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]*) \| ([^|]+) \| ([^|]+) \|$")
 
 
-def test_the_page_is_what_the_types_say_now() -> None:
+@pytest.fixture(scope="module")
+def made() -> str:
+    """The page as it is now."""
+    return reference()
+
+
+def test_the_page_is_what_the_types_say_now(made: str) -> None:
     command = "python -m rcopterx.fleet.reference > docs/fleet_file.md"
-    assert PAGE.read_text(encoding="utf-8") == reference(), f"run: {command}"
+    assert PAGE.read_text(encoding="utf-8") == made, f"run: {command}"
 
 
-def test_every_key_has_a_type_a_default_and_a_meaning() -> None:
-    rows = [line for line in reference().splitlines() if line.startswith("| `")]
+def test_every_key_has_a_type_a_default_and_a_meaning(made: str) -> None:
+    rows = [line for line in made.splitlines() if line.startswith("| `")]
     assert len(rows) > 150
     for row in rows:
         assert ROW.match(row), f"say below the field what it means: {row}"
@@ -41,8 +47,10 @@ def test_every_key_has_a_type_a_default_and_a_meaning() -> None:
         ("braking_m_s2", "| `braking_m_s2` | 3 times float | m/s² | `[2.0, 2.0, 2.0]` | Deceleration"),
     ],
 )
-def test_types_units_defaults_limits_and_meanings_come_from_the_source(key: str, cells: str) -> None:
-    found = [line for line in reference().splitlines() if line.startswith(f"| `{key}` |")]
+def test_types_units_defaults_limits_and_meanings_come_from_the_source(
+    key: str, cells: str, made: str
+) -> None:
+    found = [line for line in made.splitlines() if line.startswith(f"| `{key}` |")]
     assert any(line.startswith(cells) for line in found), found
 
 
@@ -52,8 +60,8 @@ def test_parameters_that_share_an_entry_of_a_docstring_share_its_meaning() -> No
     assert meanings["us0"] == meanings["us1"] == "Pulse widths [us] at thrust 0, `u_hover` and 1."
 
 
-def test_every_link_leads_to_a_page_and_the_example_is_a_valid_file() -> None:
-    for page in re.findall(r"\]\(([\w-]+\.md)", reference()):
+def test_every_link_leads_to_a_page_and_the_example_is_a_valid_file(made: str) -> None:
+    for page in re.findall(r"\]\(([\w-]+\.md)", made):
         assert (PAGE.parent / page).exists(), page
-    _, _, example = reference().partition("```toml\n")
+    _, _, example = made.partition("```toml\n")
     assert list(parse_fleet(example.partition("```")[0]).vehicles) == ["h1", "h2"]

@@ -165,6 +165,7 @@ def test_every_page_that_the_code_names_is_a_page_of_the_repository() -> None:
     missing = [
         f"{module.relative_to(ROOT)}: {name}"
         for module in modules
+        if ".md" in module.read_text(encoding="utf-8")
         for prose in prose_of(module)
         for name in PAGE_NAMED.findall(prose)
         if not any(page == name or page.endswith(f"/{name}") for page in pages)

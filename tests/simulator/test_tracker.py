@@ -50,7 +50,10 @@ class Peer:
 
     def __init__(self, server: TrackerServer) -> None:
         self.server = server
-        self.socket = socket.create_connection(server.address)
+        self.socket = socket.socket()
+        # Little fits into what the kernel keeps for a client that does not read.
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65_536)
+        self.socket.connect(server.address)
         self.socket.setblocking(False)
         self.reader = PacketReader()
         self.packets: list[list[WireObject]] = []
