@@ -43,7 +43,7 @@ def test_default_configuration_flies_a_drawn_crazyflie_through_the_programme() -
 
 
 def test_vehicle_that_oscillates_is_a_limit_cycle() -> None:
-    stiff = Scheme("stiff", "Stiff", "pid", {"proportional": (60.0, 60.0, 6.0, 12.0)})
+    stiff = Scheme("stiff", "Stiff", "pid", {"proportional": (60.0, 60.0, 6.0, 12.0)}, horizon=10)
     flown = fly_member(
         stiff, replace(QUICK_PROGRAMME, settled_s=1.0, hover_s=3.0, slot_s=1.0), HELICOPTERS, 1
     )

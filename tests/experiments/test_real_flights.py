@@ -3,6 +3,7 @@
 import json
 import os
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ DIRECTORY = Path(os.environ.get("RCOPTERX_NANOBENCH", "../shared/data/nanobench"
 STRONG = replace(CRAZYFLIE, input_gain=(3.2, 3.2, 13.0, 46.5))
 
 
+@cache
 def flight(seed: int) -> FlightRecording:
     one = simulated_flight(STRONG, 20.0, seed=seed)
     return replace(one, battery_v=np.full(len(one.yaw_rad), 3.7))

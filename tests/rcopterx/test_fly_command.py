@@ -100,7 +100,7 @@ def test_the_report_is_printed_as_json(up: str, table: object) -> None:
     assert json.loads(run("fly", "fine", "-f", up, "--json").stdout)["verdict"] == "passed"
 
 
-def test_all_manoeuvres_are_flown_whatever_fails_and_the_page_shows_all(
+def test_all_manoeuvres_are_flown_whatever_fails_and_the_page_shows_all_by_itself(
     up: str, vehicles: Vehicles, table: object, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
@@ -117,13 +117,11 @@ def test_all_manoeuvres_are_flown_whatever_fails_and_the_page_shows_all(
         assert words in text
     assert text.index("1 passed, 2 failed") < text.index("<svg"), "the summary comes first"
     assert text.count("<svg") == 3
+    assert_refers_to_nothing_outside(text)
 
 
-def test_a_page_refers_to_nothing_outside_and_its_pictures_are_well_formed(
-    up: str, table: object, tmp_path: Path
-) -> None:
-    run("fly", "--all", "-f", up, "--report", str(tmp_path))
-    text = (tmp_path / "index.html").read_text()
+def assert_refers_to_nothing_outside(text: str) -> None:
+    """A page is whole, and its pictures are well-formed."""
     assert not re.search(
         r"""(?:src|href)=["'](?!#)[^"']*["']""", re.sub(r"<svg.*?</svg>", "", text, flags=re.S)
     )

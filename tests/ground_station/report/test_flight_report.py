@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.pictures import draw_nothing
 from support.statuses import flying_status
 
 from rcopterx.bus import channels
@@ -36,13 +37,6 @@ def flight() -> LoggedFlight:
     return logged_flight("reference", [REFERENCE])
 
 
-@pytest.fixture
-def _without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Reports are written without the pictures, which take most of the time."""
-    for name in ("formation_svg", "flight_svg", "latency_svg"):
-        monkeypatch.setattr(f"rcopterx.ground_station.report.page.{name}", lambda *_: "")
-
-
 def record(channel: Channel, unit: str, message: Message, arrived_s: float) -> RawMessage:
     return RawMessage(unit, channel.topic, encode(message), arrived_s)
 
@@ -57,14 +51,14 @@ def test_a_report_is_whole_and_refers_to_nothing_outside_itself(flight: LoggedFl
     assert not re.findall(r"@import|url\((?!#)", page)
 
 
-@pytest.mark.usefixtures("_without_pictures")
-def test_a_report_tells_what_it_could_not_read(flight: LoggedFlight) -> None:
+def test_a_report_tells_what_it_could_not_read(flight: LoggedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
+    draw_nothing(monkeypatch)
     assert "left out" not in report_page(flight)
     assert "plan.type 7" in report_page(replace(flight, rejected={"plan.type": 7}))
 
 
-@pytest.mark.usefixtures("_without_pictures")
-def test_two_flights_stand_side_by_side(flight: LoggedFlight) -> None:
+def test_two_flights_stand_side_by_side(flight: LoggedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
+    draw_nothing(monkeypatch)
     page = comparison_page(flight, flight)
     assert page.count('<div class="beside">') == 1 + len(list(sections(flight)))
     assert page.count("<h1>reference</h1>") == 2
