@@ -181,12 +181,15 @@ def test_a_stopped_process_goes_on_after_its_time(start: Start) -> None:
 
 def test_a_stopped_process_that_is_replaced_is_waited_for_no_longer(start: Start) -> None:
     bench, supervisor = start(SLEEPS)
-    killer = threading.Timer(0.05, supervisor.processes[0].kill)
-    killer.start()
-    started_s = time.monotonic()
-    with Stopped("it", 300.0).active(bench):
-        assert time.monotonic() - started_s < 100.0
-    killer.join()
+    waits_s: list[float] = []
+
+    def killed(seconds: float) -> None:
+        waits_s.append(seconds)
+        supervisor.processes[0].kill()
+        wait_for(lambda: len(supervisor.processes) == 2, "it is not replaced")
+
+    with Stopped("it", 300.0).active(replace(bench, wait=killed)):
+        assert sum(waits_s) < 100.0
 
 
 def test_a_process_that_is_stopped_again_and_again_goes_on_afterwards(start: Start) -> None:

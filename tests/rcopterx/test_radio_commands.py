@@ -218,7 +218,7 @@ def check_dialogue(laboratory: Laboratory) -> None:
     assert (calibration.throttle.us0, calibration.throttle.us_hover) == (1150, 1210)
     assert calibration.throttle.u_hover == model_of(load_fleet(laboratory.path), "h2").hover_thrust
     assert max(laboratory.throttles()) < 1215
-    assert round(laboratory.frames[-1].pulses_us[0]) == 1100
+    wait_for(lambda: round(laboratory.frames[-1].pulses_us[0]) == 1100, "the throttle stays up")
 
 
 def test_guided_calibration_takes_its_answers_from_a_pipe(laboratory: Laboratory) -> None:
