@@ -1,9 +1,9 @@
 """Run everything that must pass: fleets of real processes, and the unit tests beside them.
 
 Fleets leave much of two cores unused. The unit tests run in what they leave, at the lowest priority, so that
-they delay no fleet. Lines of both are printed at once, failed tests again at the end; the exit code is 1 if
-either fails. A run that hangs prints its threads and fails; a run that leaves
-processes behind fails, too.
+they delay no fleet: two processes with every other file each, because two that share all files would both
+import and collect all. Lines are printed at once, failed tests again at the end; the exit code is 1 if a run
+fails. A run that hangs prints its threads and fails; a run that leaves processes behind fails, too.
 """
 
 import os
@@ -22,16 +22,14 @@ LIMIT_S = 1800.0
 """Several times the usual length: such a run hangs outside the time limit of a test."""
 LAST_LINES_S = 10.0
 """For the last output of a run."""
+FILES = sorted(TESTS.rglob("test_*.py"))
 # Importing all the others would take ten seconds, in which no fleet flies.
-FILES_WITH_FLEETS = sorted(
-    str(path) for path in TESTS.rglob("test_*.py") if "mark.integration" in path.read_text(encoding="utf-8")
-)
+FILES_WITH_FLEETS = [path for path in FILES if "mark.integration" in path.read_text(encoding="utf-8")]
+UNITS = ("nice", "-n", "19", *PYTEST, "--timeout", "600", "-m", "not integration and not campaign")
 RUNS = {
-    "fleets": (*PYTEST, *FILES_WITH_FLEETS, "-m", "integration and not campaign"),
-    "units": (
-        *("nice", "-n", "19", *PYTEST, "-n", "2", "--timeout", "600"),
-        *("-m", "not integration and not campaign"),
-    ),
+    "fleets": (*PYTEST, "-m", "integration and not campaign", *map(str, FILES_WITH_FLEETS)),
+    "unit 1": (*UNITS, *map(str, FILES[::2])),
+    "unit 2": (*UNITS, *map(str, FILES[1::2])),
 }
 
 
@@ -110,7 +108,7 @@ def _holds(process: Path, pipe: int) -> bool:
 
 
 def main() -> int:
-    """Run both and show their durations."""
+    """Run all and show their durations."""
     # A background job of a shell ignores Ctrl-C, and its children inherit that; some tests send it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Fleets would wait for unit tests that compile the kernels at the lowest priority.
