@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.hostile import KINDS, SOUND_S, FloodingScheme, HostileController
+from support.hostile import DEEDS, KINDS, SOUND_S, FloodingScheme, HostileController
 from support.vehicle_types import COAXIAL
 
 from rcopterx.agents.guards.time_limit import AlarmTimeLimit
@@ -15,8 +15,18 @@ PLACES_M = {"h1": (0.3, 0.0, 0.8), "h2": (-0.3, 0.45, 0.8), "h3": (-0.3, -0.45, 
 SOFT_M_S = 1.0
 NEAR_M = 0.3
 """Nearer vehicles are held by their transmitter gateways."""
-OF_FOLLOWERS = ("raising", "hanging", "saturating: at the leader", "flooding")
-"""What the controller of a follower does each time; a campaign flies the others."""
+EACH_TIME = {
+    "h1": (
+        *DEEDS,
+        "saturating: dives",
+        "saturating: ahead",
+        "saturating: all",
+        "oscillating: tilt",
+        "flooding",
+    ),
+    "h2": ("raising", "saturating: at the leader", "flooding"),
+}
+"""What the controllers of a leader and of a follower do each time; a campaign flies the others."""
 
 
 def trio(seed: int) -> Rig:
@@ -61,7 +71,7 @@ def fly(rig: Rig, name: str, kind: str, seconds: float) -> None:
         pytest.param(name, kind, marks=() if each_time else pytest.mark.campaign)
         for name in ("h1", "h2")
         for kind in (*KINDS, "flooding")
-        for each_time in [name == "h1" or kind in OF_FOLLOWERS]
+        for each_time in [kind in EACH_TIME[name]]
     ],
 )
 def test_no_vehicle_falls_whatever_a_controller_does(name: str, kind: str) -> None:

@@ -144,7 +144,7 @@ def in_the_room(motion: Array) -> Array:
     return np.column_stack((c * xd - s * yd, s * xd + c * yd))
 
 
-@pytest.mark.parametrize("heading", [0.0, 2.0])
+@pytest.mark.parametrize("heading", [pytest.param(0.0, marks=pytest.mark.campaign), 2.0])
 @pytest.mark.parametrize("frame", ["inertial", "heading"])
 def test_a_formation_of_four_headings_flies_as_one(frame: str, heading: float) -> None:
     """Whatever headings leader and followers have, they fly in the same direction of the room."""
