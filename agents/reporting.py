@@ -32,7 +32,6 @@ from rcopterx.bus.subscription import Received
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.vehicles.state import YAW, four, inertial_velocity, three
 
-_LOG = logging.getLogger(__name__)
 REFERENCE_BITS: Final = 14  # references are rounded to a sixteenth of a millimetre
 
 
@@ -167,7 +166,7 @@ class Reporter:
         diagnostics = diagnostics_of(self._settings, pilot, parts, self._realtime, now_s)
         remarks = set(diagnostics.remarks)
         for remark in remarks - self._logged_remarks:
-            _LOG.warning(remark)
+            logging.getLogger(__name__).warning(remark)
         self._logged_remarks = remarks
         self.last_status = status_message(pilot, parts.lost.following_mode, diagnostics)
         self._bus.publish(channels.AGENT_STATUS, vehicle, self.last_status)

@@ -27,8 +27,6 @@ from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
 from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
 from rcopterx.vicon_gateway.recording import RecordingFile
 
-_LOG = logging.getLogger(__name__)
-
 
 class SubjectMap:
     """Assigns poses to vehicles by exact subject names, and keeps account of all subjects."""
@@ -176,7 +174,7 @@ class TrackerGateway:
             if self.epochs.epoch:
                 if now_s >= self._standby_until_s:
                     self.standbys += 1
-                    _LOG.warning("another gateway publishes poses; this one stands by")
+                    logging.getLogger(__name__).warning("another gateway publishes poses; this one stands by")
                 self._standby_until_s = now_s + STANDBY_S
             self.epochs.leave_behind(epoch)
 

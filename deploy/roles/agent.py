@@ -20,8 +20,6 @@ from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import limits_of, model_of
 
-_LOG = logging.getLogger(__name__)
-
 
 def run(fleet: FleetFile, vehicle: str, host: str | None = None, *, take_over: bool = False) -> None:
     """Fly a vehicle."""
@@ -31,7 +29,7 @@ def run(fleet: FleetFile, vehicle: str, host: str | None = None, *, take_over: b
 def fly(settings: AgentSettings, pilot: Pilot, *, take_over: bool = False) -> None:
     """Fly a vehicle; exit with `EXIT_ELSEWHERE` if another agent flies it."""
     if run_agent(replace(settings, take_over=take_over), pilot):
-        _LOG.info("agent %s: another agent flies it", settings.vehicle)
+        logging.getLogger(__name__).info("agent %s: another agent flies it", settings.vehicle)
         sys.exit(EXIT_ELSEWHERE)
 
 

@@ -57,22 +57,17 @@ def fleet_margins(file: FleetFile, vehicles: Iterable[str]) -> dict[str, Any]:
 
 
 def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
-    model, configuration = model_of(file, name), configured(file, name)
+    model, used, period_s = model_of(file, name), configured(file, name), file.vehicles[name].control.period_s
     table: dict[str, Any] = {
-        "controller": configuration.controller,
-        "estimator": configuration.estimator,
+        "controller": used.controller,
+        "estimator": used.estimator,
         "rule": asdict(model.uncertainty),
-        "unknown": _unknown_loops(configuration),
+        "unknown": _unknown_loops(used),
         "axes": None,
     }
     if table["unknown"] is None:
         try:
-            loops = loops_of(
-                model,
-                file.vehicles[name].control.period_s,
-                configuration.controller_settings,
-                configuration.estimator_settings,
-            )
+            loops = loops_of(model, period_s, used.controller_settings, used.estimator_settings)
         except ValueError as error:
             raise FleetError(f"vehicles.{name}.control: {error}") from None
         table["axes"] = {
@@ -215,15 +210,13 @@ def flying_warnings(fleet: Fleet) -> list[str]:
     return lines
 
 
-def _warnings(name: str, model: Model, period_s: float, configuration: Configuration) -> list[str]:
-    if _unknown_loops(configuration) is not None:
+def _warnings(name: str, model: Model, period_s: float, used: Configuration) -> list[str]:
+    if _unknown_loops(used) is not None:
         return []
     return [
         f"{name}: margins of {axis} below the rule: {', '.join(names)}; raise its input weight, "
         "or identify the vehicle"
-        for axis, loop in loops_of(
-            model, period_s, configuration.controller_settings, configuration.estimator_settings
-        ).items()
+        for axis, loop in loops_of(model, period_s, used.controller_settings, used.estimator_settings).items()
         if (names := robustness(loop, model.uncertainty).shortfalls)
     ]
 
