@@ -107,6 +107,11 @@ def test_a_process_that_cannot_start_is_retried_with_growing_pauses(tmp_path: Pa
         assert host.turn(0.02 * pause_s) == [f"one: started again (restart {deaths})"]
 
 
+def test_pauses_between_restarts_double_up_to_the_longest() -> None:
+    pauses_s = [restart_pause_s(QUICK_RESTARTS + further) for further in range(6)]
+    assert pauses_s == pytest.approx([0.2, 0.4, 0.8, 1.6, 3.2, MAX_PAUSE_S])
+
+
 @pytest.mark.parametrize(("lived_s", "pauses"), [(STABLE_AFTER_S, False), (STABLE_AFTER_S - 0.1, True)])
 def test_a_process_that_lived_long_enough_is_restarted_at_once_again(
     tmp_path: Path, lived_s: float, pauses: bool
