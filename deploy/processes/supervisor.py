@@ -217,30 +217,27 @@ class Supervisor:
         return lines
 
     def _start_and_stop(self) -> list[str]:
-        """Start children that have become wanted, and end unwanted ones in stopping order."""
+        """End unwanted children in stopping order, and start those that have become wanted."""
         lines = []
         leaving = [
-            child.spec.stop_order
-            for child in self.children.values()
-            if not child.wanted and child.process is not None
+            child for child in self.children.values() if not child.wanted and child.process is not None
         ]
-        first = min(leaving, default=0)
+        for child in leaving:
+            if child.spec.stop_order == min(each.spec.stop_order for each in leaving):
+                self._terminate(child)
         for name, child in self.children.items():
-            if child.wanted and child.process is None and not child.restart_at_s:
+            if not child.wanted:
+                child.restart_at_s = 0.0
+            elif child.process is None and not child.restart_at_s:
                 child.quick_deaths = 0
                 lines += self.start(name)
                 if child.process is not None:
                     lines.append(f"{name}: started")
-            elif not child.wanted:
-                child.restart_at_s = 0.0
-                if child.spec.stop_order == first:
-                    self._terminate(child)
         return lines
 
     def _terminate(self, child: Child) -> None:
         """Send SIGTERM to a process; kill it if it has not ended in time."""
-        if child.process is None:
-            return
+        assert child.process is not None
         if child.leaving_since_s is None:
             child.leaving_since_s = self._clock()
             child.process.terminate()

@@ -159,6 +159,18 @@ def test_a_turn_waits_for_a_death_until_the_next_restart_is_due(
     assert host.supervisor.turns == len(waits)
 
 
+def test_processes_that_become_wanted_together_are_all_reported(tmp_path: Path) -> None:
+    host = SupervisedHost(tmp_path, spec("one"), spec("two"))
+    children = host.supervisor.children.values()
+    for child in children:
+        child.wanted = False
+    host.start()
+    assert host.supervisor.running() == []
+    for child in children:
+        child.wanted = True
+    assert host.turn() == ["one: started", "two: started"]
+
+
 def test_processes_are_stopped_group_by_group(tmp_path: Path) -> None:
     orders = {"router": 4, "tracker": 2, "agent_a": 0, "gateway": 1, "agent_b": 0}
     host = SupervisedHost(tmp_path, *(spec(name, stop_order=order) for name, order in orders.items()))
