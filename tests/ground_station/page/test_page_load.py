@@ -12,7 +12,7 @@ import pytest
 from support.bus import free_port
 from support.scripted import fleet_file_text
 from support.traffic import Traffic, flown
-from support.waiting import wait_for
+from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.benchmarks.processes import cpu_s
 from rcopterx.bus import channels
@@ -69,16 +69,16 @@ def test_the_page_of_twelve_vehicles_takes_little_of_a_processor(
                     received[0] += len(message)
 
             threading.Thread(target=read, daemon=True).start()
-            wait_for(lambda: received[0] > 0, "the page says nothing", 30.0)
+            wait_for(lambda: received[0] > 0, "the page says nothing")
             sent = traffic.sent
-            wait_for(lambda: traffic.sent > sent + 100, "no traffic", 60.0)
+            wait_for(lambda: traffic.sent > sent + 100, "no traffic")
             began_s, used_s, sent, before = time.monotonic(), cpu_s(page.pid), traffic.sent, received[0]
             wait_for(lambda: traffic.sent > sent + MEASURED_PERIODS, "traffic too slow", 120.0)
             lasted_s = time.monotonic() - began_s
             share = (cpu_s(page.pid) - used_s) / lasted_s
     finally:
         page.terminate()
-        page.wait(10)
+        page.wait(DEADLINE_S)
     rate = (traffic.sent - sent) / lasted_s
     told = (received[0] - before) / lasted_s
     print(f"page: {share:.1%} of a core at {rate:.1f} periods a second, {told / 1e3:.0f} kB/s to a browser")
