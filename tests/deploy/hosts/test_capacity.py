@@ -194,7 +194,7 @@ def test_a_measurement_is_given_up_for_a_flight_and_begun_again_after_it(
     assert measurement.step(ready=True) is None
     assert measuring() == 1
     assert measurement.step(ready=False) is None
-    assert measuring() == 0
+    wait_for(lambda: measuring() == 0, "the measuring process stays")
     assert not measurement.done
     assert isinstance(result_of(measurement), tuple)
     assert measurement.done
@@ -208,4 +208,4 @@ def test_a_measurement_that_is_closed_has_no_result_and_leaves_nothing(
     assert measurement.step(ready=True) is None
     measurement.close()
     assert measurement.step(ready=True) is None
-    assert measuring() == 0
+    wait_for(lambda: measuring() == 0, "the measuring process stays")
