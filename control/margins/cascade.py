@@ -19,8 +19,7 @@ def loops_of(
 ) -> dict[str, FeedbackLoop]:
     """Return the loops with settings of both, by axis, without integral action; raise `SettingsError`.
 
-    `horizontal` are both horizontal axes of a tilt model, which couples them; without one they are `x` and
-    `y`. The others are `height` and `yaw`.
+    `horizontal` for both axes of a tilt model, which couples them, else `x` and `y`; `height` and `yaw`.
     """
     cascade = parse_settings(CascadeSettings, controller)
     kalman = parse_settings(ExtendedKalmanSettings, estimator)
