@@ -232,12 +232,17 @@ def fill(port: SerialPort, now_s: float) -> WriteOutcome:
 
 
 def test_slow_reader_gets_no_fragment_extended_and_the_port_is_given_up(
-    device: Device, port: SerialPort
+    port: SerialPort, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def refuse(descriptor: int, data: bytes) -> int:
+        raise BlockingIOError(errno.EAGAIN, "full")
+
     outcome = fill(port, 0.0)
     assert outcome in (WriteOutcome.SHORT, WriteOutcome.BACKLOG)
     if outcome is WriteOutcome.SHORT:
         assert port.write_frame(FRAME, 0.0019) is WriteOutcome.SILENT
+    # The kernel moves what it has taken in a thread of its own, and would then take a little more.
+    monkeypatch.setattr(os, "write", refuse)
     now_s = 0.01
     while port.is_open and now_s < 1.0:
         port.write_frame(FRAME, now_s)
