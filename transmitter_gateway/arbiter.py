@@ -359,7 +359,9 @@ class Arbiter:
         shaping, motion = self._shaping, self._motion
         shaping.learn_hover(elapsed_s, self._climb_m_s, located=self._located)
         if acting is not None:
-            shaping.play(played_input(acting.command, self._bridging_step), now_s)
+            low_s = math.inf if acting.low_since_s is None else acting.low_since_s + self.limits.arm_low_s
+            height_m = None if motion is None or now_s >= low_s else motion.position_m[2] - self._floor_m
+            shaping.play(played_input(acting.command, self._bridging_step), now_s, height_m)
         elif self.state is State.HOLD:
             shaping.hold(motion, elapsed_s)
         elif self.state is State.LAND and motion is not None:

@@ -2,9 +2,10 @@
 
 Horizontally, position and velocity feedback at 1.3 rad/s on the nominal acceleration of the sticks.
 Vertically, proportional-integral feedback of the climb rate around the hover thrust. Yaw is held by
-proportional feedback. The law is stable with half to one and a half times the nominal gains and 60 ms from
-pose to air, on a first-order vehicle and on a helicopter whose tilt swings at 10 to 17 rad/s. The measured
-tilt is not fed back: through that delay it would amplify the swinging.
+proportional feedback. A vehicle that falls is braked with up to all its thrust. The law is stable with half
+to one and a half times the nominal gains and 60 ms from pose to air, on a first-order vehicle and on a
+helicopter whose tilt swings at 10 to 17 rad/s. The measured tilt is not fed back: through that delay it would
+amplify the swinging.
 
 A vehicle that becomes faster under this law does not obey its sticks. A stick that demonstrably acts the
 wrong way round is reversed, and the vehicle brakes. Otherwise the swash plate is left level, which
@@ -28,12 +29,13 @@ CLIMB_GAIN_PER_S = 2.0
 CLIMB_INTEGRAL_PER_S2 = 1.0
 LARGEST_INTEGRAL_M_S2 = 2.5
 THROWN_M_S = 0.2  # a vehicle that climbs faster than this above the set point bounced; more is not integrated
+FALL_M_S = 1.0  # a vehicle that sinks so much faster than the set point falls...
+FALL_GAIN_PER_S = 6.0  # ...and is braked with all its thrust
 CLIMB_CHANGE_M_S2 = 0.5  # rate at which the climb rate set point changes; a step would overshoot
 CUSHION_M = 0.05  # so near the floor the ground carries part of the weight: who sinks slowly there, floats
-FASTER_M_S = 0.2  # a vehicle that has gained so much speed since it was slowest under the law is not braked
-FASTER_S = 0.1  # ...if it lasts so long; a pose that jumps is no speed
-ASTRAY_M_S = 0.4  # a vehicle that has gained so much speed does not obey its sticks
-ASTRAY_S = 0.2  # ...if it lasts so long
+GAINED_M_S = 0.4  # a vehicle that has gained so much speed since it was slowest under the law...
+FASTER_S = 0.1  # ...is not waited for, if it lasts so long; a pose that jumps is no speed...
+ASTRAY_S = 0.2  # ...and does not obey its sticks, if it lasts so long
 RESPONSE_S = 0.15  # from a stick to the measured velocity: pose to air, tilt, filter
 REMEMBERED_S = 1.0
 REVERSED = -0.3  # a stick whose effect is less than this share of the nominal one acts the wrong way round
@@ -51,6 +53,8 @@ class Motion(Struct, frozen=True):
     position_m: Position
     velocity_m_s: Position
     yaw_rad: float
+    clear_place_m: Position | None = None
+    """Place to go to, clear of the vehicles that are too close; None if there are none."""
 
 
 class LandingLaw:
@@ -63,7 +67,7 @@ class LandingLaw:
         self._climb_m_s = 0.0
         self._climb_integral_m_s2 = 0.0
         self._slowest_m_s = math.inf
-        self._faster_s = self._astray_s = 0.0
+        self._astray_s = 0.0
         self._faster = False
         self._effects = (StickEffect(), StickEffect())
 
@@ -71,7 +75,7 @@ class LandingLaw:
         """Forget the place, but not the effect of the sticks; the next step begins where the vehicle is."""
         self._place = None
         self._slowest_m_s = math.inf
-        self._faster_s = self._astray_s = 0.0
+        self._astray_s = 0.0
         for effect in self._effects:
             effect.pause()
         self._climb_m_s = 0.0
@@ -97,6 +101,9 @@ class LandingLaw:
         """Pitch, roll, thrust and yaw that hold the place at a climb rate, negative to descend."""
         if self._place is None:
             self._place, self._yaw_rad = motion.position_m, motion.yaw_rad
+        if motion.clear_place_m is not None:
+            # The speed that it gains on the way is no disobedience.
+            self._place, self._slowest_m_s = motion.clear_place_m, math.inf
         self._watch(motion, elapsed_s)
         limits, gain = self._limits, self._limits.input_gain
         cyclic = self._cyclic(motion, self._place)
@@ -107,11 +114,12 @@ class LandingLaw:
         integral = self._climb_integral_m_s2
         integral += CLIMB_INTEGRAL_PER_S2 * max(climb_error, -THROWN_M_S) * step_s
         self._climb_integral_m_s2 = integral = _limited(integral, LARGEST_INTEGRAL_M_S2)
-        lift = (CLIMB_GAIN_PER_S * climb_error + integral) / gain[2]
+        lift = _limited((CLIMB_GAIN_PER_S * climb_error + integral) / gain[2], limits.thrust)
+        lift += FALL_GAIN_PER_S * max(climb_error - FALL_M_S, 0.0) / gain[2]
         turned_rad = math.remainder(motion.yaw_rad - self._yaw_rad, math.tau)
         return (
             *cyclic,
-            hover_thrust + _limited(lift, limits.thrust),
+            hover_thrust + lift,
             _limited(-YAW_GAIN_PER_S * turned_rad / limits.yaw_rate_gain_rad_s, limits.yaw),
         )
 
@@ -120,9 +128,8 @@ class LandingLaw:
         speed_m_s = math.hypot(motion.velocity_m_s[0], motion.velocity_m_s[1])
         self._slowest_m_s = min(self._slowest_m_s, speed_m_s)
         gained_m_s = speed_m_s - self._slowest_m_s
-        self._faster_s = self._faster_s + elapsed_s if gained_m_s > FASTER_M_S else 0.0
-        self._faster = self._faster or self._faster_s > FASTER_S
-        self._astray_s = self._astray_s + elapsed_s if gained_m_s > ASTRAY_M_S else 0.0
+        self._astray_s = self._astray_s + elapsed_s if gained_m_s > GAINED_M_S else 0.0
+        self._faster = self._faster or self._astray_s > FASTER_S
         speeds_m_s = _along_heading(*motion.velocity_m_s[:2], motion.yaw_rad)
         for effect, along_m_s in zip(self._effects, speeds_m_s, strict=True):
             effect.note(along_m_s, elapsed_s)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 
+from rcopterx.transmitter_gateway.held_frames import least_thrust_share
 from rcopterx.transmitter_gateway.hover import HoverThrust
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, THRUST, Input
 from rcopterx.transmitter_gateway.landing import LandingLaw, Motion, climb_rate_m_s
@@ -55,10 +56,15 @@ class Shaping:
         self.u = u
         self._hover.begin(hover_thrust, u[THRUST])
 
-    def play(self, target: Input, now_s: float) -> None:
-        """Apply a command within slew rates over the time since the last move, which steps do not use up."""
+    def play(self, target: Input, now_s: float, height_m: float | None) -> None:
+        """Apply a command within slew rates over the time since the last move, which steps do not use up.
+
+        A vehicle at a height above the floor, not None, keeps the thrust that it survives if it is repeated.
+        """
         self._law.renew()
         self._braked = 0.0
+        if height_m is not None:
+            target = self._survivable(target, height_m)
         limited: list[float] = []
         axes = zip(target, self.u, self._slew_per_s, self._moved_s, strict=True)
         for axis, (wanted, last, rate, moved_s) in enumerate(axes):
@@ -71,6 +77,14 @@ class Shaping:
         self.u = (limited[0], limited[1], limited[2], limited[3])
         if self.u != target:
             self._counters["steps slew limited"] += 1
+
+    def _survivable(self, target: Input, height_m: float) -> Input:
+        """Limit the thrust downwards; see `least_thrust_share`."""
+        pitch, roll, thrust, yaw = target
+        least = self._hover.value * least_thrust_share(height_m, self._hover.climb_m_s)
+        if thrust < least:
+            self._counters["thrusts limited downwards"] += 1
+        return (pitch, roll, max(thrust, least), yaw)
 
     def learn_hover(self, elapsed_s: float, climb_m_s: float | None, *, located: bool) -> None:
         """Use the climb rate after `elapsed_s` of the present inputs, None if not seen in the air.

@@ -21,6 +21,8 @@ FORGET_AFTER_S = 1.0
 MOST_OTHERS = 63
 STANDING_M = 0.2  # markers of a vehicle that stands on the floor are not higher
 LIFTED_M = 0.03  # above where it stood, a vehicle flies
+SMALLEST_DISTANCE_M = 1e-3
+CLEAR_M = 0.2  # beyond the smallest distance, vehicles that came too close have moved apart
 
 
 class Judgement(Struct, frozen=True):
@@ -212,7 +214,8 @@ class Surveillance:
             return None
         if self._mistaken is not None or now_s >= track.captured_s + longest_age_s:
             return None
-        return Motion(track.position_m, track.velocity_m_s, track.yaw_rad)
+        clear = self._clear_place(track.position_m)
+        return Motion(track.position_m, track.velocity_m_s, track.yaw_rad, clear)
 
     def judge(self, now_s: float, thrust_time_s: float) -> Judgement:
         """Judge the newest poses at `now_s`; `thrust_time_s` is the time with thrust since arming [s]."""
@@ -223,7 +226,8 @@ class Surveillance:
             if self._limits.fence is not None:
                 fence_hold, fence_descend = judge_fence(self._limits.fence, own.position_m, own.velocity_m_s)
                 hold, descend = hold or fence_hold, descend or fence_descend
-            hold = hold or self._too_close(own.position_m, now_s)
+            too_close = self._too_close(own.position_m, now_s)
+            hold = hold or too_close
         limit = self._limits.maximum_thrust_s
         if limit is not None and thrust_time_s >= limit:
             descend = descend or f"thrust for {limit:g} s, the longest allowed"
@@ -252,6 +256,21 @@ class Surveillance:
                 close.append(name)
         self._close = close
         return f"{close[0]} closer than {minimum:g} m" if close else None
+
+    def _clear_place(self, position: Position) -> Position | None:
+        """Place at this height that is clear of the vehicles that are too close; None if there are none."""
+        minimum = self._limits.minimum_distance_m
+        if minimum is None or not self._close:
+            return None
+        x, y, z = position
+        clear_x, clear_y = x, y
+        for name in self._close:
+            if (other := self._others[name].position_m) is not None:
+                away_x, away_y = x - other[0], y - other[1]
+                distance = max(math.hypot(away_x, away_y), SMALLEST_DISTANCE_M)
+                share = (minimum + CLEAR_M) / distance - 1.0
+                clear_x, clear_y = clear_x + share * away_x, clear_y + share * away_y
+        return (clear_x, clear_y, z)
 
     def next_event_s(self) -> list[float]:
         """Times at which the judgement may change without a new pose [s]."""

@@ -33,6 +33,9 @@ class Landing:
     farthest_m: float
     """Largest horizontal distance from the place."""
     touchdown_m_s: float
+    """Speed of the last touchdown."""
+    hardest_m_s: float
+    """Speed of the hardest touchdown: the first one, if the vehicle hops."""
     seconds: float
     states: tuple[State, ...]
     """In the order they were entered."""
@@ -61,6 +64,8 @@ class Options:
     seen: Callable[[float], bool] = lambda seconds: True
     """Whether the Tracker sees the vehicle, by the time since the commands ended."""
     yaw_rad: float = 1.0
+    other_m: Position | None = None
+    """Where another vehicle hovers from the moment the commands end."""
 
 
 def landing_limits(model: Model) -> LandingLimits:
@@ -136,13 +141,15 @@ class Flight:
         place = self.plant.pose.position_m
         self.pitch_acts = self.options.pitch_acts
         states: list[State] = []
-        farthest_m, sticks, seconds = 0.0, [], 0.0
+        farthest_m, hardest_m_s, sticks, seconds = 0.0, 0.0, [], 0.0
         while seconds < LIMIT_S and self.bench.state in FLYING:
             self.laboratory.advance(PERIOD_S)
             seconds += PERIOD_S
             self.measure()
             if not self.options.seen(seconds):
                 self.bench.position = None
+            if self.options.other_m is not None:
+                self.bench.pose("h2", self.options.other_m)
             self.bench.run(PERIOD_S, None)
             output = self.bench.outputs[-1]
             if not states or states[-1] is not output.state:
@@ -150,6 +157,7 @@ class Flight:
             self.act(output.u)
             sticks.append(output.u[0] ** 2 + output.u[1] ** 2)
             farthest_m = max(farthest_m, math.dist(place[:2], self.plant.pose.position_m[:2]))
+            hardest_m_s = max(hardest_m_s, self.plant.touchdown_speed_m_s or 0.0)
         self.laboratory.plants["h1"].stop_motors()
         while not self.plant.on_floor:
             self.laboratory.advance(PERIOD_S)
@@ -158,7 +166,15 @@ class Flight:
         stick = math.sqrt(sum(sticks) / len(sticks) / 2)
         landed = self.plant.pose.position_m
         return Landing(
-            place, landed, farthest_m, touchdown_m_s, seconds, tuple(states), self.bench.reason, stick
+            place,
+            landed,
+            farthest_m,
+            touchdown_m_s,
+            max(hardest_m_s, touchdown_m_s),
+            seconds,
+            tuple(states),
+            self.bench.reason,
+            stick,
         )
 
 

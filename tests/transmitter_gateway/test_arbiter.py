@@ -184,6 +184,18 @@ def test_neighbour_that_leaves_gives_control_back() -> None:
     assert bench.run(0.04).state is State.ARMED
 
 
+def test_a_thrust_too_low_to_be_repeated_is_raised_unless_it_is_commanded_for_half_a_second() -> None:
+    bench = Bench()
+    bench.yaw_rad = 0.0
+    bench.fly()
+    bench.run(0.4, IDLE)
+    limited = bench.outputs[-1].u[2]
+    assert 0.2 < limited < 0.55
+    assert bench.arbiter.counters["thrusts limited downwards"] > 0
+    bench.run(0.3, IDLE)
+    assert bench.outputs[-1].u[2] == 0.0
+
+
 def test_thrust_time_counts_flying_only_and_ends_in_a_descent() -> None:
     bench = Bench(ArbiterLimits(surveillance=SurveillanceLimits(maximum_thrust_s=2.0)))
     bench.arm()

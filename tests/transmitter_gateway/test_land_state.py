@@ -56,6 +56,19 @@ def test_hold_of_a_vehicle_at_rest_neither_climbs_nor_sinks() -> None:
     assert bench.outputs[-1].u == pytest.approx((0.0, 0.0, U_HOVER, 0.0), abs=0.006)
 
 
+def test_vehicle_moves_away_from_others_that_are_too_close_and_nowhere_between_them() -> None:
+    bench = Bench()
+    bench.yaw_rad = 0.0
+    bench.fly()
+    bench.pose("h2", (0.2, 0.0, 1.0))
+    bench.run(0.1)
+    assert bench.state is State.HOLD
+    assert bench.outputs[-1].u[0] < -0.1
+    bench.pose("h3", (-0.2, 0.0, 1.0))
+    bench.run(0.1)
+    assert bench.outputs[-1].u[0] == pytest.approx(0.0, abs=0.01)
+
+
 def test_vehicle_without_a_heading_comes_down_open_loop() -> None:
     bench = Bench().fly()
     silent(bench, 0.3)

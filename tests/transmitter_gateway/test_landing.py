@@ -12,6 +12,7 @@ from rcopterx.transmitter_gateway.landing import (
     CLIMB_GAIN_PER_S,
     CLIMB_INTEGRAL_PER_S2,
     CUSHION_M,
+    FALL_M_S,
     HURRIED_CHANGE_M_S2,
     HURRY,
     LARGEST_ERROR_M,
@@ -57,6 +58,15 @@ def test_first_step_takes_the_place_and_the_heading_of_the_moment() -> None:
     assert law.step(at((3.1, -2.0, 1.0), yaw_rad=2.0), 0.0, HOVER, STEP_S)[0] != 0.0
     law.release()
     assert law.step(at((5.0, 1.0, 1.0), yaw_rad=-1.0), 0.0, HOVER, STEP_S) == (0.0, 0.0, HOVER, 0.0)
+
+
+def test_a_place_that_is_clear_of_others_replaces_the_place_of_the_first_step() -> None:
+    law = held(yaw_rad=0.5)
+    moved = Motion(ORIGIN, REST, 0.5, clear_place_m=(0.1, 0.0, 1.0))
+    away = law.step(moved, 0.0, HOVER, STEP_S)
+    assert away[0] > 0.0
+    assert away[3] == 0.0
+    assert law.step(at(yaw_rad=0.5), 0.0, HOVER, STEP_S) == away
 
 
 def test_sticks_point_back_to_the_place_along_the_heading_and_to_its_left() -> None:
@@ -207,10 +217,10 @@ def speeds(law: LandingLaw, *speeds_m_s: float) -> bool:
 
 def test_vehicle_that_has_become_faster_for_a_tenth_of_a_second_is_not_waited_for() -> None:
     law = held()
-    assert speeds(law, *10 * [0.19])
-    assert speeds(law, *5 * [0.21])
-    assert speeds(law, 0.1, *5 * [0.3])
-    assert not speeds(law, 0.3)
+    assert speeds(law, *10 * [0.39])
+    assert speeds(law, *5 * [0.41])
+    assert speeds(law, 0.1, *5 * [0.5])
+    assert not speeds(law, 0.5)
     assert law.obeyed
     assert not speeds(law, 0.0)
     law.release()
@@ -222,8 +232,8 @@ def test_vehicle_that_has_become_faster_for_a_tenth_of_a_second_is_not_waited_fo
 def test_climb_rate_of_a_vehicle_that_has_become_faster_changes_faster() -> None:
     braked, faster = held(), held()
     for _ in range(10):
-        step_at_speed(braked, 0.19)
-        step_at_speed(faster, 0.21)
+        step_at_speed(braked, 0.39)
+        step_at_speed(faster, 0.41)
     assert (braked.brakes, faster.brakes) == (True, False)
     thrusts = [law.step(at(), -0.8, HOVER, STEP_S)[2] for law in (braked, faster)]
     assert thrusts[1] - HOVER == pytest.approx(3.0 * (thrusts[0] - HOVER))
@@ -315,11 +325,19 @@ def test_inputs_stay_within_the_limits_whatever_happens(
     steps: list[tuple[Position, Position, float, float, float]],
 ) -> None:
     law = LandingLaw(LIMITS)
+    fastest_m_s = 0.0
     for position, velocity, yaw_rad, climb_m_s, elapsed_s in steps:
+        fastest_m_s = max(fastest_m_s, climb_m_s)
         pitch, roll, thrust, yaw = law.step(Motion(position, velocity, yaw_rad), climb_m_s, HOVER, elapsed_s)
         assert max(abs(pitch), abs(roll)) <= LIMITS.cyclic
-        assert abs(thrust - HOVER) <= LIMITS.thrust + 1e-12
+        assert thrust - HOVER >= -LIMITS.thrust - 1e-12
+        assert thrust - HOVER <= LIMITS.thrust + 1e-12 or velocity[2] < fastest_m_s - FALL_M_S
         assert abs(yaw) <= LIMITS.yaw
+
+
+def test_a_fall_is_braked_with_more_thrust_than_any_other_motion() -> None:
+    assert held().step(at(velocity=(0.0, 0.0, -2.0)), 0.0, HOVER, STEP_S)[2] > HOVER + 1.5 * LIMITS.thrust
+    assert held().step(at(velocity=(0.0, 0.0, 2.0)), 0.0, HOVER, STEP_S)[2] == HOVER - LIMITS.thrust
 
 
 # Climb rate of a landing ------------------------------------------------------------------------------

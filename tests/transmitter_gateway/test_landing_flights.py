@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from landing_flight import Flight, Landing, Options, landing
+from landing_flight import HOVER_S, Flight, Landing, Options, landing
 from support.vehicle_types import QUADROTOR
 
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, LABORATORY, Conditions
@@ -29,6 +29,7 @@ def assert_gentle(flown: Landing, offset_m: float = 0.3, touchdown_m_s: float = 
     assert State.DESCEND not in flown.states
     assert flown.offset_m < offset_m
     assert flown.touchdown_m_s < touchdown_m_s
+    assert flown.hardest_m_s < 1.0
 
 
 @KINDS
@@ -87,6 +88,15 @@ def test_twice_the_nominal_gain_swings_no_vehicle_up(
         assert math.sqrt(sum(stick**2 for stick in sticks) / len(sticks)) < 0.2
 
 
+@KINDS
+def test_vehicle_that_came_too_close_to_another_one_moves_apart_and_lands(conditions: Conditions) -> None:
+    other_m = (0.12, 0.12, 0.9)
+    for seed in SEEDS:
+        flown = landing(conditions, seed, Options(other_m=other_m))
+        assert_gentle(flown, offset_m=0.6)
+        assert math.dist(flown.landed_m[:2], other_m[:2]) > 0.25
+
+
 def test_vehicle_that_is_lost_on_the_way_comes_down_open_loop() -> None:
     flown = landing(HELICOPTER, 0, Options(seen=lambda seconds: seconds < 1.5))
     assert flown.states[-3:] == (State.LAND, State.DESCEND, State.CUT)
@@ -128,6 +138,18 @@ def test_vehicle_that_moved_while_the_computer_was_starved_is_believed_and_lands
         flown = flight.end_commands()
         assert flown.reason == "landed"
         assert flown.touchdown_m_s < 0.6
+
+
+@KINDS
+def test_vehicle_survives_a_starved_computer_that_repeats_a_low_thrust(conditions: Conditions) -> None:
+    for seed in SEEDS:
+        flight = Flight(conditions, seed, Options(height_m=1.2))
+        flight.fly(HOVER_S)
+        flight.fly(0.12, (0.0, 0.0, -0.45))
+        flight.starve(0.45)
+        flown = flight.end_commands()
+        assert flown.reason == "landed"
+        assert flown.hardest_m_s < 1.0
 
 
 def test_occlusion_of_80_ms_is_flown_through() -> None:

@@ -16,6 +16,7 @@ from rcopterx.transmitter_gateway.serial_port import SerialPort
 
 @pytest.mark.parametrize("seen", [True, False])
 def test_flight_whose_thrust_was_low_for_a_moment_is_taken_over(restart: Restart, seen: bool) -> None:
+    restart.height_m = 5.0  # so high that no thrust is too low
     restart.fly()
     restart.run(0.2, thrust=0.0)
     assert restart.page.last is not None
