@@ -89,9 +89,11 @@ def test_twice_the_nominal_gain_swings_no_vehicle_up(
 
 
 @KINDS
-def test_vehicle_that_came_too_close_to_another_one_moves_apart_and_lands(conditions: Conditions) -> None:
+def test_vehicle_that_came_too_close_to_another_one_moves_apart_and_lands(
+    conditions: Conditions, seeds: range
+) -> None:
     other_m = (0.12, 0.12, 0.9)
-    for seed in SEEDS:
+    for seed in seeds:
         flown = landing(conditions, seed, Options(other_m=other_m))
         assert_gentle(flown, offset_m=0.6)
         assert math.dist(flown.landed_m[:2], other_m[:2]) > 0.25
@@ -141,8 +143,10 @@ def test_vehicle_that_moved_while_the_computer_was_starved_is_believed_and_lands
 
 
 @KINDS
-def test_vehicle_survives_a_starved_computer_that_repeats_a_low_thrust(conditions: Conditions) -> None:
-    for seed in SEEDS:
+def test_vehicle_survives_a_starved_computer_that_repeats_a_low_thrust(
+    conditions: Conditions, seeds: range
+) -> None:
+    for seed in seeds:
         flight = Flight(conditions, seed, Options(height_m=1.2))
         flight.fly(HOVER_S)
         flight.fly(0.12, (0.0, 0.0, -0.45))
