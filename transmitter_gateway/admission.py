@@ -51,6 +51,10 @@ class Stream:
     arrival_s: float
     low_since_s: float | None
 
+    def is_low(self, now_s: float, limits: ArbiterLimits) -> bool:
+        """Whether the commanded thrust has been low for as long as arming needs."""
+        return self.low_since_s is not None and now_s >= self.low_since_s + limits.arm_low_s
+
 
 class Admission:
     """Checks commands and keeps the newest valid one, of the agent with the newest lease, as `stream`."""

@@ -242,7 +242,7 @@ class Arbiter:
             found.add(Condition.SILENT)
         if now_s >= stream.arrival_s + limits.cut_after_s:
             found.add(Condition.GONE)
-        if stream.low_since_s is not None and now_s >= stream.low_since_s + limits.arm_low_s:
+        if stream.is_low(now_s, limits):
             found.add(Condition.LOW_COMMANDED)
 
     def _judge_poses(self, found: set[Condition], now_s: float) -> None:
@@ -359,8 +359,9 @@ class Arbiter:
         shaping, motion = self._shaping, self._motion
         shaping.learn_hover(elapsed_s, self._climb_m_s, located=self._located)
         if acting is not None:
-            low_s = math.inf if acting.low_since_s is None else acting.low_since_s + self.limits.arm_low_s
-            height_m = None if motion is None or now_s >= low_s else motion.position_m[2] - self._floor_m
+            height_m = None
+            if motion is not None and not acting.is_low(now_s, self.limits):
+                height_m = motion.position_m[2] - self._floor_m
             shaping.play(played_input(acting.command, self._bridging_step), now_s, height_m)
         elif self.state is State.HOLD:
             shaping.hold(motion, elapsed_s)
