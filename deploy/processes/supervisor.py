@@ -222,8 +222,9 @@ class Supervisor:
         leaving = [
             child for child in self.children.values() if not child.wanted and child.process is not None
         ]
+        first = min((child.spec.stop_order for child in leaving), default=0)
         for child in leaving:
-            if child.spec.stop_order == min(each.spec.stop_order for each in leaving):
+            if child.spec.stop_order == first:
                 self._terminate(child)
         for name, child in self.children.items():
             if not child.wanted:
