@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 from integration_support import free_port
 
-from rcopterx.bus import channels
-from rcopterx.experiments.faults.observation import seen_of
+from rcopterx.experiments.faults.observation import WATCHED, seen_of
 from rcopterx.fleet.reading import fleet_path
 from rcopterx.flights.flights import flights_in
 from rcopterx.ground_station.report.logged_flight import records_of
@@ -51,9 +50,7 @@ def test_no_vehicle_falls_while_processes_are_starved(
         fleet.take_off()
         starve(fleet, seed)
     flight = flights_in(tmp_path)[-1]
-    recording = Recording(
-        records_of(flight.parts, (channels.LABORATORY, channels.APPLIED, channels.AGENT_STATUS))
-    )
+    recording = Recording(records_of(flight.parts, WATCHED))
     seen = seen_of(recording, dict.fromkeys(NAMES, (0.0, 0.0, 0.0)))
     touchdowns_m_s = {name: seen[name].touchdown_m_s for name in NAMES}
     assert all(speed is not None and speed < 1.0 for speed in touchdowns_m_s.values()), touchdowns_m_s
