@@ -12,6 +12,7 @@ from rcopterx.agents.flight.lift_off import Touchdown
 from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan, Task, end_of, offset_between
 from rcopterx.agents.phases import AIRBORNE, Event, Phase, next_phase
 from rcopterx.control.interfaces import Estimate
+from rcopterx.control.references.landing import landing
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED
 from rcopterx.control.references.set_points import (
@@ -26,8 +27,6 @@ from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.state import YAW, Array
 
 TAKE_OFF_SPEED_M_S = 0.6
-LANDING_SPEED_M_S = 0.35
-LANDING_DEPTH_M = 0.3
 OFFSET_SPEED_M_S = 0.5
 SHORTEST_TRANSITION_S = 0.5  # shortest transition of an offset, unless a request says otherwise
 PLAN_LIMIT_S = 0.5  # a plan of a leader that is older is not followed; the vehicle holds its place
@@ -169,9 +168,8 @@ class Guidance:
             return f"nothing to land, the phase is {self.phase}"
         if self.phase is Phase.LANDING:
             return None
-        start = estimate.motion[:3].copy()
-        end = np.array([start[0], start[1], self._touchdown.floor_m - LANDING_DEPTH_M])
-        self.source = smooth_move(start, end, float(estimate.motion[YAW]), time_s, LANDING_SPEED_M_S)
+        place_m, yaw_rad = estimate.motion[:3].copy(), float(estimate.motion[YAW])
+        self.source = landing(place_m, self._touchdown.floor_m, yaw_rad, time_s)
         self._touchdown.begin()
         self.on_event(Event.LAND, estimate)
         return None
