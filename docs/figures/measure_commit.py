@@ -1,7 +1,10 @@
 """Measure this commit, append its figures to docs/figures/commits.jsonl, and draw all lines of that file.
 
-`make measure` flies three vehicles for half a minute; nothing else should run on the computer. Figures of two
-computers do not compare, so each line names the processor; those that were not measured are missing.
+    make measure ARGS="[--tests] [CHECKOUT ...]"
+
+flies three vehicles for half a minute, here or in other checkouts; nothing else should run meanwhile.
+`--tests` runs `make test` as well and adds its time. Figures of two computers do not compare, so each line
+names the processor; those that were not measured are missing.
 """
 
 import json
@@ -11,6 +14,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
@@ -28,49 +32,58 @@ PLOTS = {
     "three vehicles: from pose to command [ms]": ("pose_to_command_p50_ms", "pose_to_command_p99_ms"),
     "three vehicles: memory of all processes [MB]": ("memory_mb",),
     "control step, N = 110, mean [ms]": ("step_mean_ms",),
+    "make test [min]": ("test_min",),
 }
 """Quantities of each plot."""
 VEHICLES = 3
 COUNTED = re.compile(r"^HEAD:(.+):(\d+)$", re.MULTILINE)
 
 
-def _git(*arguments: str) -> str:
-    done = subprocess.run(["git", *arguments], cwd=ROOT, check=True, capture_output=True, text=True)
+def _git(checkout: Path, *arguments: str) -> str:
+    done = subprocess.run(["git", *arguments], cwd=checkout, check=True, capture_output=True, text=True)
     return done.stdout.strip()
 
 
-def _lines() -> dict[str, int]:
+def _lines(checkout: Path) -> dict[str, int]:
     lines = {"product_lines": 0, "test_lines": 0}
-    for path, count in COUNTED.findall(_git("grep", "--count", "", "HEAD", "--", "*.py")):
+    for path, count in COUNTED.findall(_git(checkout, "grep", "--count", "", "HEAD", "--", "*.py")):
         lines["test_lines" if path.startswith("tests/") else "product_lines"] += int(count)
     return lines
 
 
-def _kernels_s() -> float:
+def _kernels_s(checkout: Path) -> float:
     """Processor time of compiling all kernels into an empty directory."""
     before = os.times()
     with tempfile.TemporaryDirectory() as kernels:
-        environment = os.environ | {"RCOPTERX_KERNELS": kernels}
-        subprocess.run([sys.executable, "-m", "rcopterx.compiling"], env=environment, cwd=ROOT, check=True)
+        environment = os.environ | {"RCOPTERX_KERNELS": kernels, "PYTHONPATH": str(checkout)}
+        command = [sys.executable, "-m", "rcopterx.compiling"]
+        subprocess.run(command, env=environment, cwd=checkout, check=True)
     after = os.times()
     return sum(after[2:4]) - sum(before[2:4])
 
 
-def measure() -> dict[str, Any]:
-    """Figures of the commit that is checked out."""
-    trio, step = (measured(TRIALS[name], ROOT) for name in ("trio", "step"))
-    commit, date = _git("log", "-1", "--format=%h %cs").split()
+def _test_min() -> float:
+    """Time of `make test`, which has to pass."""
+    began_s = time.monotonic()
+    subprocess.run(["make", "test"], cwd=ROOT, check=True)
+    return (time.monotonic() - began_s) / 60.0
+
+
+def measure(checkout: Path) -> dict[str, Any]:
+    """Figures of the commit of a checkout."""
+    trio, step = (measured(TRIALS[name], checkout) for name in ("trio", "step"))
+    commit, date = _git(checkout, "log", "-1", "--format=%h %cs").split()
     return {
         "commit": commit,
         "date": date,
         "processor": f"{os.cpu_count()} x {platform.processor() or platform.machine()}",
-        **_lines(),
-        "kernels_s": round(_kernels_s(), 1),
+        **_lines(checkout),
+        "kernels_s": round(_kernels_s(checkout), 1),
         "processors": round(VEHICLES * trio["total_share"], 3),
-        "pose_to_command_p50_ms": trio["pose_to_command_p50_ms"],
-        "pose_to_command_p99_ms": trio["pose_to_command_p99_ms"],
+        "pose_to_command_p50_ms": round(trio["pose_to_command_p50_ms"], 2),
+        "pose_to_command_p99_ms": round(trio["pose_to_command_p99_ms"], 2),
         "memory_mb": round(trio["memory_mb"]),
-        "step_mean_ms": step["mean_ms"],
+        "step_mean_ms": round(step["mean_ms"], 3),
     }
 
 
@@ -90,12 +103,16 @@ def draw(rows: list[dict[str, Any]]) -> None:
     figure.savefig(PLOT, metadata={"Date": None})
 
 
-def main() -> None:
-    """Append a line, and draw all."""
-    with DATA.open("a", encoding="utf-8") as data:
-        data.write(json.dumps(measure()) + "\n")
+def main(arguments: list[str]) -> None:
+    """Append a line for each checkout, and draw all."""
+    checkouts = [Path(word) for word in arguments if word != "--tests"] or [ROOT]
+    tests = {"test_min": round(_test_min(), 1)} if "--tests" in arguments else {}
+    for checkout in checkouts:
+        row = measure(checkout) | (tests if checkout == ROOT else {})
+        with DATA.open("a", encoding="utf-8") as data:
+            data.write(json.dumps(row) + "\n")
     draw([json.loads(line) for line in DATA.read_text(encoding="utf-8").splitlines()])
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])
