@@ -16,6 +16,7 @@ from rcopterx.bus.link_watch import (
     LinkWatch,
     RecentMinimum,
     RouterLink,
+    slowness,
 )
 from rcopterx.bus.links import BEAT_S
 
@@ -28,18 +29,19 @@ LINK = RouterLink("b0", ("10.0.0.1", 7447), ("10.0.0.2", 50000))
 class Pair:
     """A router at host `a` and what arrives from host `b`, in steps of a beat."""
 
-    def __init__(self) -> None:
+    def __init__(self, speed: float = 1.0) -> None:
         self.now_s = 100.0
-        self.watch = LinkWatch("a", "a0", self.now_s)
+        self._beat_s = BEAT_S * slowness(speed)
+        self.watch = LinkWatch("a", "a0", self.now_s, speed)
         self.closed: list[tuple[float, RouterLink]] = []
         self._answered = (0.0, 0.0)
 
     def step(
         self, *, receives: bool = True, is_received: bool = True, links: tuple[RouterLink, ...] = (LINK,)
     ) -> None:
-        self.now_s += BEAT_S
+        self.now_s += self._beat_s
         if is_received:
-            self._answered = (self.now_s - BEAT_S, self.now_s - 0.001)
+            self._answered = (self.now_s - self._beat_s, self.now_s - 0.001)
         if receives:
             sent_s, arrived_s = self._answered
             echo = Echo(router="a0", sent_s=sent_s, held_s=self.now_s - arrived_s)
@@ -255,3 +257,16 @@ def test_a_router_without_beats_is_dialled_for_hours() -> None:
     watch = LinkWatch("a", "a0", 0.0)
     closed = sum(bool(watch.broken((LINK,), 0.2 * turn)) for turn in range(30_000))
     assert closed > 2000
+
+
+@pytest.mark.parametrize(("speed", "factor"), [(2.0, 1.0), (0.5, 2.0), (0.02, 10.0)])
+def test_in_slow_motion_beats_and_limits_are_slower_up_to_ten_times(speed: float, factor: float) -> None:
+    pair = Pair(speed)
+    pair.steps(50)
+    assert pair.closed == []
+    assert pair.linked
+    silent_s = pair.now_s
+    pair.steps(12, receives=False, is_received=False)
+    closed_s, _ = pair.closed[0]
+    assert SILENCE_S * factor < closed_s - silent_s < 2 * (SILENCE_S + BEAT_S) * factor
+    assert not pair.linked
