@@ -52,7 +52,8 @@ class Bench:
         """What the gateway answers to bids; 0 for another agent commands."""
         self.statuses = self.others.subscribe(channels.AGENT_STATUS, "h9")
         self.bus = SteppedSession(join(clock=self.clock))
-        self.agent = Agent(self.settings, self.pilot, self.bus, realtime=False)
+        # Not the default: on a busy computer the agent would leave out statuses.
+        self.agent = Agent(self.settings, self.pilot, self.bus, realtime=False, stopwatch=self.clock)
         self.frame = 100
         self.sent: list[Command] = []
 
