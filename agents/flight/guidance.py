@@ -12,7 +12,7 @@ from rcopterx.agents.flight.lift_off import Touchdown
 from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan, Task, end_of, offset_between
 from rcopterx.agents.phases import AIRBORNE, Event, Phase, next_phase
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.references.landing import landing
+from rcopterx.control.references.landing_descent import descent
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED
 from rcopterx.control.references.set_points import (
@@ -169,7 +169,7 @@ class Guidance:
         if self.phase is Phase.LANDING:
             return None
         place_m, yaw_rad = estimate.motion[:3].copy(), float(estimate.motion[YAW])
-        self.source = landing(place_m, self._touchdown.floor_m, yaw_rad, time_s)
+        self.source = descent(place_m, self._touchdown.floor_m, yaw_rad, time_s)
         self._touchdown.begin()
         self.on_event(Event.LAND, estimate)
         return None

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.control.references.landing import (
+from rcopterx.control.references.landing_descent import (
     DEPTH_M,
     DESCENT_ACCELERATION_M_S2,
     DESCENT_SPEED_M_S,
     FLARE_M,
     TOUCHDOWN_SPEED_M_S,
-    landing,
+    descent,
 )
 
 PERIOD_S = 0.01
@@ -24,7 +24,7 @@ def test_it_descends_straight_within_its_speed_and_acceleration_to_below_the_flo
     height_m: float, floor_m: float
 ) -> None:
     start_m = np.array([0.4, -0.3, floor_m + height_m])
-    reference = landing(start_m, floor_m, 0.2, 3.0)
+    reference = descent(start_m, floor_m, 0.2, 3.0)
     assert reference.finished(3.0 + 30.0)
     path = reference.sample(3.0, PERIOD_S, 3000)
     assert path.position_m[0] == pytest.approx(start_m)
@@ -38,12 +38,12 @@ def test_it_descends_straight_within_its_speed_and_acceleration_to_below_the_flo
 
 @given(HEIGHTS_M, FLOORS_M)
 def test_it_passes_the_floor_slowly(height_m: float, floor_m: float) -> None:
-    path = landing(np.array([0.0, 0.0, floor_m + height_m]), floor_m, 0.0, 0.0).sample(0.0, PERIOD_S, 3000)
+    path = descent(np.array([0.0, 0.0, floor_m + height_m]), floor_m, 0.0, 0.0).sample(0.0, PERIOD_S, 3000)
     low = path.position_m[:, 2] < floor_m + 0.9 * FLARE_M
     assert path.velocity_m_s[low, 2].min() > -1.1 * TOUCHDOWN_SPEED_M_S
 
 
 @pytest.mark.parametrize(("height_m", "limit_s"), [(0.3, 4.0), (1.0, 4.0), (2.0, 7.0), (4.5, 14.0)])
 def test_a_landing_reaches_the_floor_well_before_programs_give_up(height_m: float, limit_s: float) -> None:
-    path = landing(np.array([0.0, 0.0, height_m]), 0.0, 0.0, 0.0).sample(0.0, PERIOD_S, 3000)
+    path = descent(np.array([0.0, 0.0, height_m]), 0.0, 0.0, 0.0).sample(0.0, PERIOD_S, 3000)
     assert PERIOD_S * np.searchsorted(-path.position_m[:, 2], 0.0) < limit_s
