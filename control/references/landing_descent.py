@@ -14,6 +14,7 @@ DESCENT_SPEED_M_S: Final = 0.7
 DESCENT_ACCELERATION_M_S2: Final = 0.8
 FLARE_M: Final = 0.2  # height above the floor from which the vehicle descends slowly
 TOUCHDOWN_SPEED_M_S: Final = 0.25
+SHORTEST_FAST_M: Final = 0.1  # over less, a vehicle at rest would have to jerk to reach the slow speed
 DEPTH_M: Final = 0.3  # the reference ends so far below the floor, where the vehicle is seen to be stopped
 _PEAK_ACCELERATION = 10 / math.sqrt(3)  # of a quintic from rest to rest, times duration^2 / distance
 
@@ -22,7 +23,7 @@ def descent(start_m: Array, floor_m: float, yaw_rad: float, start_s: float) -> T
     """Descend straight from rest at `start_m`, shape (3,), through the floor, whose height is `floor_m`."""
     end_m = np.array([start_m[0], start_m[1], floor_m - DEPTH_M])
     fast_m = float(start_m[2]) - floor_m - FLARE_M
-    if fast_m <= 0.0:
+    if fast_m < SHORTEST_FAST_M:
         return smooth_move(start_m, end_m, yaw_rad, start_s, TOUCHDOWN_SPEED_M_S)
     fast_s = max(
         PEAK_TO_MEAN_SPEED * fast_m / DESCENT_SPEED_M_S,

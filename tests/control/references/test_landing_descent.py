@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rcopterx.control.references.landing_descent import (
@@ -20,6 +20,8 @@ HEIGHTS_M = st.floats(0.0, 6.0)
 
 
 @given(HEIGHTS_M, FLOORS_M)
+@example(FLARE_M + 0.01, 0.0)
+@example(FLARE_M + 0.1, 0.0)
 def test_it_descends_straight_within_its_speed_and_acceleration_to_below_the_floor(
     height_m: float, floor_m: float
 ) -> None:
