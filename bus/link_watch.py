@@ -46,13 +46,8 @@ LONGEST_PATIENCE_S: Final = 2.0  # with a router whose beats never arrive: diall
 MOST_DOUBLINGS: Final = 8  # doublings until the patience is the longest
 STALL_S: Final = 0.25  # a watch that was not called for so long cannot judge the silence of others
 LATE_S: Final = 0.1
-MOST_SLOWNESS: Final = 10.0
+MOST_SLOWNESS: Final = 10.0  # a link that is cut returns within seconds in the slowest motion, too
 RECENT_S: Final = 5.0  # delays are compared with the shortest one of this time, in which clocks drift little
-
-
-def slowness(speed: float) -> float:
-    """Factor of all times of a watch in slow motion, where more processes may delay each other."""
-    return min(MOST_SLOWNESS, max(1.0, 1.0 / speed))
 
 
 class RouterLink(NamedTuple):
@@ -98,9 +93,8 @@ class LinkWatch:
 
     def __init__(self, host: str, router: str, now_s: float, speed: float = 1.0) -> None:
         self._host, self._speed = host, speed
-        self._silence_s = SILENCE_S * slowness(speed)
-        self._longest_patience_s = LONGEST_PATIENCE_S * slowness(speed)
-        self._stall_s = STALL_S * slowness(speed)
+        self.slowness = min(MOST_SLOWNESS, max(1.0, 1.0 / speed))
+        """Factor of all times in slow motion, where more processes may delay each other."""
         self._router = router
         self._judged_s = now_s
         self._neighbours: dict[str, _Neighbour] = {}
@@ -121,7 +115,7 @@ class LinkWatch:
             self._late[host] = self._late.get(host, 0) + 1
         known.beat, known.arrived_s = beat, arrived_s
         echo = beat.echoes.get(self._host)
-        if echo is not None and echo.router == self._router and echo.held_s <= self._silence_s:
+        if echo is not None and echo.router == self._router and echo.held_s <= self.slowness * SILENCE_S:
             known.answered_s = arrived_s
             known.clock.add(echo.sent_s, beat.sent_s - echo.held_s, beat.sent_s, arrived_s)
 
@@ -140,7 +134,7 @@ class LinkWatch:
 
         New links have a time for their first beats, twice that after each attempt in vain.
         """
-        asleep = now_s - self._judged_s > self._stall_s
+        asleep = now_s - self._judged_s > self.slowness * STALL_S
         self._judged_s = now_s
         opened_s = {link: now_s if asleep else self._opened_s.get(link, now_s) for link in links}
         broken: list[RouterLink] = []
@@ -170,7 +164,7 @@ class LinkWatch:
         if alive_s >= opened_s:
             self._failures.pop(router, None)
         doublings = min(self._failures.get(router, 0), MOST_DOUBLINGS)
-        return max(alive_s, opened_s) + min(self._longest_patience_s, self._silence_s * 2.0**doublings)
+        return max(alive_s, opened_s) + self.slowness * min(LONGEST_PATIENCE_S, SILENCE_S * 2.0**doublings)
 
     def states(self, hosts: Collection[str], now_s: float, time_of_day_s: float) -> dict[str, LinkState]:
         """Return the state of the links to these hosts."""
@@ -180,7 +174,7 @@ class LinkWatch:
         known = self._neighbours.get(host)
         clock = None if known is None else known.clock.best()
         state = LinkState(
-            linked=known is not None and now_s - self._both_ways_s(host) <= self._silence_s,
+            linked=known is not None and now_s - self._both_ways_s(host) <= self.slowness * SILENCE_S,
             redials=self._redials.get(host, 0),
             late=self._late.get(host, 0),
         )

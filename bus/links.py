@@ -12,7 +12,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import RouterStatus
 from rcopterx.bus.link_sockets import Dials, close_link, hasten
-from rcopterx.bus.link_watch import LinkWatch, RouterLink, slowness
+from rcopterx.bus.link_watch import LinkWatch, RouterLink
 from rcopterx.bus.subscription import Subscription
 
 BEAT_S: Final = 0.08
@@ -41,7 +41,6 @@ class LinkService:
         self._others = others
         self._clock = clock
         self._watch = LinkWatch(host, str(session.zid()), clock(), speed)
-        self._beat_s = BEAT_S * slowness(speed)
         self._dials = Dials()
         self._links: set[RouterLink] = set()
         self._published_s = clock()
@@ -76,7 +75,7 @@ class LinkService:
     def _run(self) -> None:
         pause_s = DIAL_CHECK_S
         while not self._ended.wait(pause_s):
-            pause_s = self._beat_s if self._turn() else DIAL_CHECK_S
+            pause_s = self._watch.slowness * BEAT_S if self._turn() else DIAL_CHECK_S
             # Both hosts close what falls silent at once, so that neither closes what the other dialled.
             pause_s = min(pause_s, max(SHORTEST_PAUSE_S, self._watch.due_s - self._clock()))
 

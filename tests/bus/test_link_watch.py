@@ -16,7 +16,6 @@ from rcopterx.bus.link_watch import (
     LinkWatch,
     RecentMinimum,
     RouterLink,
-    slowness,
 )
 from rcopterx.bus.links import BEAT_S
 
@@ -31,8 +30,8 @@ class Pair:
 
     def __init__(self, speed: float = 1.0) -> None:
         self.now_s = 100.0
-        self._beat_s = BEAT_S * slowness(speed)
         self.watch = LinkWatch("a", "a0", self.now_s, speed)
+        self._beat_s = BEAT_S * self.watch.slowness
         self.closed: list[tuple[float, RouterLink]] = []
         self._answered = (0.0, 0.0)
 
@@ -262,6 +261,7 @@ def test_a_router_without_beats_is_dialled_for_hours() -> None:
 @pytest.mark.parametrize(("speed", "factor"), [(2.0, 1.0), (0.5, 2.0), (0.02, 10.0)])
 def test_in_slow_motion_beats_and_limits_are_slower_up_to_ten_times(speed: float, factor: float) -> None:
     pair = Pair(speed)
+    assert pair.watch.slowness == factor
     pair.steps(50)
     assert pair.closed == []
     assert pair.linked
