@@ -7,6 +7,7 @@ flies three vehicles for half a minute, here or in other checkouts; nothing else
 names the processor; those that were not measured are missing.
 """
 
+import argparse
 import json
 import os
 import platform
@@ -62,10 +63,10 @@ def _kernels_s(checkout: Path) -> float:
     return sum(after[2:4]) - sum(before[2:4])
 
 
-def _test_min() -> float:
+def _test_min(checkout: Path) -> float:
     """Time of `make test`, which has to pass."""
     began_s = time.monotonic()
-    subprocess.run(["make", "test"], cwd=ROOT, check=True)
+    subprocess.run(["make", "test"], cwd=checkout, check=True)
     return (time.monotonic() - began_s) / 60.0
 
 
@@ -103,16 +104,23 @@ def draw(rows: list[dict[str, Any]]) -> None:
     figure.savefig(PLOT, metadata={"Date": None})
 
 
-def main(arguments: list[str]) -> None:
+def main() -> None:
     """Append a line for each checkout, and draw all."""
-    checkouts = [Path(word) for word in arguments if word != "--tests"] or [ROOT]
-    tests = {"test_min": round(_test_min(), 1)} if "--tests" in arguments else {}
-    for checkout in checkouts:
-        row = measure(checkout) | (tests if checkout == ROOT else {})
+    parser = argparse.ArgumentParser(description="Measure commits and draw docs/figures/commits.svg.")
+    parser.add_argument("checkouts", nargs="*", type=Path, default=[ROOT], metavar="CHECKOUT")
+    parser.add_argument("--tests", action="store_true", help="run make test as well")
+    arguments = parser.parse_args()
+    for checkout in arguments.checkouts:
+        if not (checkout / "Makefile").is_file():
+            parser.error(f"{checkout} is no checkout of rcopterx")
+    for checkout in arguments.checkouts:
+        row = measure(checkout)
+        if arguments.tests:
+            row["test_min"] = round(_test_min(checkout), 1)
         with DATA.open("a", encoding="utf-8") as data:
             data.write(json.dumps(row) + "\n")
     draw([json.loads(line) for line in DATA.read_text(encoding="utf-8").splitlines()])
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
