@@ -17,33 +17,35 @@ MOVE_S = 5.0
 EIGHT = figure_eight((0.0, 0.0, HEIGHT_M), (0.4, 0.2), 16.0)
 
 
-def links_of(fleet, leader):
+def links_of(file, leader):
     """Followers of a vehicle by the fleet file, with their offsets."""
-    links = {name: vehicle.follow[0] for name, vehicle in fleet.file.vehicles.items() if vehicle.follow}
+    links = {name: vehicle.follow[0] for name, vehicle in file.vehicles.items() if vehicle.follow}
     return {name: link.offset_m for name, link in links.items() if link.leader == leader}
 
 
 def crowns(fleet, height_m):
     """Every other vehicle of each ring flies higher than its leader, the others lower."""
-    groups = groups_of(fleet)
+    groups = groups_of(fleet.file)
     for leader in groups:
-        ring = {name: offset_m for name, offset_m in links_of(fleet, leader).items() if name not in groups}
+        ring = {
+            name: offset_m for name, offset_m in links_of(fleet.file, leader).items() if name not in groups
+        }
         for number, (name, (x, y, _)) in enumerate(ring.items()):
             fleet[name].follow(leader, (x, y, height_m if number % 2 else -height_m), transition_s=MOVE_S)
     fleet.wait(MOVE_S)
     fleet.wait_for_formation()
 
 
-def groups_of(fleet):
+def groups_of(file):
     """Vehicles that others follow by the fleet file, the head first, with their offsets to it."""
-    leaders = {vehicle.follow[0].leader for vehicle in fleet.file.vehicles.values() if vehicle.follow}
-    offsets_m = links_of(fleet, HEAD)
+    leaders = {vehicle.follow[0].leader for vehicle in file.vehicles.values() if vehicle.follow}
+    offsets_m = links_of(file, HEAD)
     return {HEAD: (0.0, 0.0, 0.0)} | {name: offsets_m[name] for name in offsets_m if name in leaders}
 
 
 def wave(fleet, height_m):
     """Groups rise and sink, each by its place along x."""
-    for name, (x, y, _) in groups_of(fleet).items():
+    for name, (x, y, _) in groups_of(fleet.file).items():
         if name != HEAD:
             fleet[name].follow(HEAD, (x, y, height_m * math.sin(x)), transition_s=MOVE_S)
     fleet.wait(MOVE_S)
@@ -52,7 +54,7 @@ def wave(fleet, height_m):
 
 def change_leader(fleet):
     """The last group follows the one before it, at the same place, and then the head again."""
-    *_, (before, (bx, by, _)), (last, (x, y, z)) = groups_of(fleet).items()
+    *_, (before, (bx, by, _)), (last, (x, y, z)) = groups_of(fleet.file).items()
     for leader, offset_m in ((before, (x - bx, y - by, 0.0)), (HEAD, (x, y, z))):
         fleet[last].follow(leader, offset_m)
         fleet.wait_for_formation()

@@ -15,9 +15,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
+from support.namespaces import network_or_skip
 from support.waiting import wait_for
 
-from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
+from rcopterx.benchmarks.namespaces import Network
 from rcopterx.deploy.fleet_check import check_fleet
 from rcopterx.fleet.reading import load_fleet
 
@@ -99,10 +100,7 @@ class Containers:
 def containers(directory: Path) -> Iterator[Containers]:
     services = SERVICE.findall(COMPOSE)
     with ExitStack() as stack:
-        try:
-            net = stack.enter_context(network([service for service, *_ in services]))
-        except NetworkUnavailableError as error:
-            pytest.skip(str(error))
+        net = stack.enter_context(network_or_skip([service for service, *_ in services]))
         text = (EXAMPLE / "two_hosts.toml").read_text(encoding="utf-8")
         for service, _, _, address in services:
             text = text.replace(address, net.addresses[service])

@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import pytest
 from integration_support import Flying, fleet_text
+from support.namespaces import network_or_skip
 
-from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
+from rcopterx.benchmarks.namespaces import Network
 from rcopterx.bus import channels
 from rcopterx.bus.codec import decode
 from rcopterx.bus.messages import Applied
@@ -57,7 +58,7 @@ def fleet_on_hosts(
     router of the first host. The processes of all hosts share a few cores, so the fleet needs time to settle.
     """
     with ExitStack() as stack:
-        net = stack.enter_context(network(names))
+        net = stack.enter_context(network_or_skip(names))
         path = directory / "lab.toml"
         hosts = {host: (net.addresses[host], ROUTER_PORT) for host in names}
         security = f'certificates = "{directory / "certificates"}"' if certificates else "insecure = true"
@@ -68,10 +69,7 @@ def fleet_on_hosts(
         if certificates:
             make_certificates(load_fleet(path), datetime.now(UTC), days=100)
         for host in names:
-            words = ("-m", "rcopterx", "host", str(path), "--host", host)
-            run_directory_of(host).mkdir(mode=0o700)
-            output = stack.enter_context((directory / f"host-{host}.log").open("wb"))
-            stack.enter_context(net.running(host, words, environment_of(host), output))
+            stack.enter_context(daemon(net, path, host))
         fleet = Fleet(load_fleet(path), host=names[0], timeout_s=FIRST_ROUTER_S)
         stack.callback(fleet.close)
         stack.callback(restore_thread_priority)
@@ -95,6 +93,18 @@ def fleet_on_hosts(
 
 
 @contextmanager
+def daemon(net: Network, path: Path, host: str) -> Iterator[None]:
+    """The daemon of a host of a fleet file, which writes its log beside that file."""
+    words = ("-m", "rcopterx", "host", str(path), "--host", host)
+    run_directory_of(host).mkdir(mode=0o700)
+    with (
+        path.with_name(f"host-{host}.log").open("wb") as output,
+        net.running(host, words, environment_of(host), output),
+    ):
+        yield
+
+
+@contextmanager
 def trio_in_flight(
     directory: Path,
     names: Sequence[str],
@@ -105,11 +115,6 @@ def trio_in_flight(
     simulator: str = "",
 ) -> Iterator[tuple[Network, Flying]]:
     """`fleet_on_hosts` in formation; the test is skipped where there are no network namespaces."""
-    try:
-        with network(["probe"]):
-            pass
-    except NetworkUnavailableError as error:
-        pytest.skip(str(error))
     with ExitStack() as stack:
         # A short path, because the routers' sockets live in it.
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))

@@ -1,9 +1,9 @@
 """Links between hosts that are cut and restored, with network namespaces as hosts."""
 
 import pytest
+from support.namespaces import network_or_skip
 
 from rcopterx.benchmarks.links import linked_hosts, measured_cut
-from rcopterx.benchmarks.namespaces import NetworkUnavailableError, network
 
 pytestmark = pytest.mark.integration
 
@@ -11,11 +11,8 @@ pytestmark = pytest.mark.integration
 @pytest.fixture
 def namespaces() -> None:
     """Network namespaces can be made here, or the test is skipped with the reason."""
-    try:
-        with network(["probe"]):
-            pass
-    except NetworkUnavailableError as error:
-        pytest.skip(str(error))
+    with network_or_skip(["probe"]):
+        pass
 
 
 @pytest.mark.usefixtures("namespaces")

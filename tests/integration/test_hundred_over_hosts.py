@@ -1,20 +1,23 @@
 """A hundred vehicles over ten hosts (network namespaces) with mutual TLS, in slow motion: half an hour."""
 
-import sys
+import runpy
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import tomlkit
-from hosts_support import ROUTER_PORT, TRACKER_PORT, environment_of, run_directory_of
+from hosts_support import ROUTER_PORT, TRACKER_PORT, daemon
 from scipy.spatial.distance import pdist
+from support.namespaces import network_or_skip
+from support.waiting import wait_for
 
-from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
+from rcopterx.benchmarks.namespaces import Network
 from rcopterx.bus import channels
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import fleet_path, load_fleet
@@ -24,11 +27,8 @@ from rcopterx.ground_station.scripting.daemons import Daemons
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.vehicles.state import Array
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-sys.path.insert(0, str(EXAMPLES))
-import hundred  # noqa: E402
-
-sys.path.remove(str(EXAMPLES))
+EXAMPLE = Path(__file__).parents[2] / "examples" / "hundred.py"
+hundred = SimpleNamespace(**runpy.run_path(str(EXAMPLE)))
 
 pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout(6000)]
 
@@ -57,27 +57,19 @@ def over_hosts(file: FleetFile, net: Network, certificates: Path) -> str:
         host: {"address": address, "router_port": ROUTER_PORT} for host, address in net.addresses.items()
     }
     text["security"] = {"certificates": str(certificates)}
-    host_of = dict(zip(groups_of(file), hosts, strict=True))
+    host_of = dict(zip(hundred.groups_of(file), hosts, strict=True))
     for name, vehicle in file.vehicles.items():
         text["vehicles"][name]["host"] = host_of[name if name in host_of else vehicle.follow[0].leader]
     return tomlkit.dumps(text)
-
-
-def groups_of(file: FleetFile) -> list[str]:
-    """Vehicles that others follow."""
-    return list(dict.fromkeys(link.leader for vehicle in file.vehicles.values() for link in vehicle.follow))
 
 
 @pytest.fixture
 def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Fleet]:
     """A hundred standing vehicles, started through the daemons of ten hosts."""
     shipped = load_fleet(fleet_path("hundred"))
-    hosts = ["main", *(f"control{number}" for number in range(1, len(groups_of(shipped))))]
+    hosts = ["main", *(f"control{number}" for number in range(1, len(hundred.groups_of(shipped))))]
     with ExitStack() as stack:
-        try:
-            net = stack.enter_context(network(hosts))
-        except NetworkUnavailableError as error:
-            pytest.skip(str(error))
+        net = stack.enter_context(network_or_skip(hosts))
         # A short path, because the routers' sockets live in it.
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
         monkeypatch.setenv("RCOPTERX_RUN", str(Path(run) / hosts[0]))
@@ -86,16 +78,13 @@ def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Fleet]:
         file = load_fleet(path)
         make_certificates(file, datetime.now(UTC), days=1)
         for number, host in enumerate(hosts, 1):
-            words = ("-m", "rcopterx", "host", str(path), "--host", host)
-            run_directory_of(host).mkdir(mode=0o700)
-            output = stack.enter_context((tmp_path / f"{host}.log").open("wb"))
-            stack.enter_context(net.running(host, words, environment_of(host), output))
+            stack.enter_context(daemon(net, path, host))
             if number == 1:
                 joined = stack.enter_context(closing(Fleet(file, hosts[0], LINKED_S)))
             # One after the other: ten that import at once would exceed their limits.
             wait_for_hosts(joined, number)
         daemons = Daemons(joined)
-        wait_real_s(lambda: not daemons.find(), LINKED_S, "not all hosts are linked")
+        wait_for(lambda: not daemons.find(), "not all hosts are linked", LINKED_S)
         began_s = time.monotonic()
         assert len(daemons.start()) == len(hosts)
         joined.wait_ready(timeout_s=START_S * SPEED)
@@ -106,15 +95,7 @@ def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Fleet]:
 
 def wait_for_hosts(fleet: Fleet, count: int) -> None:
     """Wait until the daemons of so many hosts are linked."""
-    wait_real_s(lambda: len(fleet.launchers()) == count, LINKED_S, f"daemon {count} is not linked")
-
-
-def wait_real_s(condition: Callable[[], bool], limit_s: float, problem: str) -> None:
-    """Wait for a condition in real time."""
-    until_s = time.monotonic() + limit_s
-    while not condition():
-        assert time.monotonic() < until_s, problem
-        time.sleep(0.2)
+    wait_for(lambda: len(fleet.launchers()) == count, f"daemon {count} is not linked", LINKED_S)
 
 
 def missed(fleet: Fleet) -> int:

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 from support.fleets import PAIR
+from support.namespaces import network_or_skip
 from support.waiting import wait_for
 
-from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
+from rcopterx.benchmarks.namespaces import Network
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import load_fleet
 
@@ -104,10 +105,7 @@ def hosts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hosts]:
     with ExitStack() as stack:
         # Hosts share their file system, so that only what lies in a home is one's own.
         stack.enter_context(pytest.MonkeyPatch.context()).setenv("HOME", str(directory))
-        try:
-            net = stack.enter_context(network(HOSTS))
-        except NetworkUnavailableError as error:
-            pytest.skip(str(error))
+        net = stack.enter_context(network_or_skip(HOSTS))
         made = Hosts(directory, net)
         _make_keys(directory, net)
         for host in HOSTS:
