@@ -16,8 +16,9 @@ TCP_RTO_MIN_US: Final = 45  # socket options of Linux, the second since 6.15; Py
 HASTE: Final[tuple[tuple[int, int | bytes], ...]] = (
     (TCP_THIN_LINEAR_TIMEOUTS, 1),
     (TCP_RTO_MIN_US, RETRANSMIT_US),
-    # With BBR, the default of some distributions, no stream ever counts as thin.
-    (socket.TCP_CONGESTION, b"cubic"),
+    # Losses on a fast link leave CUBIC a window of few packets: when the delay of the link then grows,
+    # commands wait behind plans for a second. Where BBR is not permitted, the system's default stays.
+    (socket.TCP_CONGESTION, b"bbr"),
 )
 SYN_SENT: Final = 2  # state of a TCP socket that waits for the answer to its request for a connection
 
@@ -38,7 +39,7 @@ def close_link(link: RouterLink) -> bool:
 def hasten(link: RouterLink) -> None:
     """Retransmit lost packets of a link after 10 ms instead of 200 ms, where the kernel can.
 
-    The pause stays for six retransmissions while fewer than four packets are under way.
+    With CUBIC the pause stays for six retransmissions while fewer than four packets are under way.
     """
     for opened in _sockets():
         if _ends(opened) == (link.local, link.remote):
