@@ -10,6 +10,8 @@ from typing import Final
 from rcopterx.bus.link_watch import RouterLink
 
 DIAL_LIMIT_S: Final = 0.06  # connecting takes 1 ms in a laboratory; TCP repeats a lost request after 1 s
+LONGEST_DIAL_S: Final = 0.25  # for hosts at the end of a slow network
+PATIENCE_GROWTH: Final = 0.01  # how much longer an attempt may take, per second in which a host is missing
 RETRANSMIT_US: Final = 10_000
 TCP_THIN_LINEAR_TIMEOUTS: Final = 16
 TCP_RTO_MIN_US: Final = 45  # socket options of Linux, the second since 6.15; Python does not name them
@@ -54,8 +56,12 @@ class Dials:
     def __init__(self) -> None:
         self._since_s: dict[int, float] = {}
 
-    def abandon_lost(self, now_s: float) -> int:
-        """End attempts whose request was lost, so that the next one begins at once; return how many."""
+    def abandon_lost(self, now_s: float, missing_s: float) -> int:
+        """End attempts whose request was lost, so that the next one begins at once; return how many.
+
+        `missing_s`: how long a host has been missing. Attempts may then take longer, if it is only far away.
+        """
+        limit_s = min(LONGEST_DIAL_S, DIAL_LIMIT_S + PATIENCE_GROWTH * missing_s)
         since_s: dict[int, float] = {}
         abandoned = 0
         for opened in _sockets():
@@ -63,7 +69,7 @@ class Dials:
                 continue
             inode = os.fstat(opened.fileno()).st_ino
             since_s[inode] = self._since_s.get(inode, now_s)
-            if now_s - since_s[inode] > DIAL_LIMIT_S:
+            if now_s - since_s[inode] > limit_s:
                 with suppress(OSError):
                     opened.shutdown(socket.SHUT_RDWR)
                 abandoned += 1

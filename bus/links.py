@@ -43,7 +43,7 @@ class LinkService:
         self._watch = LinkWatch(host, str(session.zid()), clock(), speed)
         self._dials = Dials()
         self._links: set[RouterLink] = set()
-        self._published_s = clock()
+        self._published_s = self._complete_s = clock()
         self._inboxes = {
             other: Subscription(
                 session,
@@ -94,8 +94,10 @@ class LinkService:
             print(f"links: {_text(link)} is closed, to be dialled again", file=sys.stderr)
             close_link(link)
         complete = len(links) - len(broken) >= len(self._others)
-        if not complete:
-            self._dials.abandon_lost(now_s)
+        if complete:
+            self._complete_s = now_s
+        else:
+            self._dials.abandon_lost(now_s, now_s - self._complete_s)
         now_s, time_of_day_s = self._clock(), time.time()
         self._beats.put(encode(self._watch.beat(now_s, time_of_day_s)))
         if now_s - self._published_s >= STATUS_S:

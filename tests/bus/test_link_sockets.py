@@ -6,7 +6,13 @@ from contextlib import ExitStack
 
 import pytest
 
-from rcopterx.bus.link_sockets import DIAL_LIMIT_S, Dials, close_link, hasten
+from rcopterx.bus.link_sockets import (
+    DIAL_LIMIT_S,
+    LONGEST_DIAL_S,
+    Dials,
+    close_link,
+    hasten,
+)
 from rcopterx.bus.link_watch import RouterLink
 
 
@@ -55,7 +61,9 @@ def test_a_link_still_carries_data_after_it_was_hastened(connections: tuple[Conn
     assert link.far.recv(1) == b"x"
 
 
-def test_an_attempt_to_connect_without_an_answer_is_ended_after_its_time() -> None:
+@pytest.fixture
+def unanswered() -> Iterator[socket.socket]:
+    """An attempt to connect that gets no answer."""
     with ExitStack() as stack:
         listener = stack.enter_context(socket.socket())
         listener.bind(("127.0.0.1", 0))
@@ -65,9 +73,18 @@ def test_an_attempt_to_connect_without_an_answer_is_ended_after_its_time() -> No
         for attempt in attempts:
             attempt.setblocking(False)
             attempt.connect_ex(listener.getsockname())
-        dials = Dials()
-        assert dials.abandon_lost(10.0) == 0
-        assert dials.abandon_lost(10.0 + 0.9 * DIAL_LIMIT_S) == 0
-        assert dials.abandon_lost(10.0 + 1.1 * DIAL_LIMIT_S) >= 1
-        assert dials.abandon_lost(20.0) == 0
-        assert attempts[-1].getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) != 0
+        yield attempts[-1]
+
+
+@pytest.mark.parametrize(
+    ("missing_s", "limit_s"), [(0.0, DIAL_LIMIT_S), (3600.0, LONGEST_DIAL_S)], ids=["at_once", "far_away"]
+)
+def test_an_attempt_to_connect_without_an_answer_is_ended_after_its_time(
+    unanswered: socket.socket, missing_s: float, limit_s: float
+) -> None:
+    dials = Dials()
+    assert dials.abandon_lost(10.0, missing_s) == 0
+    assert dials.abandon_lost(10.0 + 0.9 * limit_s, missing_s) == 0
+    assert dials.abandon_lost(10.0 + 1.1 * limit_s, missing_s) >= 1
+    assert dials.abandon_lost(20.0, missing_s) == 0
+    assert unanswered.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) != 0
