@@ -15,14 +15,23 @@ PATIENCE_GROWTH: Final = 0.01  # how much longer an attempt may take, per second
 RETRANSMIT_US: Final = 10_000
 TCP_THIN_LINEAR_TIMEOUTS: Final = 16
 TCP_RTO_MIN_US: Final = 45  # socket options of Linux, the second since 6.15; Python does not name them
+CONGESTION_CONTROL: Final = "bbr"
 HASTE: Final[tuple[tuple[int, int | bytes], ...]] = (
     (TCP_THIN_LINEAR_TIMEOUTS, 1),
     (TCP_RTO_MIN_US, RETRANSMIT_US),
     # Losses on a fast link leave CUBIC a window of few packets: when the delay of the link then grows,
     # commands wait behind plans for a second. Where BBR is not permitted, the system's default stays.
-    (socket.TCP_CONGESTION, b"bbr"),
+    (socket.TCP_CONGESTION, CONGESTION_CONTROL.encode()),
 )
 SYN_SENT: Final = 2  # state of a TCP socket that waits for the answer to its request for a connection
+
+
+def congestion_control() -> str:
+    """Return the congestion control of links: `CONGESTION_CONTROL` where this computer permits it."""
+    with socket.socket() as probe:
+        with suppress(OSError):
+            probe.setsockopt(socket.IPPROTO_TCP, socket.TCP_CONGESTION, CONGESTION_CONTROL.encode())
+        return probe.getsockopt(socket.IPPROTO_TCP, socket.TCP_CONGESTION, 16).rstrip(b"\0").decode()
 
 
 def close_link(link: RouterLink) -> bool:

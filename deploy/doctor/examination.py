@@ -7,6 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from rcopterx.bus.link_sockets import CONGESTION_CONTROL, congestion_control
 from rcopterx.deploy.certificates.files import AUTHORITY, certificate_names, directory_of, host_name, readable
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.priorities import Priority
@@ -34,6 +35,19 @@ def examine(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
     except OSError as error:
         yield Result(False, str(error))
     yield from certificates(fleet, host, now)
+    if len(fleet.hosts) > 1:
+        yield links(congestion_control())
+
+
+def links(control: str) -> Result:
+    """Check the congestion control of the links to other hosts."""
+    if control == CONGESTION_CONTROL:
+        return Result(True, f"links to other hosts use {control}")
+    return Result(
+        False,
+        f"links to other hosts use {control}: commands may wait when a link becomes slow; "
+        "sudo modprobe tcp_bbr; sudo sysctl -w net.ipv4.tcp_allowed_congestion_control='reno cubic bbr'",
+    )
 
 
 def real_time(priority: int, limit: int, capabilities: int) -> Result:

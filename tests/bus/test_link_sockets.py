@@ -11,6 +11,7 @@ from rcopterx.bus.link_sockets import (
     LONGEST_DIAL_S,
     Dials,
     close_link,
+    congestion_control,
     hasten,
 )
 from rcopterx.bus.link_watch import RouterLink
@@ -52,6 +53,15 @@ def test_a_link_that_is_gone_is_not_found(connections: tuple[Connection, Connect
     silent, _ = connections
     silent.near.close()
     assert not close_link(silent.link)
+
+
+def test_a_link_has_the_congestion_control_that_this_computer_permits(
+    connections: tuple[Connection, Connection],
+) -> None:
+    link, _ = connections
+    hasten(link.link)
+    used = link.near.getsockopt(socket.IPPROTO_TCP, socket.TCP_CONGESTION, 16)
+    assert used.rstrip(b"\0").decode() == congestion_control()
 
 
 def test_a_link_still_carries_data_after_it_was_hastened(connections: tuple[Connection, Connection]) -> None:

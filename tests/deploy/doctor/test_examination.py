@@ -7,7 +7,7 @@ import pytest
 from support.fleets import PAIR
 
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.deploy.doctor.examination import CAP_SYS_NICE, certificates, real_time
+from rcopterx.deploy.doctor.examination import CAP_SYS_NICE, certificates, links, real_time
 from rcopterx.fleet.reading import parse_fleet
 
 NOW = datetime(2026, 11, 22, 12, tzinfo=UTC)
@@ -26,6 +26,12 @@ def test_real_time_priorities_need_a_limit_or_a_capability(
     result = real_time(priority, limit, capabilities)
     assert result.good is good
     assert good or "sudo tee /etc/security/limits.d/rcopterx.conf" in result.text
+
+
+def test_links_whose_commands_may_wait_are_a_finding() -> None:
+    assert links("bbr").good
+    assert not links("cubic").good
+    assert "sudo modprobe tcp_bbr" in links("cubic").text
 
 
 def test_a_fleet_that_only_this_computer_reaches_needs_no_certificates() -> None:
