@@ -32,7 +32,7 @@ hundred = SimpleNamespace(**runpy.run_path(str(EXAMPLE)))
 
 pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout(6000)]
 
-SPEED = 0.025
+SPEED = 0.02
 CLOSEST_M = 0.3
 STANDING_S = 4.0
 RMS_MM, LARGEST_MM = 130.0, 250.0
@@ -40,9 +40,6 @@ RMS_MM, LARGEST_MM = 130.0, 250.0
 START_S = 120.0
 LINKED_S = 300.0
 """Limits in real time, for the processes of ten hosts on one computer."""
-RATE_HZ = 50
-MISSED_SHARE = 1e-3
-"""Of the control periods: when a computer stops for seconds, frames are lost in slow motion, too."""
 LIMIT_S = 40.0
 """Limit of a take-off or landing, in the time of the fleet."""
 
@@ -126,8 +123,8 @@ def errors_mm(file: FleetFile, places: Array) -> tuple[float, float]:
 
 
 def test_a_hundred_take_off_change_their_formation_and_land_over_ten_hosts(fleet: Fleet) -> None:
-    """Hardly a period is missed, no two vehicles come close, and every vehicle lands."""
-    names, began_s = list(fleet.file.vehicles), fleet.session.clock()
+    """No period is missed, no two vehicles come close, and every vehicle lands."""
+    names = list(fleet.file.vehicles)
     recorder = Recorder(fleet.session, only=(channels.LABORATORY,))
     fleet.take_off(height_m=hundred.HEIGHT_M, timeout_s=LIMIT_S)
     fleet.wait_for_formation()
@@ -142,7 +139,7 @@ def test_a_hundred_take_off_change_their_formation_and_land_over_ten_hosts(fleet
     nearest_m = closest_m(places_m(recorder, names))
     print(f"closest {1e3 * nearest_m:.0f} mm", flush=True)
     fleet.land(timeout_s=LIMIT_S)
-    assert missed(fleet) < MISSED_SHARE * len(names) * RATE_HZ * (fleet.session.clock() - began_s)
+    assert missed(fleet) == 0
     assert nearest_m > CLOSEST_M
     assert rms_mm < RMS_MM
     assert max_mm < LARGEST_MM
