@@ -1,7 +1,11 @@
 """Links between hosts that are cut and restored, with network namespaces as hosts."""
 
+import time
+
 import pytest
+from support.bad_links import reset, slow
 from support.namespaces import network_or_skip
+from support.waiting import wait_for
 
 from rcopterx.benchmarks.links import linked_hosts, measured_cut
 
@@ -35,3 +39,17 @@ def test_links_heal_in_half_a_second_whatever_the_length_of_the_cut(cut_s: float
         for direction, row in figures.items():
             assert row["heal_ms"] is not None, direction
             assert row["heal_ms"] < 500, direction
+
+
+@pytest.mark.campaign
+@pytest.mark.usefixtures("namespaces")
+def test_hosts_whose_round_trip_takes_long_are_linked_again() -> None:
+    with linked_hosts() as (net, streams), slow(net, "b", delay_s=0.05, jitter_s=0.005):
+        reset(net, "b")
+        # What was under way has arrived by then.
+        time.sleep(0.5)
+        for stream in streams.values():
+            stream.arrivals.clear()
+        wait_for(
+            lambda: all(stream.arrivals for stream in streams.values()), "the hosts are not linked", 15.0
+        )
