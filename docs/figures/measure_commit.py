@@ -66,7 +66,9 @@ def _kernels_s(checkout: Path) -> float:
 def _test_min(checkout: Path) -> float:
     """Time of `make test`, which has to pass."""
     began_s = time.monotonic()
-    subprocess.run(["make", "test"], cwd=checkout, check=True)
+    # Without arguments of its own it would get those of `make measure`.
+    if subprocess.run(["make", "test", "ARGS="], cwd=checkout, check=False).returncode != 0:
+        sys.exit(f"make test failed in {checkout}")
     return (time.monotonic() - began_s) / 60.0
 
 
