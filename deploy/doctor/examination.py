@@ -46,7 +46,9 @@ def links(control: str) -> Result:
     return Result(
         False,
         f"links to other hosts use {control}: commands may wait when a link becomes slow; "
-        "sudo modprobe tcp_bbr; sudo sysctl -w net.ipv4.tcp_allowed_congestion_control='reno cubic bbr'",
+        f"sudo modprobe tcp_{CONGESTION_CONTROL}; "
+        f"sudo sysctl -w net.ipv4.tcp_allowed_congestion_control='reno cubic {CONGESTION_CONTROL}'; "
+        "again after each restart of this computer",
     )
 
 
