@@ -1,5 +1,6 @@
 """Writes the files of one flight: part after part, within limits of disk space."""
 
+import os
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -38,13 +39,12 @@ class FlightWriter:
     def __init__(
         self,
         settings: FlightSettings,
-        opener: Callable[[Path], BinaryIO] = lambda path: path.open("xb", buffering=0),
+        opener: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
         free: Callable[[Path], int] = lambda directory: shutil.disk_usage(directory).free,
     ) -> None:
         self._settings = settings
         self._opener = opener
         self._free = free
-        self._file: BinaryIO | None = None
         self._mcap: McapFile | None = None
         self._earlier_bytes = 0
         self._writes = 0
@@ -67,7 +67,7 @@ class FlightWriter:
             self._write(messages)
             self.problem = ""
         except OSError as error:
-            self._stop(f"{self.path or self._settings.directory}: {error.strerror or error}")
+            self._stop(error)
 
     def _write(self, messages: Sequence[LoggedMessage]) -> None:
         mcap, part_bytes = self._mcap, self._settings.part_bytes
@@ -87,6 +87,7 @@ class FlightWriter:
         removable = [path for flight in earlier[:-KEPT_FLIGHTS] for path in flight.parts]
         while self._free(self._settings.directory) < needed:
             if not removable:
+                self.close()
                 raise OSError(f"less than {needed // 2**20} MiB are free")
             removable.pop(0).unlink(missing_ok=True)
 
@@ -103,8 +104,7 @@ class FlightWriter:
         self._make_room()
         number = next_part(settings.directory, settings.flight)
         self.path = part_path(settings.directory, settings.flight, number)
-        self._file = self._opener(self.path)
-        mcap = self._mcap = McapFile(self._file, settings.schemas)
+        mcap = self._mcap = McapFile(self._opener(self.path), settings.schemas)
         mcap.add_metadata(METADATA, {**settings.metadata, "part": str(number)})
         mcap.add_attachment(FLEET_ATTACHMENT, settings.fleet, time_ns)
         return mcap
@@ -116,34 +116,30 @@ class FlightWriter:
         for path in too_many(sizes, max(0, self._settings.keep_bytes - self._settings.part_bytes)):
             path.unlink(missing_ok=True)
 
-    def _stop(self, problem: str) -> None:
-        self.problem = problem
-        file, mcap = self._file, self._mcap
-        self._file = self._mcap = None
-        if file is None:
+    def _stop(self, error: OSError) -> None:
+        """Note why the disk interrupts the recording, and remove what was written of the last chunk."""
+        self.problem = f"{self.path or self._settings.directory}: {error.strerror or error}"
+        mcap, self._mcap = self._mcap, None
+        if mcap is None:
             return
-        if mcap is None or mcap.chunks == 0:
-            with suppress(OSError):
-                Path(file.name).unlink()
-        else:
-            # What was written of the last chunk would end every reader.
-            with suppress(OSError):
-                file.truncate(mcap.written_bytes)
-                file.seek(mcap.written_bytes)
-                mcap.finish()
-            self._earlier_bytes += mcap.written_bytes
+        self._earlier_bytes += mcap.written_bytes
         with suppress(OSError):
-            file.close()
+            mcap.file.close()
+        with suppress(OSError):
+            if mcap.chunks == 0:
+                os.unlink(mcap.file.name)
+            else:
+                os.truncate(mcap.file.name, mcap.written_bytes)
 
     def close(self) -> None:
         """Complete the present part."""
-        if self._mcap is None or self._file is None:
+        if self._mcap is None:
             return
         try:
             self._mcap.finish()
-            self._file.close()
+            self._mcap.file.close()
         except OSError as error:
-            self._stop(f"{self.path}: {error.strerror or error}")
+            self._stop(error)
             return
         self._earlier_bytes += self._mcap.written_bytes
-        self._file = self._mcap = None
+        self._mcap = None

@@ -15,8 +15,10 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata
 
-from rcopterx.flights.mcap_writing import COMPRESSION, MAGIC, LoggedMessage
+from rcopterx.flights.mcap_writing import LoggedMessage
 
+MAGIC: Final = b"\x89MCAP0\r\n"
+COMPRESSION: Final = "zstd"
 MAX_RECORD_BYTES: Final = 256 * 1024 * 1024
 MAX_CHUNK_BYTES: Final = 64 * 1024 * 1024  # Decompressed. The recorder writes some kilobytes.
 SIZE_UNKNOWN: Final = -1  # size of a frame of zstandard that declares none

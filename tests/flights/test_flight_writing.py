@@ -2,7 +2,7 @@
 
 import errno
 import os
-from io import FileIO
+from io import BufferedWriter, FileIO
 from pathlib import Path
 
 import pytest
@@ -95,8 +95,12 @@ class FullDisk(FileIO):
         return super().write(data)
 
 
+def full_disk(path: Path) -> BufferedWriter:
+    return BufferedWriter(FullDisk(path, "xb"))
+
+
 def test_a_full_disk_ends_the_recording_says_so_and_leaves_what_was_written(tmp_path: Path) -> None:
-    flight = FlightWriter(settings(tmp_path), opener=lambda path: FullDisk(path, "xb"), free=lambda _: PLENTY)
+    flight = FlightWriter(settings(tmp_path), opener=full_disk, free=lambda _: PLENTY)
     for number in range(8):
         flight.write(chunk(number))
     path = part_path(tmp_path, FLIGHT, 0)
@@ -180,7 +184,7 @@ def test_tries_on_a_disk_that_stays_full_leave_no_empty_parts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(FullDisk, "room", 600)
-    flight = FlightWriter(settings(tmp_path), opener=lambda path: FullDisk(path, "xb"), free=lambda _: PLENTY)
+    flight = FlightWriter(settings(tmp_path), opener=full_disk, free=lambda _: PLENTY)
     for number in range(3 * RETRY_WRITES):
         flight.write(chunk(number))
     assert "No space left" in flight.problem

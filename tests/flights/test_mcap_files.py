@@ -34,9 +34,10 @@ def written(chunks: list[list[LoggedMessage]], finish: bool = True) -> bytes:
     mcap.add_attachment("fleet.json", b'{"vehicles": {"h1": {}}}', 1)
     for chunk in chunks:
         mcap.add_chunk(chunk)
+        assert mcap.written_bytes == len(file.getvalue())
     if finish:
         mcap.finish()
-    assert mcap.written_bytes == len(file.getvalue())
+        assert mcap.written_bytes == len(file.getvalue())
     return file.getvalue()
 
 

@@ -18,8 +18,7 @@ from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.flights.flights import Flight
 from rcopterx.flights.listing import mend, summary_of
-from rcopterx.flights.mcap_reading import Contents, FlightLogError, messages_of
-from rcopterx.flights.mcap_writing import MAGIC
+from rcopterx.flights.mcap_reading import MAGIC, Contents, FlightLogError, messages_of
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
 from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
 from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol
