@@ -94,7 +94,6 @@ class Launcher(AbstractContextManager["Launcher"]):
         # Before any process starts: watchdogs would take one that waits for kernels for one that hangs.
         compile_all()
         check_certificate(fleet, host)
-        watchdog = watchdog and not self._clock.lockstep  # a process that waits for its turn does not hang
         missing = check_resources(fleet, host, directory, without)
         priority = Priority.SUPERVISOR.of(fleet)
         self._forks = ForkServer(modules_of(fleet, specs), priority, speed=self._clock.speed)
@@ -107,9 +106,9 @@ class Launcher(AbstractContextManager["Launcher"]):
         self._logs = directory / "log"
         self._home = [name for name in fleet.agents_on(host) if fleet.vehicles[name].host == host]
         guests = [name for name in fleet.agents_on(host) if name not in self._home]
-        absent = {agent_process(name) for name in (*without, *guests)}
-        if idle:
-            absent = {spec.name for spec in specs if spec.role != ROUTER}
+        limits = stretched(fleet.watchdog, fleet.clock)
+        # A process that waits for its turn does not hang.
+        limits = replace(limits, enabled=limits.enabled and watchdog and not self._clock.lockstep)
         self.supervisor = Supervisor(
             specs,
             self._snapshot,
@@ -117,10 +116,12 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._forks,
             # Agents of another host may all have to be started at once. In lockstep time waits for them.
             spares=None if self._clock.lockstep else self._make_spares(specs, SPARES + len(guests)),
-            watchdog=stretched(fleet.watchdog, fleet.clock) if watchdog and fleet.watchdog.enabled else None,
-            without=absent,
+            watchdog=limits,
             lived_s=None if self._clock.page is None else self._lived_s,
         )
+        absent = {agent_process(name) for name in (*without, *guests)}
+        for name, child in self.supervisor.children.items():
+            child.wanted = child.spec.role == ROUTER if idle else name not in absent
         self.events: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._unpublished: deque[str] = deque(missing, maxlen=EVENTS_KEPT)
         self._stopping = threading.Event()

@@ -203,7 +203,7 @@ class MembershipService(Service):
             hung={name: child.hung for name, child in children.items() if child.hung}
             | ({"spare": supervisor.spares_hung} if supervisor.spares_hung else {}),
             longest_silence_s={name: supervisor.longest_silence_s(name) for name in supervisor.running()},
-            forgiven=supervisor.forgiven,
+            forgiven=dict(supervisor.watchdog.forgiven),
             stalled_s=self._stalled_s,
             flies=self.flies,
             measuring=self.measuring,

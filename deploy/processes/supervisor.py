@@ -5,7 +5,7 @@ import os
 import selectors
 import signal
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -29,6 +29,7 @@ SPARE_SILENCE_S: Final = 0.15  # a spare that has shown no progress for so long 
 DUTIES: Final = {TRANSMITTERS: Duty.RADIO, "simulator": Duty.BACKGROUND, RECORDER: Duty.BACKGROUND}
 """Duties of processes by role; those of others are `Duty.FLIGHT`."""
 KNOWING_ROLES: Final = ("agent", TRANSMITTERS)  # processes of these roles know whether vehicles fly
+NO_LIMITS: Final = WatchdogConfig(enabled=False)
 STOP_TURN_S: Final = 0.05
 STOP_LIMIT_S = 12.0  # without the time in which transmitter gateways land their vehicles
 QUICK_RESTARTS = 3
@@ -79,13 +80,12 @@ class Supervisor:
         *,
         spares: Spares | None = None,  # replace them; by default there are none
         # for how long processes may make no progress; by default without limit
-        watchdog: WatchdogConfig | None = None,
-        without: Collection[str] = (),  # names of processes that are not wanted at first
+        watchdog: WatchdogConfig = NO_LIMITS,
         clock: Callable[[], float] = time.monotonic,  # monotonic clock [s]
         # how long a process that has died has run [s]; by default on this clock
         lived_s: Callable[[str], float] | None = None,
     ) -> None:
-        self.children = {spec.name: Child(spec, wanted=spec.name not in without) for spec in specs}
+        self.children = {spec.name: Child(spec) for spec in specs}
         self._snapshot = snapshot.resolve()
         self._logs = log_directory
         self._forks = forks
@@ -97,7 +97,9 @@ class Supervisor:
         self.turns = 0  # number of turns of the loop that calls `watch`
         self.spares_hung = 0
         blind = not any(spec.role in KNOWING_ROLES for spec in specs)
-        self.liveness: Liveness | None = None if watchdog is None else Liveness(Watchdog(watchdog, blind))
+        self.watchdog = Watchdog(watchdog, blind)
+        self.watchdog_on = watchdog.enabled  # whether processes that make no progress are killed
+        self.liveness = Liveness(self.watchdog)
 
     def start_all(self) -> list[str]:
         """Start every wanted process in order; return a line for each problem."""
@@ -137,7 +139,7 @@ class Supervisor:
         self._selector.register(process.descriptor, selectors.EVENT_READ, spec.name)
 
     def _is_responsive(self, process: int) -> bool:
-        return self.liveness is None or self.liveness.watchdog.silent_s(process) <= SPARE_SILENCE_S
+        return self.watchdog.silent_s(process) <= SPARE_SILENCE_S
 
     def watch(self, timeout_s: float) -> list[str]:
         """Start and stop what shall be, kill what hangs, restart what dies; return lines for the user."""
@@ -192,7 +194,7 @@ class Supervisor:
 
     def _kill_hung(self) -> list[str]:
         """Kill what makes no progress; the deaths of children are then noticed like any others."""
-        if self.liveness is None:
+        if not self.watchdog_on:
             return []
         processes = self.spares.processes
         watched = {pid: Watched("spare", spare.page, Duty.STANDBY) for pid, spare in processes.items()}
@@ -280,20 +282,10 @@ class Supervisor:
         """Whether a vehicle is in the air, as far as a process of this host knows."""
         return any(process.page.phase is Phase.FLYING for process in self._processes().values())
 
-    @property
-    def watchdog_on(self) -> bool:
-        """Whether processes that make no progress are killed."""
-        return self.liveness is not None
-
-    @property
-    def forgiven(self) -> dict[str, int]:
-        """How often processes were silent for longer than their limit without hanging, by reason."""
-        return {} if self.liveness is None else dict(self.liveness.watchdog.forgiven)
-
     def longest_silence_s(self, name: str) -> float:
         """Longest time without progress of a running process since it began to work."""
         pid = self.pid(name)
-        return 0.0 if self.liveness is None or pid is None else self.liveness.watchdog.longest_s(pid)
+        return 0.0 if pid is None else self.watchdog.longest_s(pid)
 
     def running(self) -> list[str]:
         """Names of the processes that run now."""

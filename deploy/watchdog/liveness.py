@@ -20,7 +20,7 @@ class Liveness:
     """Reads heartbeat pages and processor times for a watchdog."""
 
     def __init__(self, watchdog: Watchdog) -> None:
-        self.watchdog = watchdog
+        self._watchdog = watchdog
         self._checked_s = 0.0
         self._pressure_s = pressure_s()
         self._threads: dict[int, Threads] = {}
@@ -30,7 +30,7 @@ class Liveness:
         elapsed_s, self._checked_s = now_s - self._checked_s, now_s
         pressure_before_s, self._pressure_s = self._pressure_s, pressure_s()
         pressed_s = min(elapsed_s, self._pressure_s - pressure_before_s)
-        before, suspects = self._threads, self.watchdog.suspects
+        before, suspects = self._threads, self._watchdog.suspects
         # Not those of all processes: each read may pass the interpreter on to a thread that is slow.
         self._threads = {pid: threads_of(pid) if pid in suspects else {} for pid in processes}
         observations = {
@@ -44,4 +44,4 @@ class Liveness:
             )
             for pid, process in processes.items()
         }
-        return self.watchdog.check(now_s, observations)
+        return self._watchdog.check(now_s, observations)

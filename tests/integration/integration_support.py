@@ -114,15 +114,14 @@ class Flying:
     @contextmanager
     def unwatched(self) -> Iterator[None]:
         """Let processes hang meanwhile, as if the network to another host did."""
-        supervisors = [launcher.supervisor for launcher in self.launchers.values()]
-        watches = [supervisor.liveness for supervisor in supervisors]
-        for supervisor in supervisors:
-            supervisor.liveness = None
+        watched = [each.supervisor for each in self.launchers.values() if each.supervisor.watchdog_on]
+        for supervisor in watched:
+            supervisor.watchdog_on = False
         try:
             yield
         finally:
-            for supervisor, watch in zip(supervisors, watches, strict=True):
-                supervisor.liveness = watch
+            for supervisor in watched:
+                supervisor.watchdog_on = True
 
     def restarts(self, process: str) -> int:
         return self.launcher_of(process).supervisor.children[process].restarts

@@ -104,7 +104,14 @@ class StandInForks(ForkServer):
 class SupervisedHost:
     """A supervisor of stand-ins, half a second after the computer has started."""
 
-    def __init__(self, directory: Path, *specs: ProcessSpec, spares: int = 0, **options: Any) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        *specs: ProcessSpec,
+        spares: int = 0,
+        without: Sequence[str] = (),
+        **options: Any,
+    ) -> None:
         self.clock = FakeClock(0.5)
         self.logs = directory / "log"
         self.forks = StandInForks()
@@ -113,6 +120,8 @@ class SupervisedHost:
         self.supervisor = Supervisor(
             list(specs), snapshot, self.logs, self.forks, spares=self.spares, clock=self.clock, **options
         )
+        for name in without:
+            self.supervisor.children[name].wanted = False
 
     def start(self) -> None:
         assert self.supervisor.start_all() == []

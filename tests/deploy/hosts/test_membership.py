@@ -45,7 +45,9 @@ class Sleeping(ProcessSpec):
 def supervisor(tmp_path: Path) -> Supervisor:
     specs = [ProcessSpec("router", "router", "main", 4)]
     specs += [ProcessSpec(f"agent-{name}", "agent", name, 0) for name in ("h1", "h2")]
-    return Supervisor(specs, tmp_path / "lab.toml", tmp_path, ForkServer(), without=["agent-h2"])
+    supervisor = Supervisor(specs, tmp_path / "lab.toml", tmp_path, ForkServer())
+    supervisor.children["agent-h2"].wanted = False
+    return supervisor
 
 
 @pytest.fixture

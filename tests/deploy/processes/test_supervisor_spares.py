@@ -244,15 +244,15 @@ def test_silences_are_known_with_a_watchdog_only(tmp_path: Path) -> None:
     host.turns(0.1)
     assert host.supervisor.longest_silence_s("two") == pytest.approx(0.5, abs=0.03)
     assert host.supervisor.longest_silence_s("agent-h1") < 0.1
-    assert host.supervisor.forgiven == {}
+    assert host.supervisor.watchdog.forgiven == {}
     host.turn(0.2)
-    assert host.supervisor.forgiven == {"supervisor_late": 1}
+    assert host.supervisor.watchdog.forgiven == {"supervisor_late": 1}
     host = SupervisedHost(tmp_path, AGENT)
     host.start()
     assert host.turns(10.0, host["agent-h1"]) == []
     assert not host.supervisor.watchdog_on
     assert host.supervisor.longest_silence_s("agent-h1") == 0.0
-    assert host.supervisor.forgiven == {}
+    assert host.supervisor.watchdog.forgiven == {}
 
 
 def test_vehicles_fly_if_any_process_says_so(tmp_path: Path) -> None:

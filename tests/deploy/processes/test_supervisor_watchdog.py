@@ -109,7 +109,7 @@ def test_a_process_that_gets_no_processor_is_waited_for(supervise: Supervise, pa
             lines = supervisor.watch(0.0)
             assert not any(line.startswith("one: ") for line in lines)
             assert time.monotonic() < end_s, f"not starved: {supervisor.longest_silence_s('one')} s"
-    watch_until(supervisor, lambda: supervisor.forgiven.get("load", 0) > 0, "it does not go on")
+    watch_until(supervisor, lambda: supervisor.watchdog.forgiven.get("load", 0) > 0, "it does not go on")
     assert supervisor.pid("one") == pid
 
 
