@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from scipy.interpolate import BPoly
 
 from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
 from rcopterx.fleet.schema import FleetError
@@ -113,19 +114,11 @@ def _sampled(points: Any) -> tuple[Array, Array]:
         if not time_s < end_s <= MAX_DURATION_S:
             raise ShowError(f"the keyframe at {end_s:g} s does not come after {time_s:g} s")
         steps = max(1, math.ceil((end_s - time_s) / STEP_S))
-        for share in np.arange(1, steps + 1) / steps:
-            times.append(time_s + share * (end_s - time_s))
-            positions.append(_bezier(control, share))
+        further_s = np.linspace(time_s, end_s, steps + 1)[1:]
+        times += further_s.tolist()
+        positions += BPoly(control[:, np.newaxis], [time_s, end_s])(further_s).tolist()
         time_s, start = end_s, end
     return np.array(times), np.array(positions, dtype=float)
-
-
-def _bezier(control: Array, share: float) -> Array:
-    """De Casteljau's algorithm."""
-    while len(control) > 1:
-        control = (1 - share) * control[:-1] + share * control[1:]
-    point: Array = control[0]
-    return point
 
 
 def _drone_of_csv(archive: zipfile.ZipFile, name: str) -> Drone:
