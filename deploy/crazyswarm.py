@@ -7,11 +7,12 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
+from rcopterx.deploy.roles.tracker import USUAL_PORTS
 from rcopterx.fleet.reading import text_of
 from rcopterx.fleet.schema import FleetError
 
 NEEDS_YAML = "YAML files need PyYAML: pip install 'rcopterx[crazyswarm]'"
-_PORTS = {"vicon": 801, "optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
+_PORTS = {"vicon": 801, **USUAL_PORTS}
 """Ports that Crazyswarm2 leaves to the library, by motion capture that this package reads."""
 
 T = TypeVar("T")
