@@ -28,7 +28,7 @@ from rcopterx.deploy.hosts.run_directory import Begun, flight_path, run_director
 from rcopterx.deploy.hosts.vehicle_states import begin_states, remove_states
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.forking import URGENT_NICE, ForkServer
-from rcopterx.deploy.processes.prepared import modules_of
+from rcopterx.deploy.processes.preloading import modules_of
 from rcopterx.deploy.processes.process_log import append
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import RECORDER, ROUTER, ProcessSpec, agent_process, processes_of

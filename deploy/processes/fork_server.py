@@ -109,12 +109,11 @@ def _freeze() -> None:
 
 def _prepare(words: Sequence[str]) -> str:
     """Prepare pilots; return what is wrong, if anything: processes then build for themselves."""
-    from rcopterx.deploy.processes.prepared import prepare
-    from rcopterx.deploy.roles.agent import pilot_of
+    from rcopterx.deploy.roles.agent import prepare
 
     snapshot, host, *vehicles = words
     try:
-        prepare(Path(snapshot), host, vehicles, pilot_of)
+        prepare(Path(snapshot), host, vehicles)
     except Exception as error:  # noqa: BLE001 - no error in a pilot may end the fork server
         return str(error) or type(error).__name__
     return ""

@@ -2,7 +2,10 @@
 
 import logging
 import sys
+from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
@@ -12,13 +15,22 @@ from rcopterx.agents.process import run_agent
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.configuration import Configuration
-from rcopterx.deploy.processes.prepared import prepared_pilot
+from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, agent_process
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.formation_check import links_of
+from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import limits_of, model_of
+
+
+class _Prepared(NamedTuple):
+    fleet: FleetFile
+    pilots: dict[tuple[str, str], tuple[AgentSettings, Pilot]]  # by vehicle and host
+
+
+_prepared: _Prepared | None = None  # in the fork server and the processes that it starts
 
 
 def run(fleet: FleetFile, vehicle: str, host: str | None = None, *, take_over: bool = False) -> None:
@@ -36,6 +48,27 @@ def fly(settings: AgentSettings, pilot: Pilot, *, take_over: bool = False) -> No
 def ready_pilot(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:
     """As `pilot_of`, but return the pilot that the fork server has prepared, if any."""
     return prepared_pilot(fleet, name, host) or pilot_of(fleet, name, host)
+
+
+def prepare(snapshot: Path, host: str, vehicles: Iterable[str]) -> None:
+    """Build pilots of a host in place of earlier ones, except those with plug-ins; may raise `FleetError`."""
+    global _prepared
+    _prepared = None
+    fleet, pilots = load_fleet(snapshot), {}
+    for name in vehicles:
+        control = fleet.vehicles[name].control
+        if control.controller in CONTROLLERS.built_in and control.estimator in ESTIMATORS.built_in:
+            pilots[name, host] = pilot_of(fleet, name, host)
+    _prepared = _Prepared(fleet, pilots)
+
+
+def prepared_pilot(
+    fleet: FleetFile, name: str, host: str | None = None
+) -> tuple[AgentSettings, Pilot] | None:
+    """Return the prepared settings and pilot of a vehicle on a host (default: that of the file), if any."""
+    if _prepared is None or fleet != _prepared.fleet:
+        return None
+    return _prepared.pilots.get((name, host or fleet.vehicles[name].host))
 
 
 def pilot_of(fleet: FleetFile, name: str, host: str | None = None) -> tuple[AgentSettings, Pilot]:

@@ -288,7 +288,7 @@ def test_a_fork_server_that_cannot_import_says_so(capfd: pytest.CaptureFixture[s
 PREPARED = """
 import sys
 from pathlib import Path
-from rcopterx.deploy.processes.prepared import prepared_pilot
+from rcopterx.deploy.roles.agent import prepared_pilot
 from rcopterx.fleet.reading import load_fleet
 fleet = load_fleet(Path(sys.argv[1]))
 print(*(name for name in fleet.vehicles if prepared_pilot(fleet, name)))
