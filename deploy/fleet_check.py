@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from rcopterx.deploy.processes.forking import ForkServer
-from rcopterx.fleet.reading import read_snapshot, write_snapshot
+from rcopterx.fleet.reading import load_fleet, write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
 
 MODULE: Final = "rcopterx.deploy.fleet_check"
@@ -52,7 +52,7 @@ def main() -> int:
     """Check a snapshot for a run directory; print what is wrong to the standard error."""
     snapshot, directory = map(Path, sys.argv[1:])
     try:
-        check_fleet(read_snapshot(snapshot), directory)
+        check_fleet(load_fleet(snapshot), directory)
     except FleetError as error:
         print(error, file=sys.stderr)
         return EXIT_WRONG

@@ -33,17 +33,7 @@ def encoded(fleet: FleetFile) -> bytes:
     return msgspec.json.encode(fleet)
 
 
-def read_snapshot(path: Path) -> FleetFile:
-    """Return the fleet of a snapshot's file; raises `FleetError`."""
-    try:
-        return snapshot_of(path.read_bytes())
-    except OSError as error:
-        raise FleetError(f"{path}: cannot be read: {error.strerror}") from None
-    except FleetError as error:
-        raise FleetError(f"{path}: {error}") from None
-
-
-def snapshot_of(content: bytes) -> FleetFile:
+def snapshot_of(content: bytes | str) -> FleetFile:
     """Return the fleet of the content of a snapshot, or raise `FleetError`."""
     try:
         return msgspec.json.decode(content, type=FleetFile)
@@ -94,10 +84,9 @@ def load_fleet(path: Path) -> FleetFile:
     """Read a fleet file (TOML) or snapshot (JSON); `FleetError` names the file and the wrong field."""
     if path.is_dir():
         raise FleetError(f"{path}: cannot be read: a directory; name the fleet file in it")
-    if path.suffix == SUFFIX:
-        return read_snapshot(path)
     try:
-        return parse_fleet(text_of(path), path.parent)
+        text = text_of(path)
+        return snapshot_of(text) if path.suffix == SUFFIX else parse_fleet(text, path.parent)
     except FleetError as error:
         raise FleetError(f"{path}: {error}") from None
 

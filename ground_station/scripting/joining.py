@@ -7,7 +7,7 @@ from msgspec import structs
 from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.session import Session
 from rcopterx.deploy.hosts.running import running_fleets
-from rcopterx.fleet.reading import digest_of, read_snapshot
+from rcopterx.fleet.reading import digest_of, load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 
 
@@ -27,14 +27,14 @@ def fleet_that_is_up() -> tuple[FleetFile, str]:
     if len(names) > 1:
         listed = ", ".join(sorted({one.fleet for one in running}))
         raise FleetError(f"several fleets are up: {listed}; name the file of one (-f FLEET)")
-    return read_snapshot(Path(running[0].snapshot)), running[0].host
+    return load_fleet(Path(running[0].snapshot)), running[0].host
 
 
 def as_running(file: FleetFile) -> FleetFile:
     """Return a fleet with the time with which it is up on this computer, if it is."""
     for one in running_fleets():
         if (one.fleet, one.namespace) == (file.name, file.bus.namespace) and file.simulator is not None:
-            found = structs.replace(file, simulator=read_snapshot(Path(one.snapshot)).simulator)
+            found = structs.replace(file, simulator=load_fleet(Path(one.snapshot)).simulator)
             return file if found == file else found
     return file
 

@@ -9,7 +9,6 @@ from rcopterx.fleet.reading import (
     digest_of,
     load_fleet,
     parse_fleet,
-    read_snapshot,
     shipped_fleets,
     write_snapshot,
 )
@@ -22,7 +21,7 @@ CALIBRATED = PAIR.replace("model_match = 1 }", "model_match = 1, calibration = {
 def test_a_snapshot_is_the_fleet_it_was_taken_of(text: str, tmp_path: Path) -> None:
     fleet, path = parse_fleet(text), tmp_path / "fleet.json"
     write_snapshot(fleet, path)
-    assert read_snapshot(path) == fleet == load_fleet(path)
+    assert load_fleet(path) == fleet
     assert [item.name for item in tmp_path.iterdir()] == ["fleet.json"]
 
 
@@ -30,16 +29,16 @@ def test_a_snapshot_is_the_fleet_it_was_taken_of(text: str, tmp_path: Path) -> N
 def test_shipped_fleets_survive_a_snapshot(path: Path, tmp_path: Path) -> None:
     fleet = load_fleet(path)
     write_snapshot(fleet, tmp_path / "fleet.json")
-    assert read_snapshot(tmp_path / "fleet.json") == fleet
+    assert load_fleet(tmp_path / "fleet.json") == fleet
 
 
 def test_a_broken_snapshot_is_refused_by_its_name(tmp_path: Path) -> None:
     path = tmp_path / "fleet.json"
     with pytest.raises(FleetError, match=r"fleet\.json: cannot be read: No such file"):
-        read_snapshot(path)
+        load_fleet(path)
     path.write_text("{")
     with pytest.raises(FleetError, match=r"fleet\.json: not a snapshot of a fleet file: "):
-        read_snapshot(path)
+        load_fleet(path)
 
 
 def test_the_digest_is_that_of_the_meaning() -> None:

@@ -13,7 +13,7 @@ from support.equation_one import motion_derivative
 
 from rcopterx.fleet import vehicle_types
 from rcopterx.fleet.radios import calibration_of, protocol_of
-from rcopterx.fleet.reading import load_fleet, parse_fleet, read_snapshot, write_snapshot
+from rcopterx.fleet.reading import load_fleet, parse_fleet, write_snapshot
 from rcopterx.fleet.schema import FleetError
 from rcopterx.fleet.vehicle_models import limits_of, model_of
 from rcopterx.fleet.vehicle_types import VehicleType, type_names, type_of, vehicle_type
@@ -84,7 +84,7 @@ def test_a_fleet_file_names_the_path_of_a_type_file_that_snapshots_contain(tmp_p
     path = tmp_path / "lab.toml"
     path.write_text(FLEET.format(type="types/mine.toml"))
     write_snapshot(load_fleet(path), tmp_path / "snapshot.json")
-    fleet = read_snapshot(tmp_path / "snapshot.json")
+    fleet = load_fleet(tmp_path / "snapshot.json")
     assert (model_of(fleet, "h1").kind, model_of(fleet, "h1").delay_s) == ("mine", 0.055)
     assert protocol_of(fleet, "h1").name == "dsmp"
     assert calibration_of(fleet, "h1").pitch.gain_us == 300.0
