@@ -99,7 +99,7 @@ class Cooperation:
                 raise ValueError(f"a message of {len(payload)} bytes, allowed are {MAX_MESSAGE_BYTES}")
             return [payload]
 
-        payloads = self.step_guard.try_exchange(scheme, 1.0 / self.exchanges, exchange)
+        payloads = self.step_guard.try_exchange(1.0 / self.exchanges, exchange)
         return Sent(_name(scheme), payloads[0], offsets) if payloads else None
 
     def _offsets(self, yaw_rad: float, time_s: float) -> dict[str, Array]:

@@ -5,8 +5,9 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.load.pacing import Pacing
-from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.takeover.lease import ControlLease
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.subscription import Inbox, Received

@@ -7,15 +7,15 @@ the motion capture is one call of `observe`; every control period is one call of
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from msgspec import Struct
-from msgspec.structs import replace
 
 from rcopterx.agents.cooperation import Cooperation, Sent, Unpacked
+from rcopterx.agents.estimation import StampedMeasurement, StateEstimation
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.inputs import BumplessTransfer, InputHistory, as_sent
@@ -28,28 +28,15 @@ from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.phases import EVENT_OF_STATE, Event, Phase
 from rcopterx.agents.separation.avoidance import Neighbour, PlanAvoidance, SeparationEllipsoid
 from rcopterx.control.identification.excitation import Exciter
-from rcopterx.control.interfaces import Controller, Estimate, Estimator, Measurement
-from rcopterx.control.models.prediction import predict
-from rcopterx.control.references.trajectory import Trajectory, nearest_heading
+from rcopterx.control.interfaces import Controller, Estimate, Estimator
+from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
-BLIND_LIMIT_S = 0.3
-OCCLUDED: Final = "occluded"  # counted when the motion capture misses the vehicle in a frame
 CONTROLLER_REPLACED: Final = "controller_replaced"  # counted when the default one takes its place
 
 _INFORMATIVE: Final = (Phase.TAKEOFF, Phase.FLYING)  # phases that show whether it follows its sticks
-_NO_NEIGHBOURS: Mapping[str, Neighbour] = MappingProxyType({})
-_SILENCE: Mapping[str, Unpacked] = MappingProxyType({})
-
-
-class StampedMeasurement(Struct, frozen=True):
-    """One frame of the motion capture; `measurement` is None while the vehicle is occluded."""
-
-    epoch: int
-    frame: int
-    period_s: float
-    measurement: Measurement | None
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class ControlOutput(Struct, frozen=True):
@@ -79,10 +66,7 @@ class Pilot:
         hover_thrust_limits: HoverThrustLimits = DEFAULT_LIMITS,
     ) -> None:
         self.model = model
-        self.controller = controller
-        self.controller_replaced = False  # whether the default one flies because the other failed
-        self.step_guard = StepGuard(model, default_controller)
-        self.step_guard.use(controller)
+        self.step_guard = StepGuard(model, controller, default_controller)
         self.estimator = EstimatorGuard(estimator, default_estimator)
         self.guidance = guidance
         self.avoidance = PlanAvoidance(separation, self.step_guard)
@@ -94,16 +78,12 @@ class Pilot:
         self.cooperation = Cooperation(guidance, self.step_guard, self.clock)
         self.cooperation.use(controller)
         self.input_history = InputHistory(np.zeros(INPUT_SIZE))
+        self.estimation = StateEstimation(self.clock, self.estimator, self.input_history)
         self.fallbacks: Counter[str] = Counter()
         self.sequence = 0
         self.informed = False  # whether the transmitter's state is known, before which nothing is commanded
-        self._seen = False
-        self._last_place_m: Array | None = None  # position of the newest pose; None if that was rejected
         self._watched = False  # whether another agent flies the vehicle in the air, and this one watches
-        self._expected_yaw_rad = 0.0
         self._lift_off = LiftOff(model)
-        self._blind_s = 0.0  # time since the last pose that the estimator accepted
-        self._unseen_s = 0.0  # time since the last pose, accepted or not
         self._flown_by_controller = False
         self._transfer = BumplessTransfer(model)
         self._planned: Array = np.zeros((0, INPUT_SIZE))  # inputs planned after the newest command
@@ -111,19 +91,24 @@ class Pilot:
     @property
     def events(self) -> Mapping[str, int]:
         """Steps that were not optimal, failures, and periods without a leader, by kind."""
-        return self.fallbacks + self.step_guard.events + self.guidance.events
+        return self.fallbacks + self.estimation.events + self.step_guard.calls.failures + self.guidance.events
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks for people: the last failures, and what has been replaced."""
-        found = [remark for remark in (self.vehicle_watch.remark, self.guidance.remark) if remark]
-        if self.step_guard.calls.failure:
-            stays = "; the default controller flies until one is chosen" if self.controller_replaced else ""
-            found.append(self.step_guard.calls.failure + stays)
-        if self.estimator.calls.failure:
-            stays = "; the default estimator is used until one is chosen" if self.estimator.replaced else ""
-            found.append(self.estimator.calls.failure + stays)
-        return tuple(found)
+        remarks = [self.vehicle_watch.remark, self.guidance.remark]
+        for guard, stays in (
+            (self.step_guard, "; the default controller flies until one is chosen"),
+            (self.estimator, "; the default estimator is used until one is chosen"),
+        ):
+            if guard.calls.failure:
+                remarks.append(guard.calls.failure + (stays if guard.replaced else ""))
+        return tuple(filter(None, remarks))
+
+    @property
+    def controller(self) -> Controller:
+        """Present controller."""
+        return self.step_guard.controller
 
     @property
     def estimate(self) -> Estimate:
@@ -133,72 +118,15 @@ class Pilot:
     @property
     def ready(self) -> bool:
         """Whether the vehicle has been seen."""
-        return self.clock.started and self._blind_s < BLIND_LIMIT_S
+        return self.estimation.ready
 
     def observe(self, frame: StampedMeasurement) -> bool:
         """Process one frame; return False if it is older than the last one."""
-        clock, measurement = self.clock, frame.measurement
-        first = not clock.started
-        if first and measurement is None:
-            return False
-        pending = clock.frames_until(frame.epoch, frame.frame, frame.period_s)
-        if pending < 0:
-            return False
-        # Frames that were neither received nor coasted over, for instance while the process was stopped.
-        self._unseen_s += max(0, pending - 1) * frame.period_s
-        standing = self._standing
-        acted: list[tuple[Array, float]] = []
-        for _ in range(min(pending, round(BLIND_LIMIT_S / frame.period_s))):
-            start_s = clock.time_s
-            clock.pass_period()
-            if not standing:  # The model knows no floor: the prediction would fall.
-                acted += self.input_history.between(start_s, clock.time_s)
-        if measurement is None:
-            self._predict(acted)
-            self._blind_s += frame.period_s
-            self._unseen_s += frame.period_s
-            self.fallbacks[OCCLUDED] += 1
-            return True
-        unseen_s, self._unseen_s = self._unseen_s, 0.0
-        accepted = True
-        if first or standing or unseen_s >= BLIND_LIMIT_S:
-            self._predict(acted)
-            self._restart_estimator(measurement, None if first or standing else unseen_s)
-        else:
-            accepted = self.estimator.correct(measurement, acted)
-        # The estimator decides for how long it rejects poses.
-        self._blind_s = 0.0 if accepted else self._blind_s + frame.period_s
-        self._last_place_m = measurement.position_m if accepted else None
-        if not accepted:
-            self.fallbacks["gated_pose"] += 1
-        return True
-
-    def expect_heading(self, yaw_rad: float) -> None:
-        """Count the turns of the first measured heading from this one, the last of a predecessor."""
-        self._expected_yaw_rad = yaw_rad
-
-    def _restart_estimator(self, measurement: Measurement, unseen_s: float | None) -> None:
-        """Start at a pose, after `unseen_s` in flight with the mean velocity of that time, else at rest."""
-        known_rad = float(self.estimate.motion[YAW]) if self._seen else self._expected_yaw_rad
-        yaw_rad = nearest_heading(measurement.yaw_rad, known_rad)
-        velocity_m_s = None
-        if unseen_s is not None and self._last_place_m is not None:
-            velocity_m_s = (measurement.position_m - self._last_place_m) / unseen_s
-        self.estimator.reset(replace(measurement, yaw_rad=yaw_rad), velocity_m_s)
-        self._seen = True
+        return self.estimation.observe(frame, self._standing)
 
     def coast(self) -> bool:
         """Predict over an overdue frame; return False beyond the limit of blind flight."""
-        if not self.ready:
-            return False
-        start_s = self.clock.time_s
-        self.clock.coast()
-        if not self._standing:
-            self._predict(self.input_history.between(start_s, self.clock.time_s))
-        self._blind_s += self.clock.period_s
-        self._unseen_s += self.clock.period_s
-        self.fallbacks["pose_extrapolated"] += 1
-        return self.ready
+        return self.estimation.coast(self._standing)
 
     def note_applied(self, state: str, sequence: int, value: Array) -> None:
         """Process the state and input that the transmitter gateway applied, once the vehicle was seen."""
@@ -213,7 +141,7 @@ class Pilot:
             event = Event.RESUME
             if not self._watched:
                 # The earlier process commanded what acts now; the first step starts from there.
-                self.input_history = InputHistory(value)
+                self.input_history.restart(value)
         self.informed, self._watched = True, False
         self.guidance.on_event(event, self.estimate)
         self.guidance.resume_interrupted(self.estimate, self.clock.time_s)
@@ -225,13 +153,13 @@ class Pilot:
         before = self._watched
         self._watched = EVENT_OF_STATE[state] is not Event.DISARM and self._in_the_air(value)
         if self._watched and not before:
-            self.input_history = InputHistory(value)
+            self.input_history.restart(value)
         self._record_input(value)
 
     def take_off(self, height_m: float) -> str | None:
         """Begin to take off; a refusal is returned as its reason."""
         if not self.ready:
-            return "no pose yet" if not self.clock.started else f"no pose for {self._blind_s:.1f} s"
+            return "no pose yet" if not self.clock.started else f"no pose for {self.estimation.blind_s:.1f} s"
         time_s = self.clock.time_s
         refusal = self.guidance.take_off(self.estimate, height_m, time_s)
         if refusal is None:
@@ -253,11 +181,8 @@ class Pilot:
 
     def use_controller(self, controller: Controller) -> None:
         """Change to another controller, which starts from the input applied last."""
-        self.controller, self.controller_replaced = controller, False
         self.step_guard.use(controller)
-        self.cooperation.use(controller)
-        self._begin_transfer()
-        self._flown_by_controller = False
+        self._begin_with_controller()
 
     def use_defaults(self) -> None:
         """Change to the default controller and estimator, as if the present ones had failed."""
@@ -265,13 +190,14 @@ class Pilot:
         self.estimator.use_default()
 
     def _use_default_controller(self) -> None:
-        default = self.step_guard.default
-        if default is None or default is self.controller:
-            return
-        failure = self.step_guard.calls.failure
-        self.use_controller(default)
-        self.controller_replaced, self.step_guard.calls.failure = True, failure
-        self.fallbacks[CONTROLLER_REPLACED] += 1
+        if self.step_guard.use_default():
+            self._begin_with_controller()
+            self.fallbacks[CONTROLLER_REPLACED] += 1
+
+    def _begin_with_controller(self) -> None:
+        self.cooperation.use(self.controller)
+        self._begin_transfer()
+        self._flown_by_controller = False
 
     def use_estimator(self, estimator: Estimator) -> None:
         """Change to another estimator, which starts from the present estimate."""
@@ -285,48 +211,71 @@ class Pilot:
     def control(
         self,
         plans: Mapping[str, LeaderPlan],
-        neighbours: Mapping[str, Neighbour] = _NO_NEIGHBOURS,
-        received: Mapping[str, Unpacked] = _SILENCE,
+        neighbours: Mapping[str, Neighbour] = _NOTHING,
+        received: Mapping[str, Unpacked] = _NOTHING,
     ) -> ControlOutput:
         """Compute command and plan of the present control period, always finite and within the limits."""
         self.sequence += 1
-        time_s, delay_s = self.clock.time_s, self.model.delay_s
-        guidance, exciter = self.guidance, self.exciter
-        guidance.check_floor(self.estimator.estimate, time_s)
+        self._decide()
+        output = self._stand() if self._standing else self._fly(plans, neighbours, received)
+        self._planned = output.next_inputs
+        self._record_input(output.input)
+        return output
+
+    def _decide(self) -> None:
+        """Change the phase, the excitation, or the controller, by the present estimate."""
+        time_s, exciter = self.clock.time_s, self.exciter
+        self.guidance.check_floor(self.estimate, time_s)
         if self._lift_off.under_way:
             self._update_lift_off(time_s)
         if exciter.under_way:
-            flying = guidance.phase is Phase.FLYING
-            exciter.watch(time_s, self.estimate.motion[:YAW], self._blind_s, flying)
-        if self._standing:
-            return self._stand()
-        if self.step_guard.given_up:
+            flying = self.guidance.phase is Phase.FLYING
+            exciter.watch(time_s, self.estimate.motion[:YAW], self.estimation.blind_s, flying)
+        if self.step_guard.given_up and not self._standing:
             self._use_default_controller()
-        controller, last_input = self.controller, self.input_history.newest
-        period_s = controller.period_s
-        estimate = self._compensated(time_s)
-        reference, nominal = guidance.references(
-            plans, estimate, time_s, delay_s, period_s, controller.horizon
-        )
+
+    def _fly(
+        self,
+        plans: Mapping[str, LeaderPlan],
+        neighbours: Mapping[str, Neighbour],
+        received: Mapping[str, Unpacked],
+    ) -> ControlOutput:
+        """Return the output in the air: a step of the controller from the estimate along the reference."""
+        time_s, delay_s, guidance = self.clock.time_s, self.model.delay_s, self.guidance
+        period_s, horizon = self.controller.period_s, self.controller.horizon
+        last_input = self.input_history.newest
+        estimate = self.estimation.compensated(self.model)
+        reference, nominal = guidance.references(plans, estimate, time_s, delay_s, period_s, horizon)
         if not self._flown_by_controller:
-            self.step_guard.reset(controller, estimate, last_input)
+            self.step_guard.reset(estimate, last_input)
             self._flown_by_controller = True
-        if not self.avoidance.update(controller, neighbours, self.plan, guidance.followable, delay_s):
+        if not self.avoidance.update(neighbours, self.plan, guidance.followable, delay_s):
             self.fallbacks["cannot_avoid"] += 1
         self.cooperation.begin_period(estimate, reference)
         sent = self.cooperation.exchange(received)
-        step = self.step_guard.step(controller, estimate, reference, last_input)
+        step = self.step_guard.step(estimate, reference, last_input)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1
         self.plan, self.reference = step.plan, reference.samples[0, :4]
         inputs = self._transfer.smoothed(step.inputs[: self._bridged_rows], last_input, period_s)
-        if exciter.under_way:
-            inputs = np.clip(exciter.added(inputs, time_s, period_s), self.model.u_min, self.model.u_max)
+        if self.exciter.under_way:
+            added = self.exciter.added(inputs, time_s, period_s)
+            inputs = np.clip(added, self.model.u_min, self.model.u_max)
         inputs = as_sent(self.vehicle_watch.without_broken_axis(inputs), self.model)
-        command, self._planned = inputs[0], inputs[1:]
-        self._check_vehicle(command, time_s)
-        self._record_input(command)
-        return ControlOutput(command, self._planned, step.plan, delay_s, self.reference, nominal, sent)
+        self._check_vehicle(inputs[0], time_s)
+        return ControlOutput(inputs[0], inputs[1:], step.plan, delay_s, self.reference, nominal, sent)
+
+    def _stand(self) -> ControlOutput:
+        """Return the output on the floor: rotor off, or turning up in open loop."""
+        period_s, rising = self.controller.period_s, self._lift_off.under_way
+        inputs = np.zeros((self._bridged_rows if rising else 1, INPUT_SIZE))
+        inputs[:, U_THRUST] = [
+            self._lift_off.thrust(self.clock.time_s + number * period_s) for number in range(len(inputs))
+        ]
+        self._flown_by_controller = False
+        self.plan = self.reference = None
+        plan = resting(self.estimate, period_s, self.controller.horizon)
+        return ControlOutput(inputs[0], inputs[1:], plan, self.model.delay_s, None)
 
     def fly_as_planned(self) -> None:
         """Leave out a control period: the transmitter gateway plays the input planned for it."""
@@ -341,7 +290,7 @@ class Pilot:
 
     def _check_vehicle(self, command: Array, time_s: float) -> None:
         """Land if the vehicle does not follow its sticks."""
-        informative = self._blind_s == 0.0 and self.guidance.phase in _INFORMATIVE
+        informative = self.estimation.blind_s == 0.0 and self.guidance.phase in _INFORMATIVE
         fault = self.vehicle_watch.observe(command, self.estimate.motion, time_s, informative)
         if fault is not None:
             self.fallbacks[fault.kind] += 1
@@ -371,28 +320,3 @@ class Pilot:
 
     def _in_the_air(self, value: Array) -> bool:
         return bool(value[U_THRUST] > 0.5 * self.model.hover_input[U_THRUST])
-
-    def _stand(self) -> ControlOutput:
-        """Return the output on the floor: rotor off, or turning up in open loop."""
-        period_s, rising = self.controller.period_s, self._lift_off.under_way
-        inputs = np.zeros((self._bridged_rows if rising else 1, INPUT_SIZE))
-        inputs[:, U_THRUST] = [
-            self._lift_off.thrust(self.clock.time_s + number * period_s) for number in range(len(inputs))
-        ]
-        self._flown_by_controller = False
-        self.plan = self.reference = None
-        self._planned = inputs[1:]
-        self._record_input(inputs[0])
-        plan = resting(self.estimate, period_s, self.controller.horizon)
-        return ControlOutput(inputs[0], inputs[1:], plan, self.model.delay_s, None)
-
-    def _predict(self, acted: Iterable[tuple[Array, float]]) -> None:
-        for value, duration_s in acted:
-            self.estimator.predict(value, duration_s)
-
-    def _compensated(self, time_s: float) -> Estimate:
-        """Estimate at the moment the new command begins to act."""
-        estimate = self.estimator.estimate
-        for value, duration_s in self.input_history.between(time_s, time_s + self.model.delay_s):
-            estimate = predict(self.model, estimate, value, duration_s)
-        return estimate

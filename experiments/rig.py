@@ -17,11 +17,12 @@ from msgspec.structs import replace
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.cooperation import Sent, Unpacked
+from rcopterx.agents.estimation import OCCLUDED, StampedMeasurement
 from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import link_message, target_link
 from rcopterx.agents.formation.profile_limits import profile_limits_of
 from rcopterx.agents.guards.step_guard import hovering_input
-from rcopterx.agents.pilot import OCCLUDED, ControlOutput, Pilot, StampedMeasurement
+from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.scheme_messages import scheme_message, unpacked
 from rcopterx.agents.separation.avoidance import Neighbour
 from rcopterx.agents.settings import AgentSettings
@@ -188,7 +189,8 @@ class Rig:
         )
         # Frames that the Tracker missed are weather, and no fallbacks.
         missed = Counter({OCCLUDED: self._frame + 1})
-        fallbacks = self.pilots[name].fallbacks + self.guards[name].events - missed
+        pilot = self.pilots[name]
+        fallbacks = pilot.fallbacks + pilot.estimation.events + self.guards[name].events - missed
         plant = self.laboratory.plants[name]
         return VehicleRecord(
             time_s, motion, reference, station, inputs, fallbacks, plant.left_volume, plant.touchdowns

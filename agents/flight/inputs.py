@@ -61,12 +61,18 @@ class InputHistory:
     """Inputs sent and not yet, or just, acting; ordered by the time their effect begins."""
 
     def __init__(self, initial_input: Array) -> None:
-        self._entries: deque[_Entry] = deque([_Entry(-1.0, 0, initial_input)], maxlen=HISTORY_LENGTH)
+        self._entries: deque[_Entry] = deque(maxlen=HISTORY_LENGTH)
+        self.restart(initial_input)
 
     @property
     def newest(self) -> Array:
         """Input sent last, shape (4,)."""
         return self._entries[-1].input
+
+    def restart(self, value: Array) -> None:
+        """Forget all inputs but one, which has been acting."""
+        self._entries.clear()
+        self.append(-1.0, 0, value)
 
     def append(self, effect_from_s: float, sequence: int, value: Array) -> None:
         """Record an input that acts from a time on."""

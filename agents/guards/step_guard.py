@@ -8,7 +8,6 @@ controller is of no use; the pilot then changes to the default controller. A sol
 than the previous plan has not failed, but its step is flown in the same way.
 """
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, TypeVar
 
@@ -75,14 +74,13 @@ class _Task(NamedTuple):
 
 
 class StepGuard:
-    """Steps controllers, and replaces steps that fail."""
+    """Steps a controller, and replaces steps that fail."""
 
-    def __init__(self, model: Model, default: Controller | None = None) -> None:
+    def __init__(self, model: Model, controller: Controller, default: Controller | None = None) -> None:
         self.default = default  # flies for a controller that fails; None for the feedback law alone
         self.calls = GuardedCall("controller", FIRST_STEPS, FIRST_STEPS_FACTOR)
         """Counts failures; a result is unusable if it has a wrong shape, is not finite or beyond limits."""
         self.model = model
-        self._envelope: Envelope | None = None  # of a controller that is not part of this package
         self.neighbours: Sequence[Obstacle] = ()  # vehicles that may come near
         self._exchange_failed = False  # since the last step
         self._age_s = 0.0  # time since the last usable step
@@ -92,11 +90,7 @@ class StepGuard:
         self._inputs: Array | None = None  # inputs of the last usable step, shifted to the present
         self._plan: Trajectory | None = None  # plan that was flown last
         self._reference: Trajectory | None = None  # the last reference that was finite
-
-    @property
-    def events(self) -> Counter[str]:
-        """Failures by kind."""
-        return self.calls.failures
+        self.use(controller)
 
     @property
     def given_up(self) -> bool:
@@ -105,52 +99,60 @@ class StepGuard:
 
     def use(self, controller: Controller) -> None:
         """Change to another controller; one that is not part of this package stays in the flight envelope."""
+        self.controller, self.replaced = (
+            controller,
+            False,
+        )  # whether the default one flies for one that failed
         self.calls.failure, self._failed_for_s = "", 0.0
         self._envelope = None if is_built_in(controller) else Envelope(self.model, BRIDGED_S)
 
-    def reset(self, controller: Controller, estimate: Estimate, last_input: Array) -> None:
-        """Reset a controller to a flying vehicle."""
+    def use_default(self) -> bool:
+        """Replace the controller by the default one; False if that is in use, or there is none."""
+        if self.default is None or self.controller is self.default:
+            return False
+        failure = self.calls.failure
+        self.use(self.default)
+        self.calls.failure, self.replaced = failure, True
+        return True
+
+    def reset(self, estimate: Estimate, last_input: Array) -> None:
+        """Reset the controller to a flying vehicle."""
         self._failed_for_s = self._age_s = 0.0
         self.calls.begin()
         self._inputs = self._plan = self._reference = None
         self._default_flies = False
         self._needs_reset = not is_finite(estimate)
         if not self._needs_reset:
-            self._reset_controller(controller, _capped(estimate), last_input)
+            self._reset(self.controller, _capped(estimate), last_input)
 
-    def step(
-        self, controller: Controller, estimate: Estimate, reference: Trajectory, last_input: Array
-    ) -> ControlStep:
+    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
         """Return one finite control step within the limits; `fallback` names what flew instead, if any."""
-        task = self._task(controller, estimate, reference, last_input)
-        step = self._controller_step(controller, task)
+        task = self._task(estimate, reference, last_input)
+        step = self._controller_step(task)
         if step is not None:
             self._failed_for_s = self._age_s = 0.0
             self._default_flies = False
             self._inputs, self._plan = step.inputs, step.plan
             return step if task.reference is reference else replace(step, fallback=HOVER)
-        step = self._shifted_step(controller, task) or self._default_step(controller, task)
-        step = step or self._hover_step(controller, task)
+        step = self._shifted_step(task) or self._default_step(task) or self._hover_step(task)
         self._plan = step.plan
         return step
 
-    def try_call(self, controller: Controller, action: Callable[[], None]) -> bool:
-        """Call a controller outside of its steps; return False if it raises, which counts as a failure."""
-        return self.calls.try_call(type(controller).__name__, action)
+    def try_call(self, action: Callable[[], None]) -> bool:
+        """Call the controller outside of its steps; return False if it raises, which counts as a failure."""
+        return self.calls.try_call(type(self.controller).__name__, action)
 
-    def try_exchange(self, scheme: Controller, share: float, exchange: Callable[[], T]) -> T | None:
+    def try_exchange(self, share: float, exchange: Callable[[], T]) -> T | None:
         """Call a scheme in a share of the time of a step; None if it fails. Then its next step fails, too."""
-        limit_s = share * STEP_SHARE * scheme.period_s
-        result = self.calls.attempt(type(scheme).__name__, limit_s, exchange, lambda _: None)
+        limit_s = share * STEP_SHARE * self.controller.period_s
+        result = self.calls.attempt(type(self.controller).__name__, limit_s, exchange, lambda _: None)
         self._exchange_failed |= result is None
         return result
 
-    def _reset_controller(self, controller: Controller, estimate: Estimate, last_input: Array) -> None:
-        self.try_call(controller, lambda: controller.reset(estimate, last_input))
+    def _reset(self, controller: Controller, estimate: Estimate, last_input: Array) -> None:
+        self.calls.try_call(type(controller).__name__, lambda: controller.reset(estimate, last_input))
 
-    def _task(
-        self, controller: Controller, estimate: Estimate, reference: Trajectory, last_input: Array
-    ) -> _Task:
+    def _task(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> _Task:
         """Return what to fly; a reference that is not finite is replaced by the last set point or place."""
         estimate = _capped(estimate)
         if len(reference.samples) and np.isfinite(reference.samples).all():
@@ -158,76 +160,75 @@ class StepGuard:
         else:
             known = self._reference
             place = np.nan_to_num(estimate.motion[:4]) if known is None else known.samples[-1, :4]
-            reference = hold(place[POSITION], float(place[YAW]), controller.period_s, controller.horizon)
+            period_s, horizon = self.controller.period_s, self.controller.horizon
+            reference = hold(place[POSITION], float(place[YAW]), period_s, horizon)
         return _Task(estimate, reference, last_input, is_finite(estimate))
 
-    def _controller_step(self, controller: Controller, task: _Task) -> ControlStep | None:
+    def _controller_step(self, task: _Task) -> ControlStep | None:
         """Return a step of the controller; None after a failure, or if its solver finds none."""
         if not task.known:
             return None
         if self._needs_reset:
-            self._reset_controller(controller, task.estimate, task.last_input)
+            self._reset(self.controller, task.estimate, task.last_input)
             self._needs_reset = False
-        result = None if self._exchange_failed else self._attempt(controller, task)
+        result = None if self._exchange_failed else self._attempt(self.controller, task)
         self._exchange_failed = False
         if isinstance(result, NoSolutionError):
             self._failed_for_s = 0.0
             return None
         if result is not None and self._envelope is not None:
-            result = self._within(self._envelope, controller, task, result)
+            result = self._within(self._envelope, task, result)
         if result is None:
             # Its state may be inconsistent.
             self._needs_reset = True
-            self._failed_for_s += controller.period_s
+            self._failed_for_s += self.controller.period_s
         return result
 
-    def _within(
-        self, envelope: Envelope, controller: Controller, task: _Task, step: ControlStep
-    ) -> ControlStep | None:
+    def _within(self, envelope: Envelope, task: _Task, step: ControlStep) -> ControlStep | None:
         """Return a step with the plan that its inputs fly; None, and no earlier inputs, if that is unsafe."""
-        plan = predict(self.model, task.estimate, step.inputs, controller.period_s)
+        plan = predict(self.model, task.estimate, step.inputs, self.controller.period_s)
         problem = envelope.problem(plan, self.neighbours)
         if problem is None:
             return replace(step, plan=plan)
-        self.calls.note("unsafe", f"{type(controller).__name__}: {problem}")
+        self.calls.note("unsafe", f"{type(self.controller).__name__}: {problem}")
         self._inputs = None
         return None
 
-    def _shifted_step(self, failed: Controller, task: _Task) -> ControlStep | None:
+    def _shifted_step(self, task: _Task) -> ControlStep | None:
         """Return the inputs of the last usable step, one stage on; None if they are too old."""
         young = self._age_s < SHIFTED_PLAN_LIMIT_S - _TOLERANCE
-        self._age_s += failed.period_s
+        self._age_s += self.controller.period_s
         if self._inputs is None or not young:
             return None
         self._inputs = shift(self._inputs)
-        return self._with_plan(self._inputs, SHIFTED_PLAN, task, failed.period_s)
+        return self._with_plan(self._inputs, SHIFTED_PLAN, task)
 
-    def _default_step(self, failed: Controller, task: _Task) -> ControlStep | None:
+    def _default_step(self, task: _Task) -> ControlStep | None:
         """Return a step of the default controller; None if there is none."""
         default = self.default
-        if default is None or default is failed or not task.known:
+        if default is None or default is self.controller or not task.known:
             return None
         if not self._default_flies:
-            self._reset_controller(default, task.estimate, task.last_input)
+            self._reset(default, task.estimate, task.last_input)
         if isinstance(default, AvoidsObstacles):
             default.set_obstacles(self.neighbours)
         result = self._attempt(default, task)
         self._default_flies = result is not None
         return replace(result, fallback=DEFAULT_CONTROLLER) if isinstance(result, ControlStep) else None
 
-    def _hover_step(self, failed: Controller, task: _Task) -> ControlStep:
+    def _hover_step(self, task: _Task) -> ControlStep:
         """Return the inputs of a plain feedback law, or those that carry a vehicle of unknown motion."""
-        inputs = np.tile(self.model.hover_input, (failed.horizon - 1, 1))
+        inputs = np.tile(self.model.hover_input, (self.controller.horizon - 1, 1))
         if task.known:
             inputs[0] = hovering_input(self.model, task.estimate.motion, task.reference.samples[0, :4])
         else:
             inputs[:, U_THRUST] = self.model.hover_thrust
         inputs = np.clip(inputs, self.model.u_min, self.model.u_max)
-        return self._with_plan(inputs, HOVER, task, failed.period_s)
+        return self._with_plan(inputs, HOVER, task)
 
-    def _with_plan(self, inputs: Array, fallback: str, task: _Task, period_s: float) -> ControlStep:
+    def _with_plan(self, inputs: Array, fallback: str, task: _Task) -> ControlStep:
         """Return inputs and their prediction; for an unknown motion the previous plan goes on."""
-        stages = len(inputs) + 1
+        stages, period_s = len(inputs) + 1, self.controller.period_s
         plan = predict(self.model, task.estimate, inputs, period_s) if task.known else None
         if plan is None or not np.isfinite(plan.samples).all():
             known = task.reference if self._plan is None else self._plan

@@ -81,7 +81,7 @@ def near(
 
 
 class PlanAvoidance:
-    """Gives the controller of one vehicle the plans that come near."""
+    """Passes the plans that come near to the controller of one vehicle."""
 
     def __init__(self, ellipsoid: SeparationEllipsoid | None, step_guard: StepGuard) -> None:
         self._ellipsoid = ellipsoid
@@ -91,17 +91,13 @@ class PlanAvoidance:
         self.closest_m: float | None = None  # smallest distance to another plan so far, if any
 
     def update(
-        self,
-        controller: Controller,
-        neighbours: Mapping[str, Neighbour],
-        plan: Trajectory | None,
-        free: bool,
-        delay_s: float,
+        self, neighbours: Mapping[str, Neighbour], plan: Trajectory | None, free: bool, delay_s: float
     ) -> bool:
         """Update the obstacles of the controller; return False if plans touch and it avoids none.
 
         Only `free` flight gives way. `delay_s` is from the present to the first stage of `plan`.
         """
+        controller = self._step_guard.controller
         obstacles: tuple[Obstacle, ...] = ()
         touching = False
         self._step_guard.neighbours = ()
@@ -116,7 +112,7 @@ class PlanAvoidance:
             return True
         if not isinstance(controller, AvoidsObstacles):
             return not touching
-        done = self._step_guard.try_call(controller, lambda: controller.set_obstacles(obstacles))
+        done = self._step_guard.try_call(lambda: controller.set_obstacles(obstacles))
         self._unconstrained = controller if done and not obstacles else None
         self.ticks += touching
         return True

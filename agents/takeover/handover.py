@@ -159,7 +159,7 @@ class Handover:
                 "one is chosen"
             )
         if self.predecessor is not None and self.predecessor.yaw_rad is not None:
-            pilot.expect_heading(self.predecessor.yaw_rad)
+            pilot.estimation.expected_yaw_rad = self.predecessor.yaw_rad
 
     def _recall(self) -> None:
         """Request the last intent of the predecessor, its age, and the number of quick deaths."""

@@ -78,9 +78,7 @@ class Tuning:
     def note_replaced(self) -> bool:
         """Note what the pilot has replaced after failures; return whether the configuration changes."""
         before, pilot = self.configuration, self._pilot
-        if not (pilot.controller_replaced or pilot.estimator.replaced):
-            return False
-        if pilot.controller_replaced:
+        if pilot.step_guard.replaced:
             self.configuration = self.configuration.with_default_controller()
         if pilot.estimator.replaced:
             self.configuration = self.configuration.with_default_estimator()

@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.estimation import StampedMeasurement
+from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.control.interfaces import Measurement
 from rcopterx.deploy.roles.agent import ready_pilot

@@ -4,10 +4,11 @@ import numpy as np
 from support.flight import ExactEstimator, NotedController
 from support.vehicle_types import COAXIAL_LAG
 
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.task import FollowedLeader
 from rcopterx.agents.phases import Phase
-from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.pilot import Pilot
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.vehicles.model import Model

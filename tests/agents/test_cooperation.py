@@ -49,9 +49,10 @@ def cooperation(vehicle: str, leader: str | None = None, kind: type = Curious) -
     clock.frames_until(1, 50, PERIOD_S)
     links = [LeaderLink(leader=leader, offset_m=(-0.5, 0.2, 0.0))] if leader else []
     guidance = Guidance([followed_leader(link) for link in links])
-    made = Cooperation(guidance, StepGuard(COAXIAL_LAG), clock)
+    scheme = kind(COAXIAL_LAG, PERIOD_S, ConsensusSettings())
+    made = Cooperation(guidance, StepGuard(COAXIAL_LAG, scheme), clock)
     made.vehicle = vehicle
-    made.use(kind(COAXIAL_LAG, PERIOD_S, ConsensusSettings()))
+    made.use(scheme)
     motion = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     estimate = Estimate(motion, COAXIAL_LAG.hover_input, np.zeros(4))
     made.begin_period(estimate, hold(motion[:3], 0.0, PERIOD_S, 50))
@@ -142,13 +143,12 @@ class Failing(ConsensusScheme):
 def test_exchange_that_fails_fails_the_next_step_as_well() -> None:
     one = cooperation("h1", kind=Failing)
     assert one.exchange({}) is None
-    scheme, guard = one.scheme, one.step_guard
-    assert scheme is not None
+    guard = one.step_guard
     place = hold(np.array([0.0, 0.0, 1.0]), 0.0, PERIOD_S, 50)
     motion = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     estimate = Estimate(motion, COAXIAL_LAG.hover_input, np.zeros(4))
-    assert guard.step(scheme, estimate, place, COAXIAL_LAG.hover_input).fallback is not None
-    assert guard.step(scheme, estimate, place, COAXIAL_LAG.hover_input).fallback is None
+    assert guard.step(estimate, place, COAXIAL_LAG.hover_input).fallback is not None
+    assert guard.step(estimate, place, COAXIAL_LAG.hover_input).fallback is None
 
 
 def test_number_of_exchanges_is_limited() -> None:

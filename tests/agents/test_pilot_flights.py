@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from pilot_bench import HOVER, real, seen
 from support.flight import Lab, Plant, assert_sound, measured, still
 
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
 from rcopterx.agents.formation.law import FormationOffset
 from rcopterx.agents.phases import Phase
-from rcopterx.agents.pilot import StampedMeasurement
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.control.references.trajectory import hold

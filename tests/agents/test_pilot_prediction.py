@@ -11,9 +11,10 @@ from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen, unseen
 from support.flight import ExactEstimator, NotedController, Plant, measured, still
 from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
+from rcopterx.agents.estimation import BLIND_LIMIT_S, StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.phases import Phase
-from rcopterx.agents.pilot import BLIND_LIMIT_S, Pilot, StampedMeasurement
+from rcopterx.agents.pilot import Pilot
 from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import inertial_velocity
@@ -77,7 +78,7 @@ def test_missing_frames_are_bridged_by_prediction_and_a_resuming_tracker_costs_n
         flight = pilot.control({})
         plant.send(flight.input)
         plant.advance(0.02)
-    assert pilot.fallbacks["pose_extrapolated"] == 4
+    assert pilot.events["pose_extrapolated"] == 4
 
 
 def test_blind_flight_has_a_limit() -> None:
@@ -94,7 +95,7 @@ def test_occluded_frames_are_counted_and_blind_flight_ends_with_them_too() -> No
     pilot = airborne(noted())
     for frame in range(1, 20):
         pilot.observe(unseen(frame))
-    assert pilot.fallbacks["occluded"] == 19
+    assert pilot.events["occluded"] == 19
     assert not pilot.ready
 
 
@@ -151,7 +152,7 @@ def test_a_refused_pose_is_counted_as_blind_flight() -> None:
     pilot = airborne(Pilot(COAXIAL_LAG, NotedController(HOVER[None, :]), Distrustful(), Guidance()))
     for frame in range(1, 4):
         assert pilot.observe(seen(frame))
-    assert pilot.fallbacks["gated_pose"] == 3
+    assert pilot.events["gated_pose"] == 3
 
 
 def test_refused_poses_are_not_believed_by_the_pilot_however_long_they_go_on() -> None:

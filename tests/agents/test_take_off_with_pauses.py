@@ -6,8 +6,8 @@ from pilot_bench import real
 from support.flight import Plant, measured
 from support.vehicle_types import COAXIAL_LAG
 
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.phases import Phase
-from rcopterx.agents.pilot import StampedMeasurement
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     NAMES,

@@ -4,7 +4,8 @@ from collections import deque
 
 import numpy as np
 
-from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
+from rcopterx.agents.estimation import StampedMeasurement
+from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.control.interfaces import ControlStep, Estimate, Measurement
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.references.trajectory import Trajectory, hold

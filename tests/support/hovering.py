@@ -4,8 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.pilot import ControlOutput, Pilot, StampedMeasurement
+from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.interfaces import Measurement

@@ -4,12 +4,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_changes import LeaderChanges
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses
 from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.phases import Event
-from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.requests.external_control import ExternalControl
 from rcopterx.agents.requests.request_handler import RequestHandler
 from rcopterx.agents.settings import AgentSettings

@@ -10,12 +10,13 @@ from support.statuses import flying_status
 from support.vehicle_types import COAXIAL_LAG
 from support.waiting import FakeClock
 
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader
 from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.formation.succession import FollowingMode
 from rcopterx.agents.phases import Event, Phase
-from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.settings import AgentSettings, Succession
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode

@@ -96,9 +96,9 @@ class Pushing:
 
 
 def guard(controller: Controller) -> StepGuard:
-    made = StepGuard(COAXIAL, CONTROLLERS.build("pid", COAXIAL, PERIOD_S, {"horizon": STAGES}))
-    made.use(controller)
-    made.reset(controller, low(), HOVER)
+    default = CONTROLLERS.build("pid", COAXIAL, PERIOD_S, {"horizon": STAGES})
+    made = StepGuard(COAXIAL, controller, default)
+    made.reset(low(), HOVER)
     return made
 
 
@@ -113,11 +113,11 @@ def test_unsafe_inputs_are_replaced_at_once_and_the_controller_after_a_while() -
     made, reference = guard(controller), hold(np.array([0.0, 0.0, 0.4]), 0.0, PERIOD_S, STAGES)
     for _ in range(5):
         assert not made.given_up
-        step = made.step(controller, low(), reference, HOVER)
+        step = made.step(low(), reference, HOVER)
         assert step.fallback == DEFAULT_CONTROLLER
         assert step.inputs[0, U_THRUST] > 0.8 * HOVER[U_THRUST]
     assert made.given_up
-    assert made.events["controller_unsafe"] == 5
+    assert made.calls.failures["controller_unsafe"] == 5
     assert "floor" in made.calls.failure
 
 
@@ -125,7 +125,7 @@ def test_the_plan_of_a_foreign_controller_is_what_its_inputs_fly() -> None:
     ahead = HOVER + np.array([0.5, 0.0, 0.0, 0.0])
     controller = Pushing(ahead)
     reference = hold(np.array([0.0, 0.0, 0.4]), 0.0, PERIOD_S, STAGES)
-    step = guard(controller).step(controller, low(), reference, HOVER)
+    step = guard(controller).step(low(), reference, HOVER)
     assert step.fallback is None
     assert step.plan.position_m[-1, 0] > 0.05
 
@@ -134,5 +134,5 @@ def test_built_in_controllers_are_trusted() -> None:
     controller = CONTROLLERS.build("pid", COAXIAL, PERIOD_S, {"horizon": STAGES})
     made = guard(controller)
     fast = Estimate(np.array([1.1, 0.0, 1.0, 0.0, 1.5, 0.0, 0.0, 0.0]), HOVER, np.zeros(4))
-    made.step(controller, fast, hold(np.array(MIDDLE_M), 0.0, PERIOD_S, STAGES), HOVER)
-    assert not made.events["controller_unsafe"]
+    made.step(fast, hold(np.array(MIDDLE_M), 0.0, PERIOD_S, STAGES), HOVER)
+    assert not made.calls.failures["controller_unsafe"]

@@ -8,6 +8,7 @@ from support.failing import FAILURES, FailingController
 from support.flight import ExactEstimator, Lab, NotedController, Plant, measured, still
 from support.vehicle_types import COAXIAL_LAG
 
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.guards.step_guard import (
     DEFAULT_CONTROLLER,
@@ -17,7 +18,7 @@ from rcopterx.agents.guards.step_guard import (
     StepGuard,
 )
 from rcopterx.agents.guards.step_guard import HOVER as HOVERING
-from rcopterx.agents.pilot import CONTROLLER_REPLACED, Pilot, StampedMeasurement
+from rcopterx.agents.pilot import CONTROLLER_REPLACED, Pilot
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory, hold
@@ -72,12 +73,12 @@ def test_the_vehicle_keeps_its_place_with_sound_commands_however_its_controller_
     flight.fly(1.0)  # the laboratory checks every command
     assert flight.away_m < 0.05
     failed = sum(
-        flight.pilot.step_guard.events[kind] for kind in ("controller_raised", "controller_unusable")
+        flight.pilot.step_guard.calls.failures[kind] for kind in ("controller_raised", "controller_unusable")
     )
     asked = [course[step % len(course)] for step in range(flight.failing.steps)]
     assert failed == sum(failure is not None for failure in asked)
     longest = max((len(run) for run in "".join("x" if f else " " for f in course * 12).split()), default=0)
-    assert flight.pilot.controller_replaced == (longest >= PATIENCE)
+    assert flight.pilot.step_guard.replaced == (longest >= PATIENCE)
 
 
 @pytest.mark.parametrize("failure", KINDS)
@@ -95,7 +96,7 @@ def test_without_a_plan_to_shift_the_default_controller_flies_at_once() -> None:
     flight = Flight(["raises"])
     flight.fly(0.06)
     assert flight.pilot.fallbacks[DEFAULT_CONTROLLER] == 3
-    assert not flight.pilot.controller_replaced
+    assert not flight.pilot.step_guard.replaced
 
 
 def test_a_controller_that_recovers_flies_on() -> None:
@@ -144,20 +145,20 @@ def test_where_the_default_controller_fails_too_a_feedback_law_keeps_the_place()
 
 def test_a_default_controller_that_is_flown_itself_is_not_replaced_by_itself() -> None:
     sound = FailingController(built("pid"), [None] * 20 + ["raises"] * 10)
-    guard = StepGuard(COAXIAL_LAG, sound)
+    guard = StepGuard(COAXIAL_LAG, sound, sound)
     estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, HORIZON)
-    guard.reset(sound, estimate, HOVER)
-    told = [guard.step(sound, estimate, reference, HOVER).fallback for _ in range(90)]
+    guard.reset(estimate, HOVER)
+    told = [guard.step(estimate, reference, HOVER).fallback for _ in range(90)]
     assert set(told) == {None, SHIFTED_PLAN}
-    assert guard.events["controller_raised"] == 30
+    assert guard.calls.failures["controller_raised"] == 30
 
 
 def test_a_shifted_plan_has_an_end() -> None:
     failing = FailingController(built("lqr"), [None] + ["raises"] * 100)
-    guard = StepGuard(COAXIAL_LAG)
+    guard = StepGuard(COAXIAL_LAG, failing)
     estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, HORIZON)
-    guard.reset(failing, estimate, HOVER)
-    told = [guard.step(failing, estimate, reference, HOVER).fallback for _ in range(60)]
+    guard.reset(estimate, HOVER)
+    told = [guard.step(estimate, reference, HOVER).fallback for _ in range(60)]
     shifted = round(SHIFTED_PLAN_LIMIT_S / PERIOD_S)
     assert told == [None] + shifted * [SHIFTED_PLAN] + (59 - shifted) * [HOVERING]
 
@@ -165,7 +166,7 @@ def test_a_shifted_plan_has_an_end() -> None:
 def test_an_estimate_that_is_not_finite_still_gives_a_command() -> None:
     failing = FailingController(NotedController(HOVER[None, :]), ["raises"])
     lost = Estimate(np.full(8, np.nan), np.full(4, np.nan), np.full(4, np.nan))
-    step = StepGuard(COAXIAL_LAG).step(failing, lost, hold(PLACE, 0.0, PERIOD_S, 8), HOVER)
+    step = StepGuard(COAXIAL_LAG, failing).step(lost, hold(PLACE, 0.0, PERIOD_S, 8), HOVER)
     assert np.isfinite(step.inputs).all()
     assert np.isfinite(step.plan.samples).all()
 
@@ -178,9 +179,9 @@ class Deaf(NotedController):
 
 
 def test_what_is_raised_in_a_reset_is_a_failure_like_any_other() -> None:
-    guard, deaf = StepGuard(COAXIAL_LAG), Deaf(HOVER[None, :])
-    guard.reset(deaf, still(), HOVER)
-    assert guard.events["controller_raised"] == 1
+    guard = StepGuard(COAXIAL_LAG, Deaf(HOVER[None, :]))
+    guard.reset(still(), HOVER)
+    assert guard.calls.failures["controller_raised"] == 1
     assert guard.calls.failure == "Deaf: ValueError: not now"
 
 
@@ -204,12 +205,12 @@ def test_a_step_that_took_too_long_does_not_count_although_it_came() -> None:
         def end(self, limit_s: float) -> bool:
             return LimitOfTests.used > limit_s
 
-    guard, slow = StepGuard(COAXIAL_LAG), Slow(HOVER[None, :])
+    guard = StepGuard(COAXIAL_LAG, Slow(HOVER[None, :]))
     guard.calls.limit = Measured()
     estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, 8)
-    guard.reset(slow, estimate, HOVER)
-    assert guard.step(slow, estimate, reference, HOVER).fallback == HOVERING
-    assert guard.events["controller_late"] == 1
+    guard.reset(estimate, HOVER)
+    assert guard.step(estimate, reference, HOVER).fallback == HOVERING
+    assert guard.calls.failures["controller_late"] == 1
 
 
 class Answers(NotedController):
@@ -245,9 +246,9 @@ INPUTS, SAMPLES = np.tile(HOVER, (STAGES - 1, 1)), np.zeros((STAGES, 12))
     ],
 )
 def test_what_is_wrong_with_an_answer_is_told(inputs: object, samples: object, said: str) -> None:
-    guard, wrong = StepGuard(COAXIAL_LAG), Answers(inputs, samples)
+    guard = StepGuard(COAXIAL_LAG, Answers(inputs, samples))
     estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, STAGES)
-    guard.reset(wrong, estimate, HOVER)
-    assert guard.step(wrong, estimate, reference, HOVER).fallback == HOVERING
-    assert guard.events == {"controller_unusable": 1}
+    guard.reset(estimate, HOVER)
+    assert guard.step(estimate, reference, HOVER).fallback == HOVERING
+    assert guard.calls.failures == {"controller_unusable": 1}
     assert guard.calls.failure == f"Answers: {said}"

@@ -5,8 +5,9 @@ import pytest
 from support.flight import ExactEstimator, Plant, measured, still
 from support.vehicle_types import COAXIAL_LAG
 
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.requests.external_control import ExternalControl
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
@@ -84,5 +85,5 @@ def test_program_that_dives_loses_control_before_the_floor(flight: Flight) -> No
     assert flight.external.client == ""
     assert flight.external.events == {"external_unsafe": 1}
     assert flight.pilot.controller is flight.own
-    assert flight.pilot.step_guard.events["controller_unsafe"] >= 5
+    assert flight.pilot.step_guard.calls.failures["controller_unsafe"] >= 5
     assert flight.plant.state.motion[2] > 0.3

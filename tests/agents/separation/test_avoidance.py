@@ -6,12 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.vehicle_types import COAXIAL_LAG
 
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.traffic import FORMATION_SCALE, ellipsoid_scale
 from rcopterx.agents.formation.topology import places
 from rcopterx.agents.phases import Event
-from rcopterx.agents.pilot import Pilot, StampedMeasurement
+from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.separation.avoidance import NEAR, TOUCHING, Neighbour, SeparationEllipsoid, near
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.interfaces import AvoidsObstacles, Measurement

@@ -27,14 +27,13 @@ class Guarded:
     """A controller with its step guard."""
 
     def __init__(self, controller: Controller, model: Model) -> None:
-        self._controller = controller
-        self.guard = StepGuard(model)
+        self.guard = StepGuard(model, controller)
 
     def reset(self, estimate: Estimate, last_input: Array) -> None:
-        self.guard.reset(self._controller, estimate, last_input)
+        self.guard.reset(estimate, last_input)
 
     def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
-        return self.guard.step(self._controller, estimate, reference, last_input)
+        return self.guard.step(estimate, reference, last_input)
 
 
 BUILT: dict[tuple[str, str], Guarded] = {}
@@ -129,7 +128,7 @@ def test_command_is_finite_and_within_limits_whatever_state_and_reference(
         flown.reset(estimate, model.hover_input)
     step = flown.step(estimate, reference, model.hover_input)
     check(step, model)
-    assert not flown.guard.events, flown.guard.calls.failure
+    assert not flown.guard.calls.failures, flown.guard.calls.failure
     assert step.plan.samples[0, :4] == pytest.approx(estimate.motion[:4], abs=1e-9)
 
 

@@ -155,19 +155,19 @@ def test_first_step_after_a_switch_takes_over_the_trim() -> None:
 
 def test_an_exhausted_time_limit_is_reported_and_still_gives_a_command() -> None:
     controller = make(horizon=110, solver="osqp", time_limit_s=1e-5)
-    guard = StepGuard(COAXIAL_LAG)
-    guard.reset(controller, at_rest(), COAXIAL_LAG.hover_input)
+    guard = StepGuard(COAXIAL_LAG, controller)
+    guard.reset(at_rest(), COAXIAL_LAG.hover_input)
     seen = set()
     for yaw in np.linspace(0, 3, 20):
         state = at_rest(yaw=float(yaw)).motion
         state[YAW + 1 :] = 0.5
         estimate = Estimate(state, COAXIAL_LAG.hover_input, np.zeros(4))
         far = hold(np.array([1, 1, 1.8]), 3.0, PERIOD_S, 110)
-        result = guard.step(controller, estimate, far, COAXIAL_LAG.hover_input)
+        result = guard.step(estimate, far, COAXIAL_LAG.hover_input)
         seen.add(result.fallback)
         assert (result.inputs >= COAXIAL_LAG.u_min).all()
         assert (result.inputs <= COAXIAL_LAG.u_max).all()
     assert seen & {"early_stop", "shifted_plan", "hover"}
     assert None not in seen
-    assert not guard.events
+    assert not guard.calls.failures
     assert not guard.given_up
