@@ -25,7 +25,7 @@ LARGEST_SIZES: Final = "2,3,4,5,6,8,10,12,14,16,18,20,24"
 Figures = dict[str, float]
 
 
-class CostError(RuntimeError):
+class CostError(ChildProcessError):
     """A checkout cannot be measured; the message says why."""
 
 

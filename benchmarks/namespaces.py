@@ -12,7 +12,7 @@ NETWORK: Final = "10.213.7"
 STOP_S: Final = 30.0  # time that a program has to end before it is killed
 
 
-class NetworkUnavailableError(RuntimeError):
+class NetworkUnavailableError(OSError):
     """This computer or user cannot create network namespaces; the message says why."""
 
 

@@ -1,8 +1,6 @@
 """Measuring speed, side by side with peers: `bench`."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -26,18 +24,6 @@ COLUMNS = ("mean_ms", "p99_ms", "p999_ms", "max_ms", "error")
 @app.callback()
 def bench() -> None:
     """Measure speed, side by side with peers."""
-
-
-@contextmanager
-def _errors() -> Iterator[None]:
-    """Report a computer that cannot run a benchmark without a traceback."""
-    from rcopterx.benchmarks.cost import CostError
-    from rcopterx.benchmarks.namespaces import NetworkUnavailableError
-
-    try:
-        yield
-    except (CostError, NetworkUnavailableError) as error:
-        raise failure(error) from None
 
 
 @app.command()
@@ -76,8 +62,7 @@ def restart(
     from rcopterx.benchmarks.restart import run
     from rcopterx.fleet.reading import fleet_path
 
-    with _errors():
-        print_document(run(fleet_path(fleet), rounds, Progress("bench restart").say), as_json)
+    print_document(run(fleet_path(fleet), rounds, Progress("bench restart").say), as_json)
 
 
 @app.command()
@@ -104,8 +89,7 @@ def scale(
     from rcopterx.benchmarks.scale import Series, draw_scale, run, scale_table
 
     sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=128)
-    with _errors():
-        document = run(sizes, Series(horizon, seconds, rate, speed or 1.0), Progress("bench scale").say)
+    document = run(sizes, Series(horizon, seconds, rate, speed or 1.0), Progress("bench scale").say)
     write_plot(partial(draw_scale, document), plot)
     print_document(document, as_json, scale_table)
 
@@ -124,8 +108,7 @@ def cost(
 
     names = only.split(",")
     check_known(names, TRIALS, "trial", "--only")
-    with _errors():
-        document = run(against, names, rounds, Progress("bench cost").say)
+    document = run(against, names, rounds, Progress("bench cost").say)
     print_document(document, as_json, lambda found: "\n".join(table(found)))
     if document["failed"]:
         raise failure(*(f"{name}: {problem}" for name, problem in document["failed"].items()))
@@ -136,8 +119,7 @@ def links(as_json: JsonOption = False, rounds: RoundsOption = 5) -> None:
     """Cut the link of two hosts, and time how soon both directions carry data again. Needs root."""
     from rcopterx.benchmarks.links import run
 
-    with _errors():
-        document = run(CUTS_S, rounds, Progress("bench links").say)
+    document = run(CUTS_S, rounds, Progress("bench links").say)
     print_document(document, as_json, _link_lines)
 
 
@@ -159,5 +141,4 @@ def hosts(as_json: JsonOption = False, rounds: RoundsOption = 2, seconds: Second
     """Time pose to command over four hosts with mutual TLS, against one host without. Needs root."""
     from rcopterx.benchmarks.hosts import run
 
-    with _errors():
-        print_document(run(rounds, seconds, Progress("bench hosts").say), as_json)
+    print_document(run(rounds, seconds, Progress("bench hosts").say), as_json)

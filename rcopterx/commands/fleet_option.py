@@ -1,6 +1,6 @@
 """Options, the fleet of a command, and errors as messages; imports libraries only when they are needed."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
 from glob import escape, glob
 from pathlib import Path
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rcopterx.commands.parsing import check_known
 from rcopterx.deploy.hosts.running import running_fleets
 
 if TYPE_CHECKING:
@@ -70,13 +71,13 @@ HostOption = Annotated[str | None, typer.Option(metavar="HOST", help="Which host
 
 def chosen_host(fleet: "FleetFile", host: str | None) -> str:
     """Host on which a command runs: the only one or the named one; else `FleetError`."""
-    from rcopterx.fleet.schema import FleetError, check_known
+    from rcopterx.fleet import schema
 
     if host is None and len(fleet.hosts) == 1:
         return next(iter(fleet.hosts))
     if host is None:
-        raise FleetError(f"--host: this fleet has several, name one of {', '.join(fleet.hosts)}")
-    check_known("--host", "host", host, fleet.hosts)
+        raise schema.FleetError(f"--host: this fleet has several, name one of {', '.join(fleet.hosts)}")
+    schema.check_known("--host", "host", host, fleet.hosts)
     return host
 
 
@@ -105,7 +106,7 @@ def user_errors() -> Iterator[None]:
 
         if not isinstance(error, (FleetError, NoFlightError, FlightLogError, OSError, *FLIGHT_ERRORS)):
             raise
-        code = EXIT_USAGE if isinstance(error, FleetError) else EXIT_FAILED
+        code = EXIT_USAGE if isinstance(error, (FleetError, NoFlightError)) else EXIT_FAILED
         raise failure(*lines_of(error), code=code) from None
 
 
@@ -140,15 +141,8 @@ def running_fleet(
 ) -> Iterator["Fleet"]:
     """Join a running fleet, by default that of this computer, and check names."""
     with joined_fleet(*wanted_fleet(name), name, router_within_s) as fleet:
-        known_vehicles(fleet.file.vehicles, vehicles)
+        check_known(vehicles or (), fleet.file.vehicles, "vehicle", "VEHICLE")
         yield fleet
-
-
-def known_vehicles(known: Mapping[str, object], names: Iterable[str] | None) -> None:
-    """Raise a usage error for names that are no vehicles of the fleet."""
-    for name in names or ():
-        if name not in known:
-            raise typer.BadParameter(f"no vehicle {name!r}, known are {', '.join(known)}")
 
 
 def failure(*reasons: object, code: int = EXIT_FAILED) -> typer.Exit:

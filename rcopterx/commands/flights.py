@@ -41,16 +41,16 @@ def flights(
     ] = None,
 ) -> None:
     """List recorded flights, the newest last."""
+    if check is not None:
+        _check(_flight(check))
+        return
+    if digest is not None:
+        _print_digest(_flight(digest))
+        return
     from rcopterx.flights.flights import default_directory, flights_in
     from rcopterx.flights.listing import summary_of
 
     where = default_directory()
-    if check is not None:
-        _check(check, where)
-        return
-    if digest is not None:
-        _print_digest(digest, where)
-        return
     found = [summary_of(flight) for flight in flights_in(where)]
     if as_json:
         print_document([asdict(flight) for flight in found], as_json)
@@ -73,21 +73,24 @@ def flights(
         )
 
 
-def _print_digest(name: str, directory: Path) -> None:
-    from rcopterx.flights.digest import digest_of
-    from rcopterx.flights.flights import found_flight
+def _flight(name: str) -> "Flight":
+    from rcopterx.flights.flights import default_directory, found_flight
 
-    found = digest_of(found_flight(name, directory).parts)
+    return found_flight(name, default_directory())
+
+
+def _print_digest(flight: "Flight") -> None:
+    from rcopterx.flights.digest import digest_of
+
+    found = digest_of(flight.parts)
     typer.echo(f"{found.digest} of {found.messages} messages")
 
 
-def _check(name: str, directory: Path) -> None:
-    from rcopterx.flights.flights import found_flight
+def _check(flight: "Flight") -> None:
     from rcopterx.ground_station.report.logged_flight import records_of
     from rcopterx.ground_station.report.promises import NEEDED, broken_promises
     from rcopterx.ground_station.report.recorder import Recording
 
-    flight = found_flight(name, directory)
     broken = broken_promises(Recording(records_of(flight.parts, NEEDED)))
     lines = [f"{at_s:.2f} s {vehicle}: {promise}" for at_s, vehicle, promise in broken]
     typer.echo("\n".join(lines) or f"{flight.name}: no promise is broken")
@@ -138,21 +141,11 @@ def replay(
     """
     # Sums of several threads have other last bits; numerical libraries read this when they are loaded.
     os.environ.update(ONE_THREAD)
-    found = chosen_flight(flight)
+    found = _flight(flight)
     if agent is None:
         _republish(found, speed)
         return
     _compare(found, agent, settings_of(changes or (), "--with"), as_json)
-
-
-def chosen_flight(name: str) -> "Flight":
-    """Flight of a name; the error lists the known flights."""
-    from rcopterx.flights.flights import NoFlightError, default_directory, found_flight
-
-    try:
-        return found_flight(name, default_directory())
-    except NoFlightError as error:
-        raise typer.BadParameter(str(error), param_hint="FLIGHT") from None
 
 
 def _republish(flight: "Flight", speed: float) -> None:
@@ -220,7 +213,7 @@ def report(
     from rcopterx.ground_station.report.logged_flight import logged_flight
     from rcopterx.ground_station.report.page import comparison_page, report_page
 
-    chosen = [chosen_flight(name) for name in (flight, compare) if name is not None]
+    chosen = [_flight(name) for name in (flight, compare) if name is not None]
     flights = [logged_flight(found.name, found.parts) for found in chosen]
     page = report_page(flights[0]) if compare is None else comparison_page(*flights)
     output.write_text(page, encoding="utf-8")
@@ -237,6 +230,6 @@ def export(
     """Export a flight log as CSV: a file for every unit and channel, with a row for every message."""
     from rcopterx.flights.csv_export import export_csv
 
-    found = chosen_flight(flight)
+    found = _flight(flight)
     directory = output or Path(found.name)
     typer.echo(f"{len(export_csv(found.parts, directory))} tables in {directory}")

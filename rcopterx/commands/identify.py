@@ -13,11 +13,11 @@ import typer
 from rcopterx.commands.fleet_option import (
     RunningFleetOption,
     failure,
-    known_vehicles,
     running_fleet,
     wanted_fleet,
 )
 from rcopterx.commands.output import JsonOption, PlotOption, print_changes, write_plot
+from rcopterx.commands.parsing import check_known
 
 if TYPE_CHECKING:
     from rcopterx.control.identification.fit import Identification
@@ -78,7 +78,7 @@ def identify(
     _check_single(names, from_files or [], save, plot)
     path = None if dry_run or not (fleet or from_files) else _own_file(fleet)
     file, _ = wanted_fleet(fleet)
-    known_vehicles(file.vehicles, names)
+    check_known(names, file.vehicles, "vehicle", "VEHICLE")
     failures: dict[str, str] = {}
     with ExitStack() as stack:
         running = None if from_files else stack.enter_context(running_fleet(fleet))

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import typer
 
-from rcopterx.commands.fleet_option import failure, known_vehicles, running_fleet
+from rcopterx.commands.fleet_option import failure, running_fleet
 from rcopterx.commands.output import print_changes
+from rcopterx.commands.parsing import check_known
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.transmitters import gateway_settings
 from rcopterx.fleet.editing import write_calibration
@@ -78,7 +79,7 @@ def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workb
 
     path = fleet_path(fleet)
     file = load_fleet(path)
-    known_vehicles(file.vehicles, [vehicle])
+    check_known([vehicle], file.vehicles, "vehicle", "VEHICLE")
     gateway = file.vehicles[vehicle].transmitter.gateway
     settings = gateway_settings(file, gateway, run_directory(file.name, file.bus.namespace))
     own = next(item for item in settings.transmitters if item.vehicle == vehicle)

@@ -5,8 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file, known_vehicles
+from rcopterx.commands.fleet_option import EXIT_FAILED, FleetArgument, fleet_file
 from rcopterx.commands.output import JsonOption, print_document, print_table
+from rcopterx.commands.parsing import check_known
 from rcopterx.commands.steer import Vehicles
 
 
@@ -59,7 +60,7 @@ def margins(
     )
 
     file = fleet_file(fleet)
-    known_vehicles(file.vehicles, vehicles)
+    check_known(vehicles or (), file.vehicles, "vehicle", "VEHICLE")
     document = formation_margins(file) if formation else fleet_margins(file, vehicles or file.vehicles)
     if as_json:
         print_document(document, as_json)

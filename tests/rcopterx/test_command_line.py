@@ -257,7 +257,7 @@ def test_unknown_vehicles_are_usage_errors_and_nobody_is_asked_anything(
 ) -> None:
     result = run(*arguments, "--fleet", up)
     assert result.exit_code == 2
-    assert "no vehicle 'h9', known are h1, h2" in plain(result)
+    assert "unknown vehicle 'h9', known are h1, h2" in plain(result)
     assert vehicles["h1"].requests == vehicles["h2"].requests == []
 
 

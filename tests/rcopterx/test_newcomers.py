@@ -193,7 +193,7 @@ def test_a_killed_vehicle_is_asked_to_take_off(up: str, vehicles: Vehicles) -> N
 
 
 def test_an_unknown_vehicle(up: str) -> None:
-    assert "no vehicle 'h7', known are h1, h2" in told(run("goto", "h7", "0", "0", "1", "-f", up))
+    assert "unknown vehicle 'h7', known are h1, h2" in told(run("goto", "h7", "0", "0", "1", "-f", up))
 
 
 def test_a_set_point_outside_of_the_volume(up: str, vehicles: Vehicles) -> None:
