@@ -3,15 +3,16 @@
 import fnmatch
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from rcopterx.commands.fleet_option import EXIT_FAILED, fleet_file, running_fleet
-from rcopterx.commands.launch import Interrupts, interruptible
+from rcopterx.commands.fleet_option import DEFAULT_FLEET, EXIT_FAILED, fleet_file, running_fleet
+from rcopterx.commands.interruption import Interrupts
+from rcopterx.commands.launch import interruptible
 from rcopterx.commands.output import Progress, print_document
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ class FleetHolder:
         self.interrupts = Interrupts()
 
     def fault_range(self, say: Callable[[str], None]) -> "FaultRange":
-        """The fleet, ready to take off or in the air."""
+        """The fleet, ready to take off or in the air; `say` shows what happens from now on."""
         from rcopterx.experiments.faults.bench import Bench
         from rcopterx.experiments.faults.flying import FaultRange
 
@@ -72,7 +73,7 @@ class FleetHolder:
             fleet = self._fleet()
             fleet.wait_ready(timeout_s=READY_S)
             self._range = FaultRange(Bench(fleet, say, fleet.wait, self._path))
-        return self._range
+        return self._range.saying(say)
 
     def _fleet(self) -> "Fleet":
         from rcopterx.bus.turns import SCRIPT
@@ -97,16 +98,13 @@ def fleet_holder(options: FlightOptions) -> Iterator[FleetHolder]:
     """Yield a holder of a fleet; stop its last fleet at the end."""
     from rcopterx.experiments.faults.bench import copied_fleet
     from rcopterx.experiments.faults.orders import obedient_processes
-    from rcopterx.experiments.flight import DEFAULT_FLEET
 
     with ExitStack() as stack:
         path = None
         if options.start:
             path = stack.enter_context(copied_fleet(options.fleet or DEFAULT_FLEET, options.vehicles))
             stack.enter_context(obedient_processes())
-        holder = FleetHolder(path, options)
-        stack.callback(holder.close)
-        yield holder
+        yield stack.enter_context(closing(FleetHolder(path, options)))
 
 
 def fly_faults(names: Sequence[str], runs: int, options: FlightOptions) -> None:
@@ -139,7 +137,7 @@ def fly_chaos(seconds: float, seed: int, busy: int, options: FlightOptions) -> N
         place = holder.fault_range(Progress(f"chaos {seed}").say)
         if place.fleet.launcher is None:
             raise NotReachedError("chaos ends processes, so it needs a fleet of its own: add --up")
-        with stopped_by(holder.interrupts.event):
+        with stopped_by(holder.interrupts):
             result = Chaos(place, seed, seconds, busy).fly()
     if options.report is not None:
         path = options.report / f"chaos-{seed}.json"
@@ -162,8 +160,8 @@ def _fly_row(row: "FaultFlight", holder: FleetHolder, head: str) -> dict[str, An
     if row.launched and reason is not None:
         say(f"not flown: {reason}")
         return not_flown(row, reason)
-    with stopped_by(holder.interrupts.event):
-        report = place.saying(say).fly(row)
+    with stopped_by(holder.interrupts):
+        report = place.fly(row)
     say(report["verdict"])
     if not place.survives(row, report):
         holder.close()

@@ -1,8 +1,6 @@
 """Flight logs: `flights`, `replay`, `report`, `export` and `recover`."""
 
 import os
-import signal
-import threading
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,6 +10,7 @@ import typer
 
 from rcopterx.bus.realtime import ONE_THREAD
 from rcopterx.commands.fleet_option import EXIT_FAILED, failure
+from rcopterx.commands.interruption import counted_interrupts
 from rcopterx.commands.output import JsonOption, print_document, print_table
 from rcopterx.commands.parsing import settings_of
 
@@ -152,12 +151,10 @@ def _republish(flight: "Flight", speed: float) -> None:
     from rcopterx.bus.session import Session
     from rcopterx.ground_station.replay.republishing import ROUTER_S, fleet_of, republish, router_up
 
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    interrupts = counted_interrupts()
     with router_up(fleet_of(flight.parts)) as address, Session(address, timeout_s=ROUTER_S) as session:
         typer.echo(f"replaying {flight.name}; rcopterx top and ground show it; Ctrl-C ends it", err=True)
-        typer.echo(f"{republish(flight.parts, session, speed, stop.wait)} messages")
+        typer.echo(f"{republish(flight.parts, session, speed, interrupts.wait)} messages")
 
 
 def _compare(flight: "Flight", vehicle: str, changes: dict[str, Any], as_json: bool) -> None:

@@ -95,7 +95,9 @@ def fly(
 
 
 def _list_manoeuvres() -> None:
-    for row in _chosen((), every=True):
+    from rcopterx.experiments.manoeuvres import MANOEUVRES
+
+    for row in MANOEUVRES.values():
         typer.echo(f"{row.name:24} {row.title}")
 
 
@@ -142,7 +144,7 @@ def _fly_rows(rows: Sequence["Manoeuvre"], options: FlightOptions, results: "Res
         for number, row in enumerate(rows, 1):
             file = fleet_file(options.fleet or row.fleet, options.speed, options.lockstep)
             with interruptible(file, None, record=options.record, script=SCRIPT) as (running, interrupts):
-                _fly_row(row, running, interrupts.event, _progress(row, number, len(rows)), results)
+                _fly_row(row, running, interrupts, _progress(row, number, len(rows)), results)
         return
     with running_fleet(options.fleet) as running:
         for number, row in enumerate(rows, 1):

@@ -88,7 +88,8 @@ def identify(
             wanted = (seconds, strength, reach or (TOGETHER_REACH_M if together else REACH_M))
             flights, failures = _flown(running, names, wanted, say)
         if save is not None and flights:
-            _saved(names[0], flights[names[0]][0], save, say)
+            flights[names[0]][0].save(save)
+            say(f"recording: {save}")
         fits = {name: _fit(file, name, recordings, say) for name, recordings in flights.items()}
         if plot is not None and fits:
             write_plot(partial(_draw, *fits[names[0]]), plot)
@@ -120,14 +121,6 @@ def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
         return read_flight(path, type_of(file, name).name, full)
     except (ValueError, OSError) as error:
         raise failure(f"{name}: {error}") from None
-
-
-def _saved(name: str, recording: "FlightRecording", path: Path, say: Callable[[str], None]) -> None:
-    try:
-        recording.save(path)
-    except OSError as error:
-        raise failure(f"{name}: {error}") from None
-    say(f"recording: {path}")
 
 
 def _flown(

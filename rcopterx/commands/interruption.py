@@ -1,6 +1,7 @@
-"""Ctrl-C as the normal end of a command."""
+"""Ctrl-C as the normal end of a command, or of a flight."""
 
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -28,3 +29,24 @@ def until_ctrl_c() -> Iterator[Interruption]:
             yield interruption
     finally:
         signal.signal(signal.SIGINT, previous)
+
+
+class Interrupts(threading.Event):
+    """Set by Ctrl-C, and counts it: the first one lands, the second one cuts."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.count = 0
+
+    def __call__(self, *_: object) -> None:
+        """Signal handler."""
+        self.count += 1
+        self.set()
+
+
+def counted_interrupts() -> Interrupts:
+    """Count Ctrl-C and signals that end a program from now on."""
+    interrupts = Interrupts()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, interrupts)
+    return interrupts

@@ -1,6 +1,5 @@
 """Starting a fleet: `up` and `demo`."""
 
-import signal
 import threading
 import time
 from collections import deque
@@ -22,6 +21,7 @@ from rcopterx.commands.fleet_option import (
     fleet_file,
 )
 from rcopterx.commands.ground import page_of
+from rcopterx.commands.interruption import Interrupts, counted_interrupts
 from rcopterx.compiling.cache import compile_all
 from rcopterx.deploy.hosts.run_directory import run_directory
 
@@ -37,30 +37,6 @@ PLAIN_REFRESH_S = 5.0
 RecordOption = Annotated[
     bool, typer.Option("--record/--no-record", help="Write a flight log; see rcopterx flights.")
 ]
-
-
-class Interrupts:
-    """Counts Ctrl-C: the first one lands, the second one cuts."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.event = threading.Event()
-
-    def __call__(self, *_: object) -> None:
-        """Signal handler."""
-        self.count += 1
-        self.event.set()
-
-    def wait(self, seconds: float) -> bool:
-        """Wait a time; True as soon as there was a signal."""
-        return self.event.wait(seconds)
-
-
-def _interrupts() -> Interrupts:
-    interrupts = Interrupts()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, interrupts)
-    return interrupts
 
 
 @contextmanager
@@ -81,7 +57,7 @@ def interruptible(
 
     this_host = chosen_host(file, host)
     warn_of_others(file.name)
-    interrupts = _interrupts()
+    interrupts = counted_interrupts()
     with processes_up(file, this_host, without, watchdog=watchdog, record=record, script=script) as fleet:
         try:
             yield fleet, interrupts
@@ -231,7 +207,7 @@ def _by_daemons(file: "FleetFile", without: Sequence[str]) -> bool:
             )
         return False
     with closing(fleet):
-        interrupts = _interrupts()
+        interrupts = counted_interrupts()
         daemons = Daemons(fleet)
         warnings = daemons.find()
         if fleet.file.clock != file.clock:
@@ -264,7 +240,7 @@ def host(
 
     file = fleet_file(fleet)
     name = chosen_host(file, this)
-    interrupts = _interrupts()
+    interrupts = counted_interrupts()
     with Launcher(file, name, record=record, idle=True) as launcher:
         typer.echo(f"host {name} of fleet {file.name} is ready; rcopterx up starts the fleet", err=True)
         while not interrupts.wait(PLAIN_REFRESH_S):
@@ -298,7 +274,7 @@ def demo(
             stack.enter_context(page_of(fleet, lines.append))
         running, interrupts = stack.enter_context(interruptible(file, None, record=record))
         watch = Watch(running, interrupts, lines)
-        demonstration = Demonstration(running, interrupts.event, watch.say)
+        demonstration = Demonstration(running, interrupts, watch.say)
         demonstration.start(seconds)
         watch.until(lambda: demonstration.finished)
         demonstration.stop()

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from rcopterx.commands.fleet_option import FleetOption
+from rcopterx.commands.output import print_changes
 from rcopterx.commands.parsing import check_known
 
 Vehicle = Annotated[str, typer.Argument(metavar="VEHICLE")]
@@ -78,15 +79,8 @@ def calibrate(
     """
     steps = step or ["signs", "throttle"]
     check_known(steps, STEPS, "step", "--step")
-    from rcopterx.commands.radio_bench import (
-        Dialogue,
-        check_signs,
-        find_throttle,
-        save,
-        trim_hover,
-        workbench,
-    )
-    from rcopterx.fleet.editing import check_own
+    from rcopterx.commands.radio_bench import Dialogue, check_signs, find_throttle, trim_hover, workbench
+    from rcopterx.fleet.editing import check_own, write_calibration
     from rcopterx.fleet.radios import calibration_of
     from rcopterx.fleet.reading import fleet_path
     from rcopterx.fleet.vehicle_models import model_of
@@ -102,7 +96,7 @@ def calibrate(
             if "throttle" in steps:
                 hover_thrust = model_of(file, vehicle).hover_thrust
                 calibration = find_throttle(bench, dialogue, calibration, hover_thrust)
-            save(path, vehicle, calibration)
+            print_changes(vehicle, write_calibration(path, vehicle, calibration))
     if "trim" in steps:
         trim_hover(vehicle, seconds, fleet)
 

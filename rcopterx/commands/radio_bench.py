@@ -109,11 +109,6 @@ def own_model_match(file: FleetFile, vehicle: str) -> int:
     return number
 
 
-def save(path: Path, vehicle: str, calibration: Calibration) -> None:
-    """Write a calibration into the fleet file and print the changes."""
-    print_changes(vehicle, write_calibration(path, vehicle, calibration))
-
-
 def check_signs(bench: Workbench, dialogue: Dialogue, calibration: Calibration) -> Calibration:
     """Deflect every axis, motors off, and ask whether it moves in the right direction."""
     for axis, (u, question) in SIGN_QUESTIONS.items():
@@ -183,5 +178,5 @@ def trim_hover(vehicle: str, seconds: float, fleet: str) -> None:
         if max(abs(mean[0]), abs(mean[1]), abs(mean[3])) < STEADY:
             typer.echo(f"{vehicle}: all below {STEADY:g}, trimmed")
             return
-        save(path, vehicle, trimmed)
+        print_changes(vehicle, write_calibration(path, vehicle, trimmed))
         typer.echo(f"{vehicle}: land, start the fleet again, and repeat until all are below {STEADY:g}")

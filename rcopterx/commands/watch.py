@@ -1,9 +1,9 @@
 """Watching a running fleet: `status`, `check`, `top` and `logs`."""
 
 import time
-from contextlib import ExitStack, suppress
+from contextlib import closing, nullcontext, suppress
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -18,11 +18,6 @@ from rcopterx.commands.fleet_option import (
 from rcopterx.commands.interruption import until_ctrl_c
 from rcopterx.commands.output import JsonOption, print_document
 from rcopterx.commands.steer import Vehicles
-
-if TYPE_CHECKING:
-    from rcopterx.fleet.schema import FleetFile
-    from rcopterx.ground_station.terminal.fleet_logs import FleetLogs
-
 
 GATHER_S = 1.0  # time in which commands are collected for a single table of latencies
 REFRESH_S = 0.2
@@ -100,9 +95,13 @@ def logs(
 
     Logs of other hosts are read over the bus; those of this computer also if the fleet is not up.
     """
-    with ExitStack() as stack:
-        file, _ = wanted_fleet(fleet)
-        read = _opened(file, names or [], stack)
+    from rcopterx.ground_station.scripting.daemons import joined_fleet
+    from rcopterx.ground_station.terminal.fleet_logs import FleetLogs, hosts_here
+
+    file, _ = wanted_fleet(fleet)
+    joined = joined_fleet(file) if file.hosts.keys() - hosts_here(file) else None
+    with nullcontext() if joined is None else closing(joined):
+        read = FleetLogs(file, names or [], joined)
         for name in names or ():
             if name not in read.processes and f"agent-{name}" not in read.processes:
                 there = ", ".join(read.processes)
@@ -119,14 +118,3 @@ def logs(
                 if not follow:
                     return
                 time.sleep(FOLLOW_S)
-
-
-def _opened(file: "FleetFile", names: list[str], stack: ExitStack) -> "FleetLogs":
-    """The logs of a fleet, those of other computers included if the fleet is up."""
-    from rcopterx.ground_station.scripting.daemons import joined_fleet
-    from rcopterx.ground_station.terminal.fleet_logs import FleetLogs, hosts_here
-
-    joined = joined_fleet(file) if file.hosts.keys() - hosts_here(file) else None
-    if joined is not None:
-        stack.callback(joined.close)
-    return FleetLogs(file, names, joined)

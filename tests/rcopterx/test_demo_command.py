@@ -14,7 +14,7 @@ from support.waiting import wait_for
 
 from rcopterx.bus.session import BusAddress
 from rcopterx.commands import launch
-from rcopterx.commands.launch import Interrupts
+from rcopterx.commands.interruption import Interrupts
 from rcopterx.experiments.demonstration import Demonstration
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.ground_station.scripting.fleet import Fleet
