@@ -2,7 +2,7 @@
 
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Final
 
 from rcopterx.bus import channels
@@ -64,21 +64,13 @@ def stage_times_ms(applied: Applied, offset: ClockOffset) -> dict[str, float]:
     return known
 
 
-class LatencyWindow:
-    """Stages of the newest commands of one vehicle."""
-
-    def __init__(self) -> None:
-        self._values: dict[str, deque[float]] = {}
-
-    def add(self, times_ms: Mapping[str, float]) -> None:
-        """Add the stages of a command."""
-        for stage, value in times_ms.items():
-            self._values.setdefault(stage, deque(maxlen=WINDOW)).append(value)
-
-    def figures(self) -> dict[str, Percentiles]:
-        """Percentiles by stage, in the order of the stages, the total last."""
-        found = {stage: percentiles(tuple(self._values.get(stage, ()))) for stage in (*STAGES, TOTAL)}
-        return {stage: figures for stage, figures in found.items() if figures is not None}
+def stage_figures(commands: Collection[Mapping[str, float]]) -> dict[str, Percentiles]:
+    """Percentiles of the `stage_times_ms` of commands by stage, in order, the total last."""
+    found = {
+        stage: percentiles([times_ms[stage] for times_ms in commands if stage in times_ms])
+        for stage in (*STAGES, TOTAL)
+    }
+    return {stage: figures for stage, figures in found.items() if figures is not None}
 
 
 class LatencyWatch:
@@ -89,7 +81,7 @@ class LatencyWatch:
         self._clock = session.clock
         self._offset = offset
         self._lock = threading.Lock()
-        self._windows: dict[str, LatencyWindow] = {}
+        self._windows: dict[str, deque[dict[str, float]]] = {}
         self._figures: dict[str, tuple[float, dict[str, Percentiles]]] = {}
 
     def figures(self, vehicle: str) -> dict[str, Percentiles]:
@@ -106,7 +98,7 @@ class LatencyWatch:
         inbox = self._applied.inboxes.get(vehicle)
         if inbox is None:
             return {}
-        window = self._windows.setdefault(vehicle, LatencyWindow())
-        for received in inbox.drain():
-            window.add(stage_times_ms(received.message, self._offset))
-        return window.figures()
+        window = self._windows.setdefault(vehicle, deque(maxlen=WINDOW))
+        times_ms = (stage_times_ms(received.message, self._offset) for received in inbox.drain())
+        window.extend(filter(None, times_ms))
+        return stage_figures(window)

@@ -8,11 +8,10 @@ from typing import Final
 from rcopterx.fleet.schema import FleetError
 from rcopterx.flights.provenance import provenance
 from rcopterx.ground_station.report.document import Html, document, percentile_table, table, vehicle_table
-from rcopterx.ground_station.report.latency import STAGES, TOTAL
+from rcopterx.ground_station.report.latency import STAGES, TOTAL, stage_figures
 from rcopterx.ground_station.report.logged_flight import LoggedFlight
 from rcopterx.ground_station.report.picture import flight_svg, formation_svg, latency_svg
 from rcopterx.ground_station.report.playback import playback
-from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.terminal.margins import COLUMNS, fleet_margins, rows_of
 
 NOTHING: Final = Html("<p>No data.</p>")
@@ -56,20 +55,18 @@ def sections(flight: LoggedFlight) -> Iterator[tuple[str, Html]]:
 def _latencies(flight: LoggedFlight) -> Html:
     parts = []
     for name in flight.fleet.vehicles:
-        stages: dict[str, list[float]] = {}
-        for _, times in flight.figures.stages[name]:
-            for stage, value in times.items():
-                stages.setdefault(stage, []).append(value)
-        rows = {
-            f"{stage}: {STAGES[stage]}": percentiles(stages[stage]) for stage in STAGES if stage in stages
-        } | {"total": percentiles(stages.get(TOTAL, ()))}
-        if stages:
+        found = stage_figures([times_ms for _, times_ms in flight.figures.stages[name]])
+        if found:
             parts += [
                 f"<h3>{escape(name)}</h3>",
-                percentile_table(rows),
+                percentile_table({_label(stage): row for stage, row in found.items()}),
                 latency_svg(flight.name, name, flight.figures, flight.started_s),
             ]
     return Html("\n".join(parts)) if parts else NOTHING
+
+
+def _label(stage: str) -> str:
+    return stage if stage == TOTAL else f"{stage}: {STAGES[stage]}"
 
 
 def _events(flight: LoggedFlight) -> Html:

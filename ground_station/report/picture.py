@@ -60,7 +60,7 @@ def _draw_flight(figure: Any, names: Sequence[str], figures: FlightFigures, even
     errors = figure.add_subplot(grid[3, :2], sharex=first)
     for name in names:
         frames, errors_m = figures.tracking_errors(name)
-        _plot(errors, figures, _start(figures, name), (frames, 1000 * errors_m), colours[name], lw=0.9)
+        _plot(errors, _times_s(figures, name, frames), 1000 * errors_m, colours[name], lw=0.9)
     for event in events:
         errors.axvline(event.time_s, color="red" if event.alarming else "0.8", lw=0.6, zorder=0)
     errors.set_ylabel("error [mm]")
@@ -72,29 +72,24 @@ def _draw_flight(figure: Any, names: Sequence[str], figures: FlightFigures, even
     figure.tight_layout()
 
 
-def _plot(
-    axes: Any,
-    figures: FlightFigures,
-    start: int,
-    series: tuple[NDArray[Any], Array],
-    colour: str,
-    **style: Any,
-) -> None:
-    frames, values = (part[:: max(1, len(part) // POINTS)] for part in series)
-    axes.plot((frames - start) * figures.frame_period_s(), values, colour, **style)
+def _plot(axes: Any, x: Array, y: Array, colour: str, **style: Any) -> None:
+    """Draw a line with at most about `POINTS` points."""
+    step = max(1, len(x) // POINTS)
+    axes.plot(x[::step], y[::step], colour, **style)
 
 
-def _start(figures: FlightFigures, name: str) -> int:
-    frames, _ = figures.flown(name)
-    return int(frames[0]) if len(frames) else 0
+def _times_s(figures: FlightFigures, name: str, frames: NDArray[Any]) -> Array:
+    """Times of frames since the first frame of a vehicle."""
+    flown, _ = figures.flown(name)
+    start = flown[0] if len(flown) else 0
+    return np.asarray((frames - start) * figures.frame_period_s())
 
 
 def _draw_coordinate(axes: Any, figures: FlightFigures, name: str, row: int, colour: str) -> None:
-    start = _start(figures, name)
     frames, flown = figures.flown(name)
-    _plot(axes, figures, start, (frames, flown[:, row]), colour, lw=1, label=name)
+    _plot(axes, _times_s(figures, name, frames), flown[:, row], colour, lw=1, label=name)
     wanted_frames, wanted = figures.references(name)
-    _plot(axes, figures, start, (wanted_frames, wanted[:, row]), colour, lw=0.8, ls="--")
+    _plot(axes, _times_s(figures, name, wanted_frames), wanted[:, row], colour, lw=0.8, ls="--")
 
 
 def _draw_from_above(
@@ -102,8 +97,7 @@ def _draw_from_above(
 ) -> None:
     for name in names:
         _, flown = figures.flown(name)
-        thin = flown[:: max(1, len(flown) // POINTS)]
-        axes.plot(thin[:, 0], thin[:, 1], colours[name], lw=1, label=name)
+        _plot(axes, flown[:, 0], flown[:, 1], colours[name], lw=1, label=name)
         if len(flown):
             axes.plot(flown[-1, 0], flown[-1, 1], "o", color=colours[name], ms=5)
         plans = figures.plans[name]
@@ -143,15 +137,17 @@ def formation_svg(name: str, names: Sequence[str], figures: FlightFigures) -> st
 def _draw_formation(figure: Any, pairs: Sequence[tuple[str, str]], figures: FlightFigures) -> None:
     rows = figure.subplots(len(pairs) + 1, 1, sharex=True, squeeze=False)[:, 0]
     leader = pairs[0][1]
-    start = _start(figures, leader)
     frames, flown = figures.flown(leader)
-    _draw_four(rows[0], figures, start, (frames, _without_jumps(flown)), "-")
-    _draw_four(rows[0], figures, start, figures.references(leader), "--")
+    flown[:, 3] = np.unwrap(flown[:, 3])
+    _draw_four(rows[0], _times_s(figures, leader, frames), flown, "-")
+    wanted_frames, wanted = figures.references(leader)
+    _draw_four(rows[0], _times_s(figures, leader, wanted_frames), wanted, "--")
     rows[0].set_ylabel(leader)
     for axes, (follower, followed) in zip(rows[1:], pairs, strict=True):
         frames, apart, meant = figures.offsets_m(follower, followed)
-        _draw_four(axes, figures, start, (frames, apart), "-")
-        _draw_four(axes, figures, start, (frames, meant), "--")
+        times_s = _times_s(figures, leader, frames)
+        _draw_four(axes, times_s, apart, "-")
+        _draw_four(axes, times_s, meant, "--")
         axes.set_ylabel(f"{followed} to {follower}")
     for axes in rows:
         axes.grid(alpha=0.3)
@@ -161,18 +157,10 @@ def _draw_formation(figure: Any, pairs: Sequence[tuple[str, str]], figures: Flig
     figure.tight_layout()
 
 
-def _draw_four(
-    axes: Any, figures: FlightFigures, start: int, series: tuple[NDArray[Any], Array], style: str
-) -> None:
+def _draw_four(axes: Any, times_s: Array, values: Array, style: str) -> None:
     """Position and heading in the colours and scales of the paper."""
-    frames, values = series
     for column, (colour, scale) in enumerate(COORDINATES.values()):
-        _plot(axes, figures, start, (frames, scale * values[:, column]), colour, ls=style, lw=0.9)
-
-
-def _without_jumps(values: Array) -> Array:
-    """Positions with continuous headings."""
-    return np.column_stack((values[:, :3], np.unwrap(values[:, 3]))) if len(values) else values
+        _plot(axes, times_s, scale * values[:, column], colour, ls=style, lw=0.9)
 
 
 def latency_svg(name: str, vehicle: str, figures: FlightFigures, started_s: float) -> str:

@@ -1,18 +1,26 @@
 """Promises of the latency by stage: no time is lost between stages, no two clocks are mixed up."""
 
+from types import SimpleNamespace
+from typing import cast
+
 import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rcopterx.bus import channels
+from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LinkState, RouterStatus
 from rcopterx.bus.messages import Applied, CommandTiming
+from rcopterx.bus.session import Session
+from rcopterx.bus.subscription import Inbox
 from rcopterx.ground_station.report.latency import (
     STAGES,
     TOTAL,
     WINDOW,
-    LatencyWindow,
+    LatencyWatch,
     clock_offset,
+    stage_figures,
     stage_times_ms,
 )
 
@@ -91,11 +99,25 @@ def test_an_offset_is_known_from_either_side_and_within_a_host_it_is_zero() -> N
     assert clock_offset({"a": router(c=2.0)}, "a", "b") is None
 
 
-def test_live_figures_are_of_the_newest_commands() -> None:
-    window = LatencyWindow()
-    for number in range(2 * WINDOW):
-        window.add({"solver": float(number), TOTAL: 1.0})
-    figures = window.figures()
+def test_figures_have_the_stages_that_are_known_and_the_total_last() -> None:
+    figures = stage_figures(
+        [{TOTAL: 1.0, "solver": float(number)} for number in range(101)] + [{"solver": 50.0}]
+    )
     assert list(figures) == ["solver", TOTAL]
-    assert figures["solver"]["max"] == 2 * WINDOW - 1
-    assert figures["solver"]["p50"] == pytest.approx(1.5 * WINDOW, abs=1.0)
+    assert figures["solver"] == {"p50": 50.0, "p99": pytest.approx(98.99), "max": 100.0}
+    assert figures[TOTAL] == {"p50": 1.0, "p99": 1.0, "max": 1.0}
+
+
+def test_live_figures_are_of_the_newest_commands() -> None:
+    inbox = Inbox(channels.APPLIED, 2 * WINDOW + 1, "h1")
+    subscribed = SimpleNamespace(inboxes={"h1": inbox})
+    session = SimpleNamespace(clock=lambda: 0.0, subscribe_all=lambda *_, **__: subscribed)
+    watch = LatencyWatch(cast(Session, session), lambda _first, _second: 0.0)
+    arrived_s = written().written_s - SPENT_S["radio"]
+    for number in range(2 * WINDOW):
+        inbox.store(encode(written(written_s=arrived_s + 1e-3 * number)), 0.0)
+    inbox.store(encode(written(timing=None)), 0.0)
+    radio = watch.figures("h1")["radio"]
+    assert radio["max"] == pytest.approx(2 * WINDOW - 1)
+    assert radio["p50"] == pytest.approx(1.5 * WINDOW, abs=1.0)
+    assert watch.figures("h2") == {}

@@ -159,4 +159,4 @@ def test_command_shows_broken_promises_and_fails(tmp_path: Path, monkeypatch: py
     )
     result = CliRunner().invoke(app, ["flights", "--check", str(REFERENCE)])
     assert (result.exit_code, result.output) == (1, "100.62 s h1: cut after armed, 0.98 m above the floor\n")
-    assert CliRunner().invoke(app, ["flights", "--check", str(tmp_path / "none")]).exit_code == 1
+    assert CliRunner().invoke(app, ["flights", "--check", str(tmp_path / "none")]).exit_code == 2
