@@ -19,7 +19,7 @@ from rcopterx.deploy.roles.agent import pilot_of
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep, RecordedAgent
 from rcopterx.ground_station.replay.replay_bus import ReplayBus
-from rcopterx.vehicles.state import MOTION_SIZE
+from rcopterx.vehicles.state import MOTION_SIZE, Array
 
 TOLERANCE: Final = 1e-6  # of inputs, positions [m] and speeds [m/s] on a different computer
 ESTIMATED: Final = (
@@ -70,21 +70,22 @@ def changed(fleet: FleetFile, vehicle: str, changes: Mapping[str, Any]) -> Fleet
 
 def replay(recorded: RecordedAgent, fleet: FleetFile, tolerance: float = 0.0) -> Comparison:
     """Run an agent on recorded inputs; differences up to `tolerance` are ignored. Raises FleetError."""
-    result = Comparison(recorded.vehicle)
-    errors: list[np.ndarray[Any, np.dtype[np.float64]]] = []
+    compared = _Compared(recorded, tolerance)
+    result = compared.result
     for life in recorded.lives:
         if not life.from_start:
             result.notes.append("the recording begins after the start of the agent")
         if life.lost_steps:
             result.notes.append(f"{life.lost_steps} messages about steps are lost")
-        compared = _LifeComparison(life, result, errors, tolerance)
+        missing = 0
         for step, period in control_periods(recorded.vehicle, fleet, life, fleet == recorded.fleet):
-            compared.period(step, period)
-        result.missing_inputs += compared.missing
+            compared.add(step.time_s - life.steps[0].time_s, step, period)
+            missing = period.missing
+        result.missing_inputs += missing
         if life.steps:
             result.flown_s += life.steps[-1].time_s - life.steps[0].time_s
-    if errors:
-        result.rms_input = tuple(np.sqrt(np.mean(np.square(errors), axis=0)).tolist())
+    if compared.errors:
+        result.rms_input = tuple(np.sqrt(np.mean(np.square(compared.errors), axis=0)).tolist())
     return result
 
 
@@ -131,28 +132,25 @@ def control_periods(
     agent.wait_for_work()
 
 
-class _LifeComparison:
-    """Compares control period by control period."""
+class _Compared:
+    """The control periods that have been compared."""
 
-    def __init__(self, life: AgentLife, result: Comparison, errors: list[Any], tolerance: float) -> None:
-        self._life = life
-        self._result = result
-        self._errors = errors
+    def __init__(self, recorded: RecordedAgent, tolerance: float) -> None:
+        self.result = Comparison(recorded.vehicle)
+        self.errors: list[Array] = []  # of the inputs
+        self._recorded = recorded
         self._tolerance = tolerance
-        self.missing = 0  # inputs so far that the flight log does not have
 
-    def period(self, step: AgentStep, period: ControlPeriod) -> None:
-        result = self._result
-        self.missing = period.missing
+    def add(self, time_s: float, step: AgentStep, period: ControlPeriod) -> None:
+        """Compare a control period, `time_s` after the first step of the agent."""
+        result = self.result
         command, plan = period.command, period.plan
         if command is None or plan is None:
             result.unmatched += 1
-            self._first(
-                step, 0, "input",
-                self._lost() or "the recorded agent controlled here, the replayed one did not",
-            )  # fmt: skip
+            detail = _lost(period) or "the recorded agent controlled here, the replayed one did not"
+            result.first = result.first or Difference(time_s, 0, "input", detail)
             return
-        then = self._life.commands.get((command.lease, command.sequence))
+        then = self._recorded.commands.get((command.lease, command.sequence))
         planned = encode(plan)
         plan_then = self._plan_then(plan, planned)
         if then is None or plan_then is None:
@@ -165,34 +163,31 @@ class _LifeComparison:
         command = msgspec.structs.replace(command, timing=command_then.timing)
         if encode(command) == then and planned == plan_then:
             result.identical += 1
-            self._errors.append(np.zeros(4))
+            self.errors.append(np.zeros(4))
             return
         error = np.subtract(command.input, command_then.input)
         old = decode(plan_then, Plan)
-        self._errors.append(error)
+        self.errors.append(error)
         gap = _gap(plan.samples(), old.samples())
         result.largest_input = max(result.largest_input, float(np.abs(error).max()))
         result.largest_plan = max(result.largest_plan, gap)
         if max(float(np.abs(error).max()), gap) > self._tolerance or self._tolerance == 0.0:
-            self._first(step, plan.frame, *self._cause(step, period, plan, old, error, gap))
+            cause = self._cause(step, period, plan, old, error, gap)
+            result.first = result.first or Difference(time_s, plan.frame, *cause)
 
     def _plan_then(self, plan: Plan, planned: bytes) -> bytes | None:
         """Recorded plan to compare with: the nearest of those of a frame that was bridged or taken over."""
-        plans = self._life.plans.get((plan.epoch, plan.frame), [])
+        plans = self._recorded.plans.get((plan.epoch, plan.frame), [])
         if planned in plans:
             return planned
         samples = plan.samples()
         return min(plans, key=lambda then: _gap(samples, decode(then, Plan).samples()), default=None)
 
-    def _lost(self) -> str:
-        """Note about missing inputs, which explain any difference; empty if there are none."""
-        return f"{self.missing} inputs so far are not in the flight log" if self.missing else ""
-
     def _cause(
         self, step: AgentStep, period: ControlPeriod, plan: Plan, old: Plan, error: Any, gap: float
     ) -> tuple[str, str]:
         """The first stage of the computation that differs, and how."""
-        if lost := self._lost():
+        if lost := _lost(period):
             return "input", lost
         now, then = period.estimate, step.estimate
         if (plan.epoch, plan.frame) != (old.epoch, old.frame) or now is None or then is None:
@@ -213,10 +208,10 @@ class _LifeComparison:
         worst = int(np.abs(error).argmax())
         return "solution", f"{STICKS[worst]} stick by {abs(error[worst]):.3g}, plan by {gap:.3g}"
 
-    def _first(self, step: AgentStep, frame: int, cause: str, detail: str) -> None:
-        if self._result.first is None:
-            time_s = step.time_s - self._life.steps[0].time_s
-            self._result.first = Difference(time_s, frame, cause, detail)
+
+def _lost(period: ControlPeriod) -> str:
+    """Note about missing inputs, which explain any difference; empty if there are none."""
+    return f"{period.missing} inputs so far are not in the flight log" if period.missing else ""
 
 
 def _gap(one: Any, other: Any) -> float:

@@ -50,10 +50,6 @@ class AgentLife:
     from_start: bool  # whether the flight log has its first step
     replies: tuple[bytes, ...]  # replies to its requests during start-up
     steps: list[AgentStep] = field(default_factory=list)
-    commands: dict[tuple[int, int], bytes] = field(default_factory=dict)
-    """Encoded commands of all lives by lease and sequence."""
-    plans: dict[Frame, list[bytes]] = field(default_factory=dict)
-    """Encoded plans of all lives by their frame, in order."""
     lost_steps: int = 0  # number of missing messages about steps
     granted: bytes | None = None  # the reply that granted its lease, if before the log's first step
 
@@ -66,6 +62,10 @@ class RecordedAgent:
     fleet: FleetFile
     metadata: dict[str, str]
     lives: tuple[AgentLife, ...]
+    commands: dict[tuple[int, int], bytes]
+    """Encoded commands by lease and sequence."""
+    plans: dict[Frame, list[bytes]]
+    """Encoded plans by their frame, in order."""
 
 
 def recorded_agent(parts: Sequence[Path], vehicle: str) -> RecordedAgent:
@@ -78,7 +78,8 @@ def recorded_agent(parts: Sequence[Path], vehicle: str) -> RecordedAgent:
     if not own.steps:
         raise FlightLogError(f"{vehicle}: the flight log has no steps of its agent")
     lives = _lives(own, _payloads(parts, own))
-    return RecordedAgent(vehicle, fleet, contents.metadata.get(METADATA, {}), lives)
+    metadata = contents.metadata.get(METADATA, {})
+    return RecordedAgent(vehicle, fleet, metadata, lives, own.commands, own.plans)
 
 
 @dataclass
@@ -163,8 +164,6 @@ def _lives(own: _OwnMessages, payloads: dict[tuple[str, int], bytes]) -> tuple[A
                 steps.began_s,
                 steps.number == 0,
                 steps.replies,
-                commands=own.commands,
-                plans=own.plans,
                 granted=_granted(own, steps.life, payloads) if steps.number > 0 else None,
             )
         life.lost_steps += steps.number - numbers.get(steps.life, steps.number - 1) - 1

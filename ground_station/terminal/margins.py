@@ -16,6 +16,7 @@ from rcopterx.control.margins.loop import (
     GAIN_LIMIT,
     PHASE_LIMIT_RAD,
     SENSITIVITY_LIMIT,
+    FeedbackLoop,
     Robustness,
     margins,
     robustness,
@@ -26,7 +27,6 @@ from rcopterx.fleet.reading import snapshot_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.scripting.fleet import Fleet
-from rcopterx.vehicles.model import Model
 
 COLUMNS: Final = (
     "vehicle", "axis", "gain up", "gain down", "phase [deg]", "delay [ms]", "freq. up", "freq. down",
@@ -57,21 +57,21 @@ def fleet_margins(file: FleetFile, vehicles: Iterable[str]) -> dict[str, Any]:
 
 
 def _vehicle_margins(file: FleetFile, name: str) -> dict[str, Any]:
-    model, used, period_s = model_of(file, name), configured(file, name), file.vehicles[name].control.period_s
+    used, uncertainty = configured(file, name), model_of(file, name).uncertainty
     table: dict[str, Any] = {
         "controller": used.controller,
         "estimator": used.estimator,
-        "rule": asdict(model.uncertainty),
+        "rule": asdict(uncertainty),
         "unknown": _unknown_loops(used),
         "axes": None,
     }
     if table["unknown"] is None:
         try:
-            loops = loops_of(model, period_s, used.controller_settings, used.estimator_settings)
+            loops = _loops(file, name, used)
         except ValueError as error:
             raise FleetError(f"vehicles.{name}.control: {error}") from None
         table["axes"] = {
-            axis: asdict(margins(loop)) | _borne(robustness(loop, model.uncertainty))
+            axis: asdict(margins(loop)) | _borne(robustness(loop, uncertainty))
             for axis, loop in loops.items()
         }
     return table
@@ -188,11 +188,7 @@ def _at_least(value: float, limit: float) -> str:
 
 def configured_warnings(file: FleetFile) -> list[str]:
     """A line for every axis below the rule, as a fleet file configures its vehicles."""
-    return [
-        line
-        for name, vehicle in file.vehicles.items()
-        for line in _warnings(name, model_of(file, name), vehicle.control.period_s, configured(file, name))
-    ]
+    return [line for name in file.vehicles for line in _warnings(file, name, configured(file, name))]
 
 
 def flying_warnings(fleet: Fleet) -> list[str]:
@@ -205,20 +201,26 @@ def flying_warnings(fleet: Fleet) -> list[str]:
             configuration = Configuration(
                 used.controller, used.estimator, used.controller_settings, used.estimator_settings
             )
-            period_s = fleet.file.vehicles[vehicle.name].control.period_s
-            lines += _warnings(vehicle.name, model_of(fleet.file, vehicle.name), period_s, configuration)
+            lines += _warnings(fleet.file, vehicle.name, configuration)
     return lines
 
 
-def _warnings(name: str, model: Model, period_s: float, used: Configuration) -> list[str]:
+def _warnings(file: FleetFile, name: str, used: Configuration) -> list[str]:
     if _unknown_loops(used) is not None:
         return []
+    uncertainty = model_of(file, name).uncertainty
     return [
         f"{name}: margins of {axis} below the rule: {', '.join(names)}; raise its input weight, "
         "or identify the vehicle"
-        for axis, loop in loops_of(model, period_s, used.controller_settings, used.estimator_settings).items()
-        if (names := robustness(loop, model.uncertainty).shortfalls)
+        for axis, loop in _loops(file, name, used).items()
+        if (names := robustness(loop, uncertainty).shortfalls)
     ]
+
+
+def _loops(file: FleetFile, name: str, used: Configuration) -> dict[str, FeedbackLoop]:
+    """Return the loops of a vehicle by axis, with a controller and an estimator whose loops are known."""
+    period_s = file.vehicles[name].control.period_s
+    return loops_of(model_of(file, name), period_s, used.controller_settings, used.estimator_settings)
 
 
 def _unknown_loops(configuration: Configuration) -> str | None:

@@ -92,11 +92,9 @@ def test_another_pose_is_told_as_another_estimate_in_the_period_it_enters(follow
 def test_plans_that_another_agent_made_for_the_same_frames_are_not_mistaken_for_its_own(
     follower: RecordedAgent, place: int
 ) -> None:
-    (life,) = follower.lives
-    other = next(iter(life.plans.values()))[0]
-    plans = {frame: [*own[:place], other, *own[place:]] for frame, own in life.plans.items()}
-    both = replace(follower, lives=(replace(life, plans=plans),))
-    result = replayed(both, follower.fleet, TOLERANCE)
+    other = next(iter(follower.plans.values()))[0]
+    plans = {frame: [*own[:place], other, *own[place:]] for frame, own in follower.plans.items()}
+    result = replayed(replace(follower, plans=plans), follower.fleet, TOLERANCE)
     assert result.first is None
     assert result.unmatched == 0
 
