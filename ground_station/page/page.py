@@ -32,14 +32,6 @@ def run_once(server: viser.ViserServer, script: str) -> None:
     server.gui._websock_interface.queue_message(_messages.RunJavascriptMessage(_text(script)))
 
 
-def limit_drawing(server: viser.ViserServer) -> None:
-    """Limit how often browsers draw, and switch expensive lights off, so that the panel reacts."""
-    run_once(server, "drawing.js")
-    # Shadows draw everything twice; preparing reflections blocks the page for 12 s without a graphics card.
-    server.scene.configure_default_lights(cast_shadow=False)
-    server.scene.configure_environment_map(None)
-
-
 TEXT_S: Final = 0.25
 PLOT_S: Final = 0.5
 NOTICE_S: Final = 6.0
@@ -70,15 +62,13 @@ class PageFrame:
         server.pages["state"] = lambda: self.state
         if steers:
             run_once(server, "space.js")
-        limit_drawing(server)
+        # Browsers draw less often, without expensive lights, so that the panel reacts: shadows draw
+        # everything twice; preparing reflections blocks the page for 12 s without a graphics card.
+        run_once(server, "drawing.js")
+        server.scene.configure_default_lights(cast_shadow=False)
+        server.scene.configure_environment_map(None)
         server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         server.gui.set_panel_label(f"rcopterx {name}")
-
-    def connect(self, steering: Steering) -> None:
-        """Carry out requests from now on."""
-        self.server.requests.update(
-            kill=steering.kill, take_off=steering.take_off, land=steering.land, reset=steering.reset
-        )
 
 
 class FleetPage:
@@ -93,10 +83,12 @@ class FleetPage:
         fleet.watch_motion()
         self.histories = {name: History() for name in fleet.file.vehicles}
         self.timeline = Timeline()
-        self.steering = Steering(fleet, self.notify) if frame.steers else None
+        self.steering = steering = Steering(fleet, self.notify) if frame.steers else None
         self._next_text_s = self._next_plot_s = 0.0
-        if self.steering is not None:
-            frame.connect(self.steering)
+        if steering is not None:
+            server.requests.update(
+                kill=steering.kill, take_off=steering.take_off, land=steering.land, reset=steering.reset
+            )
             server.gui.add_html(controls.suggestions(fleet.file))
         # Browsers build what they receive first: the panel before the scene.
         self._add_tabs(server)

@@ -245,8 +245,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         started_s = self.session.clock()
 
         def here() -> bool:
-            age_s = self.state_of(name).agent_age_s
-            return name in self.present() and age_s is not None and self.session.clock() - age_s > started_s
+            return name in self.present() and self._arrived_after(started_s, self.state_of(name).agent_age_s)
 
         self.wait_until(here, timeout_s, f"{name} is not started")
         self.wait_ready([name], timeout_s)
@@ -347,7 +346,12 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
         def missing() -> list[str]:
             # A vehicle that has confirmed once may have been reset since.
-            confirmed.update(name for name in wanted if self._killed_since(name, from_s))
+            for state in map(self.state_of, wanted):
+                # Earlier reports may be outdated.
+                if state.transmitter_state == "killed" and self._arrived_after(
+                    from_s, state.transmitter_age_s
+                ):
+                    confirmed.add(state.name)
             return [name for name in wanted if name not in confirmed]
 
         while True:
@@ -357,16 +361,6 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             if self.session.clock() >= deadline_s:
                 states = "; ".join(self.state_of(name).summary() for name in missing())
                 raise NotReachedError(f"after {timeout_s:g} s: not killed: {states}")
-
-    def _killed_since(self, name: str, from_s: float) -> bool:
-        """Whether an arbiter has reported after a time that it is killed; earlier reports may be outdated."""
-        state = self.state_of(name)
-        age_s = state.transmitter_age_s
-        return (
-            state.transmitter_state == "killed"
-            and age_s is not None
-            and self.session.clock() - age_s > from_s
-        )
 
 
 @contextmanager

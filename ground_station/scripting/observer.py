@@ -148,6 +148,10 @@ class Observer:
             latency_ms={} if self._latency is None else self._latency.figures(name),
         )
 
+    def _arrived_after(self, time_s: float, age_s: float | None) -> bool:
+        """Whether a status of this age, None without one, arrived after a time."""
+        return age_s is not None and self.session.clock() - age_s > time_s
+
     def watch_latency(self) -> None:
         """Subscribe to every command that is written, so that states include latencies by stage."""
         if self._latency is None:
@@ -377,7 +381,7 @@ class Observer:
 
         def problem_of(name: str) -> str:
             state = self.state_of(name)
-            if state.agent_age_s is None or self.session.clock() - state.agent_age_s < from_s:
+            if not self._arrived_after(from_s, state.agent_age_s):
                 return f"{name}: agent not responding"
             return "" if names is None and bool(state.assigned) != followers else problem(state)
 

@@ -14,7 +14,7 @@ from rcopterx.commands.output import (
     kept_flights,
     print_document,
 )
-from rcopterx.commands.parsing import check_known, different_numbers
+from rcopterx.commands.parsing import check_known, different_numbers, known_names
 
 
 def arena(
@@ -59,11 +59,11 @@ def arena(
         for task in TASKS.values():
             typer.echo(f"{task.name:14} {task.title}")
         return
-    chosen = _names(schemes, DEFAULT_SCHEMES)
+    chosen = (
+        DEFAULT_SCHEMES if schemes is None else known_names(schemes, arena_schemes(), "scheme", "--schemes")
+    )
     possible = {name: task for name, task in TASKS.items() if not up or task.options in FLOWN}
-    flown = _names(tasks, tuple(possible))
-    check_known(chosen, arena_schemes(), "scheme", "--schemes")
-    check_known(flown, possible, "task", "--tasks")
+    flown = tuple(possible) if tasks is None else known_names(tasks, possible, "task", "--tasks")
     check_known([conditions], PRESETS, "preset", "--conditions")
     numbers, progress = different_numbers(seeds, "--seeds"), Progress("arena")
     packages = foreign_digests(chosen)
@@ -78,10 +78,6 @@ def arena(
     if page is not None:
         typer.echo(f"page: {write_arena(page, result)}", err=True)
     print_document(document, as_json, _text)
-
-
-def _names(given: str | None, default: tuple[str, ...]) -> tuple[str, ...]:
-    return default if given is None else tuple(name.strip() for name in given.split(","))
 
 
 def _text(document: dict[str, Any]) -> str:

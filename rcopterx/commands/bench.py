@@ -9,7 +9,7 @@ import typer
 
 from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, SpeedOption, failure
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, print_document, write_plot
-from rcopterx.commands.parsing import check_known, different_numbers
+from rcopterx.commands.parsing import different_numbers, known_names
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -106,8 +106,7 @@ def cost(
     """Compare this checkout with another one in alternating runs: load, latency, memory."""
     from rcopterx.benchmarks.cost import TRIALS, run, table
 
-    names = only.split(",")
-    check_known(names, TRIALS, "trial", "--only")
+    names = known_names(only, TRIALS, "trial", "--only")
     document = run(against, names, rounds, Progress("bench cost").say)
     print_document(document, as_json, lambda found: "\n".join(table(found)))
     if document["failed"]:

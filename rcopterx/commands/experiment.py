@@ -17,7 +17,7 @@ from rcopterx.commands.output import (
     print_document,
     write_plot,
 )
-from rcopterx.commands.parsing import check_known, different_numbers
+from rcopterx.commands.parsing import check_known, different_numbers, known_names
 from rcopterx.simulator.conditions import PRESETS
 
 if TYPE_CHECKING:
@@ -129,6 +129,5 @@ def _levels(chosen: str | None, row: "Experiment[Any]") -> "tuple[Knowledge, ...
         return LEVELS
     if not row.compares_knowledge:
         raise typer.BadParameter(f"{row.name} does not compare it", param_hint="--knowledge")
-    names = [name.strip() for name in chosen.split(",")]
-    check_known(names, LEVELS, "level", "--knowledge")
+    names = known_names(chosen, LEVELS, "level", "--knowledge")
     return tuple(level for level in LEVELS if level in names)

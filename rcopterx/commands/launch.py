@@ -4,7 +4,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -26,8 +26,6 @@ from rcopterx.compiling.cache import compile_all
 from rcopterx.deploy.hosts.run_directory import run_directory
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from rcopterx.fleet.schema import FleetFile
     from rcopterx.ground_station.scripting.fleet import Fleet
 
@@ -125,29 +123,27 @@ class Watch:
 
         from rcopterx.ground_station.terminal.live_table import fitting, fleet_view
 
-        if self._console.is_terminal:
-            with Live(console=self._console, refresh_per_second=1 / REFRESH_S, transient=False) as view:
-                while not done() and not self._interrupts.wait(REFRESH_S):
-                    self._print_events(view.console)
-                    view.update(fleet_view(self._fleet, fitting(view.console.width)))
-            return
-        next_s = 0.0
-        while not done() and not self._interrupts.wait(REFRESH_S):
-            self._print_events(self._console)
-            if time.monotonic() >= next_s:
-                next_s = time.monotonic() + PLAIN_REFRESH_S
-                phases = " ".join(f"{vehicle.name}:{vehicle.state.phase}" for vehicle in self._fleet)
-                self._console.print(phases, highlight=False)
+        console, next_s = self._console, 0.0
+        live = Live(console=console, refresh_per_second=1 / REFRESH_S) if console.is_terminal else None
+        with live or nullcontext():
+            while not done() and not self._interrupts.wait(REFRESH_S):
+                self._print_events()
+                if live is not None:
+                    live.update(fleet_view(self._fleet, fitting(console.width)))
+                elif time.monotonic() >= next_s:
+                    next_s = time.monotonic() + PLAIN_REFRESH_S
+                    phases = " ".join(f"{vehicle.name}:{vehicle.state.phase}" for vehicle in self._fleet)
+                    console.print(phases, highlight=False)
 
     def say(self, line: str) -> None:
         """Print a line beside the table; may be called from any thread."""
         self._lines.append(line)
 
-    def _print_events(self, console: "Console") -> None:
-        while self._lines:
-            console.print(self._lines.popleft(), highlight=False, markup=False)
-        while (launcher := self._fleet.launcher) is not None and launcher.events:
-            console.print(launcher.events.popleft(), highlight=False, markup=False)
+    def _print_events(self) -> None:
+        launcher = self._fleet.launcher
+        for lines in (self._lines, () if launcher is None else launcher.events):
+            while lines:
+                self._console.print(lines.popleft(), highlight=False, markup=False)
 
 
 def up(

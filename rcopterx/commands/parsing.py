@@ -26,6 +26,13 @@ def check_known(names: Iterable[str], known: Collection[str], what: str, option:
             raise typer.BadParameter(message, param_hint=option)
 
 
+def known_names(text: str, known: Collection[str], what: str, option: str) -> tuple[str, ...]:
+    """Parse known names, separated by commas; `what` and `option` are for the error message."""
+    names = tuple(name.strip() for name in text.split(","))
+    check_known(names, known, what, option)
+    return names
+
+
 def different_numbers(text: str, option: str, lowest: int = 0, highest: int | None = None) -> tuple[int, ...]:
     """Parse different whole numbers in a range, separated by commas; `option` is for the error message."""
     try:
