@@ -221,10 +221,14 @@ def run(vehicles: Sequence[str], fleet: str | None) -> int:
     if fleet is None:
         fleets, only = fleets_to_kill(), None
     else:
+        # A named file must be read and checked first, which takes longer.
+        from rcopterx.deploy.roles.addresses import record_of
+        from rcopterx.fleet.reading import fleet_path, load_fleet
         from rcopterx.fleet.schema import FleetError
 
         try:
-            named = _named(fleet)
+            file = load_fleet(fleet_path(fleet))
+            named = record_of(file, next(iter(file.hosts)))
         except FleetError as error:
             print(f"error: {error}", file=sys.stderr)
             return EXIT_USAGE
@@ -236,13 +240,3 @@ def run(vehicles: Sequence[str], fleet: str | None) -> int:
     for line in lines:
         print(line, file=sys.stderr if line.startswith("error:") else sys.stdout)
     return EXIT_FAILED if any(line.startswith("error:") for line in lines) else 0
-
-
-def _named(name: str) -> RunningFleet:
-    """Routers and vehicles of a fleet file or a shipped fleet; raises FleetError."""
-    # A named file must be read and checked first, which takes longer.
-    from rcopterx.deploy.roles.addresses import record_of
-    from rcopterx.fleet.reading import fleet_path, load_fleet
-
-    file = load_fleet(fleet_path(name))
-    return record_of(file, next(iter(file.hosts)))

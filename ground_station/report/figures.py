@@ -144,13 +144,13 @@ class FlightFigures:
             if not plan.following or plan.reference is None or plan.frame not in own:
                 continue
             total = sum(link.weight for link in plan.following)
-            place = np.zeros(3)
-            leaders = [self._positions.get(link.leader, {}).get(plan.frame) for link in plan.following]
-            for link, leader in zip(plan.following, leaders, strict=True):
-                if leader is not None:
-                    place += link.weight / total * (leader[:3] + inertial_offset(link, float(leader[3])))
-            if all(leader is not None for leader in leaders):
-                errors.append(float(np.linalg.norm(own[plan.frame][:3] - place)))
+            places = [
+                link.weight / total * (leader[:3] + inertial_offset(link, float(leader[3])))
+                for link in plan.following
+                if (leader := self._positions.get(link.leader, {}).get(plan.frame)) is not None
+            ]
+            if len(places) == len(plan.following):
+                errors.append(float(np.linalg.norm(own[plan.frame][:3] - np.sum(places, axis=0))))
         return np.array(errors)
 
     def tracking_errors(self, name: str) -> tuple[Array, Array]:

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from msgspec import structs
 
-from rcopterx.bus.requests import IdentifyReply
 from rcopterx.bus.session import Session
 from rcopterx.deploy.hosts.running import running_fleets
 from rcopterx.fleet.reading import digest_of, load_fleet
@@ -47,20 +46,14 @@ def check_identity(session: Session, file: FleetFile) -> None:
     """
     digest = digest_of(file)
     for answer in session.identify():
-        problem = _difference(answer, file, digest)
-        if problem is not None:
-            raise WrongFleetError(problem)
-
-
-def _difference(answer: IdentifyReply, file: FleetFile, digest: str) -> str | None:
-    if answer.fleet != file.name:
-        return (
-            f"fleet {answer.fleet} ({', '.join(answer.vehicles)}) is up at this address, not {file.name}; "
-            "leave out -f to use the fleet that is up"
-        )
-    if answer.digest != digest:
-        return (
-            f"fleet {file.name} is up with another version of its file ({answer.digest} on host "
-            f"{answer.host}, this file is {digest}); leave out -f to use the fleet that is up, or restart it"
-        )
-    return None
+        if answer.fleet != file.name:
+            raise WrongFleetError(
+                f"fleet {answer.fleet} ({', '.join(answer.vehicles)}) is up at this address, not "
+                f"{file.name}; leave out -f to use the fleet that is up"
+            )
+        if answer.digest != digest:
+            raise WrongFleetError(
+                f"fleet {file.name} is up with another version of its file ({answer.digest} on host "
+                f"{answer.host}, this file is {digest}); leave out -f to use the fleet that is up, or "
+                "restart it"
+            )

@@ -37,6 +37,20 @@ class FlightOptions:
     lockstep: bool = False  # whether a started fleet waits for all its processes
 
 
+@contextmanager
+def flown_fleet(options: FlightOptions, path: str) -> Iterator[tuple["Fleet", Interrupts]]:
+    """Join the fleet that is up, or start that of a file, which lands and stops at the end."""
+    from rcopterx.bus.turns import SCRIPT
+
+    if options.start:
+        file = fleet_file(path, options.speed, options.lockstep)
+        with interruptible(file, None, record=options.record, script=SCRIPT) as started:
+            yield started
+    else:
+        with running_fleet(options.fleet) as fleet:
+            yield fleet, Interrupts()
+
+
 def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
     """Rows of the table by their names or patterns such as `pair-*`, by default all."""
     from rcopterx.experiments.faults.table import FAULT_FLIGHTS
@@ -70,22 +84,11 @@ class FleetHolder:
         from rcopterx.experiments.faults.flying import FaultRange
 
         if self._range is None:
-            fleet = self._fleet()
+            started = flown_fleet(self._options, str(self._path))
+            fleet, self.interrupts = self._stack.enter_context(started)
             fleet.wait_ready(timeout_s=READY_S)
             self._range = FaultRange(Bench(fleet, say, fleet.wait, self._path))
         return self._range.saying(say)
-
-    def _fleet(self) -> "Fleet":
-        from rcopterx.bus.turns import SCRIPT
-
-        if self._path is None:
-            return self._stack.enter_context(running_fleet(self._options.fleet))
-        lockstep = self._options.lockstep
-        file = fleet_file(str(self._path), self._options.speed, lockstep)
-        fleet, self.interrupts = self._stack.enter_context(
-            interruptible(file, None, record=self._options.record, script=SCRIPT if lockstep else "")
-        )
-        return fleet
 
     def close(self) -> None:
         """Land and stop the fleet if it was started here."""

@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcopterx.commands.fault_flights import FlightOptions, fly_chaos, fly_faults, list_faults
+from rcopterx.commands.fault_flights import FlightOptions, flown_fleet, fly_chaos, fly_faults, list_faults
 from rcopterx.commands.fleet_option import (
     EXIT_FAILED,
     LockstepOption,
     RunningFleetOption,
     SpeedOption,
-    fleet_file,
-    running_fleet,
 )
-from rcopterx.commands.launch import RecordOption, interruptible
+from rcopterx.commands.launch import RecordOption
 from rcopterx.commands.output import JsonOption, Progress, print_document
 from rcopterx.commands.parsing import check_known
 
@@ -138,21 +136,10 @@ def _make_directory(path: Path) -> None:
 
 def _fly_rows(rows: Sequence["Manoeuvre"], options: FlightOptions, results: "Results") -> None:
     """Fly manoeuvres one after the other; with --up each has a fleet of its own."""
-    from rcopterx.bus.turns import SCRIPT
-
-    if options.start:
-        for number, row in enumerate(rows, 1):
-            file = fleet_file(options.fleet or row.fleet, options.speed, options.lockstep)
-            with interruptible(file, None, record=options.record, script=SCRIPT) as (running, interrupts):
-                _fly_row(row, running, interrupts, _progress(row, number, len(rows)), results)
-        return
-    with running_fleet(options.fleet) as running:
-        for number, row in enumerate(rows, 1):
-            _fly_row(row, running, threading.Event(), _progress(row, number, len(rows)), results)
-
-
-def _progress(row: "Manoeuvre", number: int, count: int) -> Progress:
-    return Progress(row.name if count == 1 else f"[{number}/{count}] {row.name}")
+    for number, row in enumerate(rows, 1):
+        progress = Progress(row.name if len(rows) == 1 else f"[{number}/{len(rows)}] {row.name}")
+        with flown_fleet(options, options.fleet or row.fleet) as (running, interrupts):
+            _fly_row(row, running, interrupts, progress, results)
 
 
 def _fly_row(
