@@ -4,19 +4,25 @@ from collections.abc import Callable
 
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied, Command, CommandTiming, Kill, Lease, LeaseBid, TransmitterStatus
-from rcopterx.bus.requests import Arm, Disarm, KillVehicle, Reply, ResetKill
+from rcopterx.bus.requests import Reply
 from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
-from rcopterx.transmitter_gateway.inputs import NAMES, Action, ActionRequest, CommandInput, State
+from rcopterx.transmitter_gateway.inputs import (
+    NAMES,
+    Action,
+    ActionRequest,
+    CommandInput,
+    LinkState,
+    State,
+)
 from rcopterx.transmitter_gateway.port import WriteOutcome
-from rcopterx.transmitter_gateway.snapshot import Write
-from rcopterx.transmitter_gateway.transmitter import Transmitter
+from rcopterx.transmitter_gateway.transmitter import Transmitter, Write
 
 COMMANDS_KEPT = 256  # a flood of wrong commands must not push out the right ones between them
 COMMANDS_AT_ONCE = 8  # so that a flood for one vehicle keeps no other one waiting
 BIDS_KEPT = 16
-VERBS = ["arm", "disarm", "kill", "reset"]
+VERBS = ["arm", "disarm", "kill", "reset"]  # the actions of their names
 
 
 class Station:
@@ -102,21 +108,8 @@ class Station:
 
     def answer(self, incoming: Incoming, now_s: float) -> None:
         """Carry out a request and answer it."""
-        request = incoming.request
-        if isinstance(request, Arm):
-            action = ActionRequest(Action.ARM, by=request.source)
-        elif isinstance(request, Disarm):
-            action = ActionRequest(Action.DISARM, by=request.source)
-        elif isinstance(request, KillVehicle):
-            action = ActionRequest(Action.KILL, by=request.source)
-        elif isinstance(request, ResetKill):
-            action = ActionRequest(Action.RESET, by=request.source)
-        else:
-            incoming.answer(
-                Reply(accepted=False, reason=f"a transmitter gateway does not serve {incoming.verb}")
-            )
-            return
-        answer = self.transmitter.request(action, now_s)
+        request = ActionRequest(Action(incoming.verb), by=incoming.request.source)
+        answer = self.transmitter.request(request, now_s)
         incoming.answer(Reply(accepted=answer.accepted, reason=answer.reason))
 
     def _applied(self, write: Write) -> Applied:
@@ -141,24 +134,25 @@ class Station:
 
     def report(self, now_s: float) -> None:
         """Publish the status."""
-        snapshot = self.transmitter.snapshot(now_s)
-        self._reported_state = snapshot.state
+        transmitter, arbiter = self.transmitter, self.transmitter.arbiter
+        link = transmitter.link(now_s)
+        self._reported_state = arbiter.state
         rejected = {f"command.{kind}": count for kind, count in self._commands.rejected.items()}
         accepted_s = self._accepted_s
         self._session.publish(
             channels.TRANSMITTER_STATUS,
             self.vehicle,
             TransmitterStatus(
-                state=NAMES[snapshot.state],
-                reason=snapshot.reason[:400],
-                link=snapshot.link.value,
-                module=snapshot.module[:400],
-                ready=snapshot.link.value == "ready",
-                lease=snapshot.lease,
+                state=NAMES[arbiter.state],
+                reason=arbiter.reason[:400],
+                link=link.value,
+                module=transmitter.module_text(now_s)[:400],
+                ready=link is LinkState.READY,
+                lease=arbiter.leases.commanding,
                 command_age_s=None if accepted_s is None else max(0.0, now_s - accepted_s),
                 last_sequence=self._last_sequence,
-                bridging=snapshot.bridging_step > 0,
-                counters=dict(snapshot.counters),
+                bridging=transmitter.output.bridging_step > 0,
+                counters=transmitter.counters(),
                 rejected=rejected,
                 realtime=self._realtime,
             ),

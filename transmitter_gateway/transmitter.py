@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from msgspec import structs
+from msgspec import Struct, structs
 
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.binding import Binding
@@ -30,7 +30,6 @@ from rcopterx.transmitter_gateway.inputs import (
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, ProtocolError
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
-from rcopterx.transmitter_gateway.snapshot import TransmitterSnapshot, Write
 from rcopterx.transmitter_gateway.state_page import StatePage
 from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_channels
 from rcopterx.transmitter_gateway.take_over import seen_on_floor, take_over_problem
@@ -38,6 +37,15 @@ from rcopterx.transmitter_gateway.take_over import seen_on_floor, take_over_prob
 THROTTLE_LOW_FRAMES = 30  # at least 25 are to arrive
 REPOWERED_S = 7.0  # until a receiver finds a module that lost power (2 to 6 s); the vehicle has fallen
 LEASES_PER_S = 1000  # of a second at most: a restarted gateway that lost them continues from here
+
+
+class Write(Struct, frozen=True):
+    """One attempt to write a frame: outcome, decision behind it, pulse widths in channel order."""
+
+    time_s: float
+    outcome: WriteOutcome
+    output: ArbiterOutput
+    pulses_us: tuple[float, ...]
 
 
 class Transmitter:
@@ -60,7 +68,7 @@ class Transmitter:
         if settings.low_power and "low_power" not in protocol.offers:
             raise ProtocolError(f"{protocol.name}: low_power cannot be asked for")
         prepare_channels(protocol, calibration, settings.limits)
-        self._output = ArbiterOutput(State.DISARMED, "started")
+        self.output = ArbiterOutput(State.DISARMED, "started")  # newest decision
         self._pending = self._due_now = False
         self._binding = Binding(at_power_up=protocol.binds_at_power_up)
         self._range_check = self._shutdown = self._ready = False
@@ -91,7 +99,7 @@ class Transmitter:
     @property
     def commanded(self) -> bool:
         """Whether a command that is not late flies the vehicle."""
-        return self._output.cause is not None and not self._output.bridging_step
+        return self.output.cause is not None and not self.output.bridging_step
 
     def on_readable(self, now_s: float) -> None:
         """Read the module's answers; call it when the port's descriptor is readable or hung up."""
@@ -239,6 +247,10 @@ class Transmitter:
         """Whether binding, a range check or a calibration blocks arming."""
         return self._binding.busy(now_s) or self._range_check or now_s < self._shown_until_s
 
+    def link(self, now_s: float) -> LinkState:
+        """Way to the vehicle."""
+        return self._link(self.protocol.status(now_s), now_s) if self.port.is_open else LinkState.LOST
+
     def _link(self, module: ModuleStatus, now_s: float) -> LinkState:
         """Way to the vehicle while the port is open."""
         waits = self.busy(now_s) or self._searched(now_s)
@@ -273,9 +285,9 @@ class Transmitter:
             self._open_link(now_s)
             self._pending = True
         self._judge_link(now_s)
-        before, self._output = self._output, self.arbiter.step(now_s)
-        changed = before.state is not self._output.state
-        next_planned = self._output.bridging_step > before.bridging_step
+        before, self.output = self.output, self.arbiter.step(now_s)
+        changed = before.state is not self.output.state
+        next_planned = self.output.bridging_step > before.bridging_step
         self._pending = self._pending or changed or next_planned
         if self.port.is_open and now_s >= self._due_s():
             return self._write(now_s)
@@ -308,7 +320,7 @@ class Transmitter:
         return self._attempt_s + interval_s
 
     def _write(self, now_s: float) -> Write:
-        output = self._output
+        output = self.output
         flying = output.state in FLYING
         pulses, arming = channels_of(self._calibration, output, self._arming, now_s)
         disarmed = output.state is State.DISARMED
@@ -370,30 +382,23 @@ class Transmitter:
         link = self._link(module, now_s) if problem is None else LinkState.LOST
         self._ready = link is LinkState.READY
         if link is LinkState.UP and not self.busy(now_s):
-            problem = self._module_text(module, now_s)
+            problem = self.module_text(now_s)
         self.arbiter.link(link, problem)
 
-    def _module_text(self, module: ModuleStatus, now_s: float) -> str:
+    def module_text(self, now_s: float) -> str:
+        """State of the module, or the problem of its port, for people."""
         if self.undecided:
             return "waiting for the own pose"
-        if self.port.problem is None and module.ready and self._searched(now_s):
-            return "waiting until the receiver has found the radio"
-        return self.port.problem or (self.port.overload if module.ready else None) or module.text
-
-    def snapshot(self, now_s: float) -> TransmitterSnapshot:
-        """Everything a status message needs, at `now_s`."""
+        if self.port.problem is not None:
+            return self.port.problem
         module = self.protocol.status(now_s)
-        return TransmitterSnapshot(
-            state=self.arbiter.state,
-            reason=self.arbiter.reason,
-            link=self._link(module, now_s) if self.port.is_open else LinkState.LOST,
-            module=self._module_text(module, now_s),
-            lease=self.arbiter.leases.commanding,
-            binding=self._binding.active,
-            bridging_step=self._output.bridging_step,
-            counters={
-                str(name): count
-                for counters in (self.arbiter.counters, self.port.counters, self.protocol.counters)
-                for name, count in counters.items()
-            },
-        )
+        if not module.ready:
+            return module.text
+        if self._searched(now_s):
+            return "waiting until the receiver has found the radio"
+        return self.port.overload or module.text
+
+    def counters(self) -> dict[str, int]:
+        """Counters of arbiter, port and protocol by name."""
+        counters = (self.arbiter.counters, self.port.counters, self.protocol.counters)
+        return {str(name): count for each in counters for name, count in each.items()}

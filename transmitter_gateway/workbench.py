@@ -68,11 +68,9 @@ class Workbench(AbstractContextManager["Workbench"]):
     def wait_ready(self, limit_s: float = 5.0) -> str:
         """Wait until the module is ready and return its text, or raise `WorkbenchError`."""
         if not self.run(limit_s, self._ready):
-            snapshot = self.transmitter.snapshot(self._clock())
-            hint = (
-                "; if it is a gateway, land the fleet and stop it first" if IN_USE in snapshot.module else ""
-            )
-            raise WorkbenchError(f"{self.vehicle}: {snapshot.module}{hint}")
+            problem = self.transmitter.module_text(self._clock())
+            hint = "; if it is a gateway, land the fleet and stop it first" if IN_USE in problem else ""
+            raise WorkbenchError(f"{self.vehicle}: {problem}{hint}")
         return self.transmitter.protocol.status(self._clock()).text
 
     def _ready(self) -> bool:

@@ -79,7 +79,7 @@ class FirmwareBench:
 
     @property
     def module(self) -> str:
-        return self.transmitter.snapshot(self.now_s).module
+        return self.transmitter.module_text(self.now_s)
 
     def live(self) -> None:
         """Do what the firmware does by itself."""

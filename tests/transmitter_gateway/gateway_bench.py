@@ -28,9 +28,8 @@ from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.radios import Radios, Wakeup
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
-from rcopterx.transmitter_gateway.snapshot import Write
 from rcopterx.transmitter_gateway.state_page import begin_page
-from rcopterx.transmitter_gateway.transmitter import Transmitter
+from rcopterx.transmitter_gateway.transmitter import Transmitter, Write
 
 NAMES = ("h1", "h2", "h3")
 LINE = SerialLine(100_000, "N", 2)

@@ -54,7 +54,7 @@ def test_a_kill_stops_the_motors_within_a_period_and_for_good(bench: Bench) -> N
     assert bench.request(Action.RESET)
     bench.run(1.0, 0.0)
     assert not bench.request(Action.ARM), "the vehicle is locked until it restarts"
-    assert "off and on" in bench.transmitter.snapshot(bench.now_s).module
+    assert "off and on" in bench.transmitter.module_text(bench.now_s)
     bench.vehicle.power_cycle(bench.now_s)
     bench.fly()
 

@@ -30,9 +30,9 @@ def test_frames_are_kept_alive_before_anybody_commands(bench: Bench) -> None:
     bench.run(2.0, None)
     assert intervals(bench.frames) == pytest.approx([0.025] * (len(bench.frames) - 1), abs=1e-4)
     assert set(bench.received()) == {1100}
-    status = bench.transmitter.snapshot(bench.now_s)
-    assert (status.state, status.link, status.binding) == (State.DISARMED, LinkState.READY, False)
-    assert status.module == "module 1.3.4.72 ready, DSM 2 1F"
+    assert bench.state is State.DISARMED
+    assert bench.transmitter.link(bench.now_s) is LinkState.READY
+    assert bench.transmitter.module_text(bench.now_s) == "module 1.3.4.72 ready, DSM 2 1F"
 
 
 def test_accepted_commands_are_written_on_arrival(bench: Bench) -> None:
@@ -77,7 +77,7 @@ def test_rejected_commands_write_nothing_and_feed_nothing(bench: Bench) -> None:
         assert not bench.transmitter.on_command(bad, bench.now_s).accepted
         bench.exchange()
     assert bench.state is State.CUT
-    assert bench.transmitter.snapshot(bench.now_s).counters["command not finite"] == 100
+    assert bench.transmitter.counters()["command not finite"] == 100
 
 
 def test_own_poses_are_judged_by_the_next_tick(bench: Bench) -> None:
@@ -159,9 +159,9 @@ def test_a_flight_controller_sees_its_arming_channel_off_before_it_can_be_armed(
     try:
         bench.run(5.5, IDLE)
         assert not bench.request(Action.ARM).accepted
-        searching = bench.transmitter.snapshot(bench.now_s)
-        assert searching.module == "waiting until the receiver has found the radio"
-        assert searching.link is LinkState.UP
+        text = bench.transmitter.module_text(bench.now_s)
+        assert text == "waiting until the receiver has found the radio"
+        assert bench.transmitter.link(bench.now_s) is LinkState.UP
         bench.run(1.0, IDLE)
         assert bench.request(Action.ARM).accepted
     finally:
@@ -221,14 +221,13 @@ def test_long_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_a
     bench.radio.unplug()
     bench.run(0.75)
     assert bench.state is State.DISARMED
-    status = bench.transmitter.snapshot(bench.now_s)
-    assert status.link is LinkState.LOST
-    assert "h1" in status.module
+    assert bench.transmitter.link(bench.now_s) is LinkState.LOST
+    assert "h1" in bench.transmitter.module_text(bench.now_s)
     bench.radio.replug(bench.now_s)
     bench.received()
     bench.run(0.17, IDLE)
     assert bench.port.is_open
-    assert bench.transmitter.snapshot(bench.now_s).link is LinkState.UP
+    assert bench.transmitter.link(bench.now_s) is LinkState.UP
     assert bench.request(Action.ARM).reason.startswith(
         "missing: commanded thrust low long enough; missing: transmitter ready: "
     )
@@ -239,20 +238,19 @@ def test_long_unplugging_in_flight_disarms_and_replugging_needs_a_ready_module_a
     assert bench.request(Action.ARM).accepted
 
 
-def test_the_snapshot_shows_reason_lease_planned_input_and_all_counters(bench: Bench) -> None:
+def test_the_counters_are_those_of_arbiter_port_and_protocol_and_planned_inputs_show(bench: Bench) -> None:
     bench.fly()
     bench.sequence += 1
     rows = ((0.0, 0.0, 0.55, 0.0),) * 5
     command = CommandInput(1, 1, bench.sequence, bench.sequence, HOVER, rows)
     assert bench.transmitter.on_command(command, bench.now_s).accepted
     bench.run(0.07, None)
-    snapshot = bench.transmitter.snapshot(bench.now_s)
-    assert snapshot.reason == bench.transmitter.arbiter.reason == "armed: by operator"
-    assert snapshot.lease == 1
-    assert snapshot.bridging_step > 0
-    assert snapshot.counters["openings"] == 1
-    assert snapshot.counters["entered ARMED"] == 1
-    assert snapshot.counters["frames written"] == len(bench.writes)
+    assert bench.transmitter.arbiter.reason == "armed: by operator"
+    assert bench.transmitter.output.bridging_step > 0
+    counters = bench.transmitter.counters()
+    assert counters["openings"] == 1
+    assert counters["entered ARMED"] == 1
+    assert counters["frames written"] == len(bench.writes)
 
 
 def test_full_port_is_tried_again_and_then_given_up(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,13 +39,12 @@ def test_binding_ends_when_the_module_is_done_and_settles_for_5_s(bench: Bench) 
     started_s = bench.now_s
     bench.run(0.2, IDLE)
     assert bench.frames[-1].bind
-    assert bench.transmitter.snapshot(bench.now_s).binding
-    while bench.transmitter.snapshot(bench.now_s).binding:
+    while bench.frames[-1].bind:
         bench.run(0.1, IDLE)
         assert bench.now_s < started_s + 7.5
     assert bench.now_s - started_s == pytest.approx(6.03, abs=0.6)
     assert receiver.model_match == 3
-    assert bench.transmitter.snapshot(bench.now_s).link is LinkState.UP
+    assert bench.transmitter.link(bench.now_s) is LinkState.UP
     assert not bench.request(Action.ARM).accepted
     bench.run(0.1, IDLE)
     assert not bench.frames[-1].bind
@@ -58,9 +57,9 @@ def test_bind_is_given_up_after_7_s_when_the_module_never_says_it_is_done(bench:
     bench.transmitter.bind(bench.now_s)
     bench.port.read_available = lambda now_s: b""  # type: ignore[method-assign]  # its answers stop
     bench.run(6.9, IDLE)
-    assert bench.transmitter.snapshot(bench.now_s).binding
+    assert bench.frames[-1].bind
     bench.run(0.2, IDLE)
-    assert not bench.transmitter.snapshot(bench.now_s).binding
+    assert not bench.frames[-1].bind
 
 
 def test_binding_and_range_check_are_refused_in_flight_and_without_a_port(bench: Bench) -> None:

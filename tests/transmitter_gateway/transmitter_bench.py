@@ -28,8 +28,7 @@ from rcopterx.transmitter_gateway.protocols.base import (
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
-from rcopterx.transmitter_gateway.snapshot import Write
-from rcopterx.transmitter_gateway.transmitter import Transmitter
+from rcopterx.transmitter_gateway.transmitter import Transmitter, Write
 
 LINE = SerialLine(100_000, "N", 2)
 
