@@ -3,7 +3,6 @@
 import math
 import signal
 import sys
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from rcopterx.bus import channels
@@ -65,11 +64,7 @@ class Gateway:
             station.serve(self._clock())
         self._report()
 
-    def kill(self, by: str) -> None:
-        """Cut the motors of every vehicle of this gateway, latching."""
-        self._radios.request(Action.KILL, by)
-
-    def shut_down(self, meanwhile: Callable[[], None] = lambda: None) -> None:
+    def shut_down(self) -> None:
         """Bring every vehicle down, end on throttle-low frames, close the ports; kills still count."""
         self._radios.request(Action.SHUTDOWN, "gateway")
         limit_s = self._clock() + self._radios.longest_shutdown_s
@@ -77,12 +72,11 @@ class Gateway:
         while not all(transmitter.finished for transmitter in transmitters) and self._clock() < limit_s:
             self.wait()
             self.step()
-            meanwhile()
         self._radios.close()
 
-    def bring_down(self, kill_requested: Callable[[], bool]) -> None:
+    def bring_down(self) -> None:
         """Bring the vehicles down after an error, without the bus except for poses; see `Radios`."""
-        self._radios.bring_down(self._new_poses, kill_requested)
+        self._radios.bring_down(self._new_poses)
         self._radios.close()
 
     def _new_poses(self) -> list[tuple[PoseInput, float]]:
@@ -134,21 +128,24 @@ def run_gateway(settings: GatewaySettings) -> None:
         # In lockstep time stands still while the radios are opened.
         session = Session(settings.bus, wakeup.notify) if clock.lockstep else None
         wakeup.turns = None if session is None else session.turns
-        radios = Radios(settings, wakeup, keys, heartbeat, clock.now)
+        radios = Radios(settings, wakeup, keys, caught, heartbeat, clock.now)
         prepare_loop()
-        with session or _joined_bus(settings, wakeup, radios, caught) as session:
+        with session or _joined_bus(settings, wakeup, radios) as session:
             gateway = Gateway(settings, session, radios, realtime)
             try:
-                run_until_stopped(gateway, caught)
+                while not caught & {signal.SIGTERM, signal.SIGINT}:
+                    gateway.wait()
+                    gateway.step()
+                gateway.shut_down()
             except BaseException:
-                gateway.bring_down(lambda: _kill_requested(caught))
+                gateway.bring_down()
                 raise
             finally:
                 heartbeat.ending()
     wakeup.close()
 
 
-def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios, caught: set[int]) -> Session:
+def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios) -> Session:
     """Join the bus; the radios are served meanwhile, because a router may be late or missing."""
     radios.serve()
     with ThreadPoolExecutor() as pool:
@@ -156,30 +153,8 @@ def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios, caugh
         while not opening.done():
             radios.wait(math.inf)
             radios.serve()
-            if _kill_requested(caught):
-                radios.request(Action.KILL, "SIGUSR1")
     try:
         return opening.result()
     except BusUnreachableError:
         radios.close()
         raise
-
-
-def run_until_stopped(gateway: Gateway, caught: set[int]) -> None:
-    """Serve until SIGTERM or SIGINT is in `caught`, then bring the vehicles down."""
-    while not caught & {signal.SIGTERM, signal.SIGINT}:
-        gateway.wait()
-        gateway.step()
-        _obey_kill(gateway, caught)
-    gateway.shut_down(lambda: _obey_kill(gateway, caught))
-
-
-def _kill_requested(caught: set[int]) -> bool:
-    requested = signal.SIGUSR1 in caught
-    caught.discard(signal.SIGUSR1)
-    return requested
-
-
-def _obey_kill(gateway: Gateway, caught: set[int]) -> None:
-    if _kill_requested(caught):
-        gateway.kill("SIGUSR1")

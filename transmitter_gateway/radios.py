@@ -3,6 +3,7 @@
 import logging
 import os
 import select
+import signal
 import traceback
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -79,17 +80,21 @@ COMMANDED_TURN_S = 0.02  # the same while commands fly all vehicles: each is jud
 
 
 class Radios:
-    """The transmitters by vehicle; each continues from what an earlier process wrote last."""
+    """The transmitters by vehicle; each continues from what an earlier process wrote last.
+
+    A kill key, or SIGUSR1 in the `caught` signals, kills all vehicles; it is removed then.
+    """
 
     def __init__(
         self,
         settings: GatewaySettings,
         wakeup: Wakeup,
         keys: KillKeys,
+        caught: set[int],
         heartbeat: Heartbeat,
         clock: Callable[[], float],
     ) -> None:
-        self._wakeup, self._keys, self._heartbeat = wakeup, keys, heartbeat
+        self._wakeup, self._keys, self._caught, self._heartbeat = wakeup, keys, caught, heartbeat
         self._clock = clock
         self.transmitters = {
             each.vehicle: Transmitter(each, port_for(each, settings.bus.clock, settings.dongles))
@@ -113,6 +118,14 @@ class Radios:
                 ports[descriptor].on_readable(self._clock())
             elif self._keys.pressed():
                 self.request(Action.KILL, "key press")
+        if self._signalled():
+            self.request(Action.KILL, "SIGUSR1")
+
+    def _signalled(self) -> bool:
+        """Whether a signal requests a kill; True once."""
+        signalled = signal.SIGUSR1 in self._caught
+        self._caught.discard(signal.SIGUSR1)
+        return signalled
 
     def request(self, action: Action, by: str) -> None:
         """Carry out a request for every vehicle."""
@@ -130,11 +143,7 @@ class Radios:
         """Longest time from the request to shut down until no vehicle flies any more."""
         return max(each.arbiter.limits.longest_shutdown_s for each in self.transmitters.values())
 
-    def bring_down(
-        self,
-        new_poses: Callable[[], Iterable[tuple[PoseInput, float]]],
-        kill_requested: Callable[[], bool],
-    ) -> None:
+    def bring_down(self, new_poses: Callable[[], Iterable[tuple[PoseInput, float]]]) -> None:
         """Bring the vehicles down after an error; the others do not depend on a broken one.
 
         `new_poses` are those since the last call; if it raises, vehicles descend open loop.
@@ -152,7 +161,7 @@ class Radios:
             self._heartbeat.beat(_flying(working.values()))
             # Deadlines are not used here: their computation may be what is broken.
             pressed = self._wakeup.wait(self._keys.descriptors, TURN_S)
-            if kill_requested() or (pressed and self._keys.pressed()):
+            if self._signalled() or (pressed and self._keys.pressed()):
                 request(Action.KILL)
             seeing = seeing and self._pass_poses(working, new_poses)
             _each(working, self._read_and_write)

@@ -144,7 +144,7 @@ class Laboratory(Wakeup):
     def start(self) -> None:
         """Start a gateway: the first one, or the successor of one that was killed."""
         self.radios_of_gateway = Radios(
-            self.settings, self, KillKeys(-1), Heartbeat(bytearray(32)), self.bus.clock
+            self.settings, self, KillKeys(-1), set(), Heartbeat(bytearray(32)), self.bus.clock
         )
         self.gateway = Gateway(self.settings, self.bus, self.radios_of_gateway, False)  # type: ignore[arg-type]  # no bus
         self.note_writes()
