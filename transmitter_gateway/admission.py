@@ -111,20 +111,13 @@ class Admission:
             return Rejection.MALFORMED
         if len(plan) > LONGEST_PLAN:
             return Rejection.MALFORMED
-        inputs = self._check_plan(plan)
-        if isinstance(inputs, Rejection):
-            return inputs
-        return AcceptedCommand(Cause(*numbers), inputs[0], inputs[1:], float(period))
-
-    def _check_plan(self, plan: tuple[Sequence[float], ...]) -> tuple[Input, ...] | Rejection:
-        """Clamp all inputs; the first bad one gives the reason."""
         inputs: list[Input] = []
         for values in plan:
             checked = self._check_input(values)
             if isinstance(checked, Rejection):
                 return checked
             inputs.append(checked)
-        return tuple(inputs)
+        return AcceptedCommand(Cause(*numbers), inputs[0], tuple(inputs[1:]), float(period))
 
     def _check_input(self, values: Sequence[float]) -> Input | Rejection:
         """Clamp an input, or return the worst reason against it: form, then finiteness, then limits."""

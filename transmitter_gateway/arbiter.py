@@ -203,26 +203,28 @@ class Arbiter:
         return self._low_since_s is not None and now_s >= self._low_since_s + self.limits.arm_low_s
 
     def _conditions(self, now_s: float, stream: Stream | None, bridging: int) -> set[Condition]:
-        found: set[Condition] = set()
-        if self._shutdown:
-            found.add(Condition.SHUTDOWN)
-        if self._link is LinkState.LOST:
-            found.add(Condition.LINK_LOST)
-        elif self._link is LinkState.READY:
-            found.add(Condition.READY)
+        limits, state = self.limits, self.state
+        landing_over_s = self._landing_since_s + limits.landing.longest_s
+        holds = {
+            Condition.SHUTDOWN: self._shutdown,
+            Condition.LINK_LOST: self._link is LinkState.LOST,
+            Condition.READY: self._link is LinkState.READY,
+            Condition.THRUST_WANTED: state is State.KILLED and self._admission.thrust_wanted(now_s),
+            Condition.IDLE: state is State.ARMED and now_s >= self._idle_at_s,
+            Condition.HOLD_OVER: state is State.HOLD and now_s >= self._entered_s + limits.hold_limit_s,
+            Condition.DESCENT_OVER: state is State.DESCEND and now_s >= self._entered_s + limits.descent_s,
+            Condition.LANDING_OVER: state in ON_THE_WAY_DOWN and now_s >= landing_over_s,
+        }
         if stream is not None:
-            self._judge_stream(found, stream, bridging, now_s)
-        if self.state is State.KILLED and self._admission.thrust_wanted(now_s):
-            found.add(Condition.THRUST_WANTED)
+            holds |= {
+                Condition.FRESH: self._admission.fresh(now_s),
+                Condition.BRIDGING: bridging > 0,
+                Condition.SILENT: now_s >= stream.arrival_s + limits.descend_after_s,
+                Condition.GONE: now_s >= stream.arrival_s + limits.cut_after_s,
+                Condition.LOW_COMMANDED: stream.is_low(now_s, limits),
+            }
+        found = {condition for condition, true in holds.items() if true}
         self._judge_poses(found, now_s)
-        if self.state is State.ARMED and now_s >= self._idle_at_s:
-            found.add(Condition.IDLE)
-        if self.state is State.HOLD and now_s >= self._entered_s + self.limits.hold_limit_s:
-            found.add(Condition.HOLD_OVER)
-        if self.state is State.DESCEND and now_s >= self._entered_s + self.limits.descent_s:
-            found.add(Condition.DESCENT_OVER)
-        if self.state in ON_THE_WAY_DOWN and now_s >= self._landing_since_s + self.limits.landing.longest_s:
-            found.add(Condition.LANDING_OVER)
         return found
 
     @property
@@ -231,19 +233,6 @@ class Arbiter:
         if self._low_since_s is None:
             return math.inf
         return max(self._low_since_s, self._entered_s) + self.limits.disarm_after_s
-
-    def _judge_stream(self, found: set[Condition], stream: Stream, bridging: int, now_s: float) -> None:
-        limits = self.limits
-        if self._admission.fresh(now_s):
-            found.add(Condition.FRESH)
-        if bridging:
-            found.add(Condition.BRIDGING)
-        if now_s >= stream.arrival_s + limits.descend_after_s:
-            found.add(Condition.SILENT)
-        if now_s >= stream.arrival_s + limits.cut_after_s:
-            found.add(Condition.GONE)
-        if stream.is_low(now_s, limits):
-            found.add(Condition.LOW_COMMANDED)
 
     def _judge_poses(self, found: set[Condition], now_s: float) -> None:
         """Judge the raw poses; a vehicle that stands on the floor is left alone unless it is to be armed."""
