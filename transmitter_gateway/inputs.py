@@ -78,8 +78,8 @@ class ActionRequest(Struct, frozen=True):
     by: str
 
 
-class LastApplied(Struct, frozen=True):
-    """What a process of this gateway wrote last, for its successor."""
+class LastApplied(Struct, frozen=True, array_like=True):
+    """What a process of this gateway wrote last, for its successor (`state_page`)."""
 
     state: State
     u: Input

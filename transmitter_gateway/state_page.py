@@ -16,48 +16,36 @@ import zlib
 from pathlib import Path
 from typing import Final
 
+import msgspec
+
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, LastApplied, State
 
-RECORD: Final = struct.Struct("<Qd4dQQdB????")
-CHECKSUM: Final = struct.Struct("<I")
+CHECKSUM: Final = struct.Struct("<I")  # of all that follows
+LENGTH: Final = struct.Struct("<I")  # of number and content, as MessagePack
+HEADER_BYTES: Final = CHECKSUM.size + LENGTH.size
 SLOT_BYTES: Final = 128
 PAGE_BYTES: Final = 2 * SLOT_BYTES
-FORMAT: Final = b"rcopterx state 2"
+FORMAT: Final = b"rcopterx state 3"
 BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
-STATES: Final = tuple(State)
 NOT_FLYING: Final = LastApplied(State.DISARMED, NEUTRAL, -math.inf, lease=0, issued=0, hover_thrust=0.0)
+_DECODER: Final = msgspec.msgpack.Decoder(tuple[int, LastApplied])
 
 
 def encode(number: int, last: LastApplied, boot: bytes) -> bytes:
     """Encode a record; `boot` identifies the start of the computer."""
-    record = RECORD.pack(
-        number,
-        last.written_s,
-        *last.u,
-        last.lease,
-        last.issued,
-        last.hover_thrust,
-        STATES.index(last.state),
-        last.commanded,
-        last.mistaken,
-        last.ready,
-        last.grounded,
-    )
-    return record + CHECKSUM.pack(_checksum(record, boot))
+    content = msgspec.msgpack.encode((number, last))
+    record = LENGTH.pack(len(content)) + content
+    return CHECKSUM.pack(_checksum(record, boot)) + record
 
 
 def decode(slot: bytes, boot: bytes) -> tuple[int, LastApplied] | None:
     """Decode number and content of a record; None if it was not written since this start of the computer."""
-    record = slot[: RECORD.size]
-    if len(slot) < RECORD.size + CHECKSUM.size or CHECKSUM.unpack_from(slot, RECORD.size) != (
-        _checksum(record, boot),
-    ):
+    if len(slot) < HEADER_BYTES:
         return None
-    number, written_s, pitch, roll, thrust, yaw, lease, issued, hover_thrust, state, *flags = RECORD.unpack(
-        record
-    )
-    u = pitch, roll, thrust, yaw
-    return number, LastApplied(STATES[state], u, written_s, lease, issued, hover_thrust, *flags)
+    end = HEADER_BYTES + LENGTH.unpack_from(slot, CHECKSUM.size)[0]
+    if CHECKSUM.unpack_from(slot)[0] != _checksum(slot[CHECKSUM.size : end], boot):
+        return None
+    return _DECODER.decode(slot[HEADER_BYTES:end])
 
 
 def _checksum(record: bytes, boot: bytes) -> int:
