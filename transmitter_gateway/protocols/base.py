@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, Literal
@@ -29,6 +29,20 @@ class ForbiddenInFlightError(ProtocolError):
 
 class FrameDecodeError(ProtocolError):
     """Bytes that are not a frame of the protocol."""
+
+
+def check_ranges(settings: object, protocol: str, **ranges: tuple[int, int]) -> None:
+    """Raise `ProtocolError` for a field of a protocol's settings outside its range, the ends included."""
+    for field, (lowest, highest) in ranges.items():
+        value = getattr(settings, field)
+        if not lowest <= value <= highest:
+            raise ProtocolError(f"{protocol}.{field}: {value} is outside {lowest}..{highest}")
+
+
+def check_choice(name: str, value: str, choices: Collection[str]) -> None:
+    """Raise `ProtocolError` for a setting that is not among the choices."""
+    if value not in choices:
+        raise ProtocolError(f"{name}: {value!r} is unknown, choose one of {', '.join(choices)}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +181,7 @@ class RadioProtocol(ABC):
 
 
 class OneWayRadio(RadioProtocol):
-    """A radio that never answers: it counts as ready `settling_s` after the port was opened."""
+    """A radio without answers that show its state: it is ready `settling_s` after the port was opened."""
 
     settling_s: float = 1.0
     _opened_s: float | None = None

@@ -27,13 +27,8 @@ class Dsm2Settings:
     """Radio board: DSM2 only, DSMX/DSM2, or a LP4DSM/LP5DSM board."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.model <= 63:
-            raise base.ProtocolError(f"dsm2_serial.model: {self.model} is outside 0..63")
-        if self.family not in FAMILIES:
-            allowed = ", ".join(FAMILIES)
-            raise base.ProtocolError(
-                f"dsm2_serial.family: {self.family!r} is unknown, choose one of {allowed}"
-            )
+        base.check_ranges(self, "dsm2_serial", model=(0, 63))
+        base.check_choice("dsm2_serial.family", self.family, FAMILIES)
 
 
 def encode_counts(header: int, model: int, counts: Sequence[int]) -> bytes:

@@ -47,10 +47,7 @@ class DsmpSettings:
     steps."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.model <= 255:
-            raise base.ProtocolError(f"dsmp.model: {self.model} is outside 0..255")
-        if not 3 <= self.channels <= 12:
-            raise base.ProtocolError(f"dsmp.channels: {self.channels} is outside 3..12")
+        base.check_ranges(self, "dsmp", model=(0, 255), channels=(3, 12))
 
     @property
     def mode(self) -> int:

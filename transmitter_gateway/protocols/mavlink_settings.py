@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError, SerialLine
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError, SerialLine, check_choice, check_ranges
 from rcopterx.transmitter_gateway.protocols.set_points import FullStick
 
 
@@ -51,16 +51,8 @@ class MavlinkSettings(FullStick):
     def __post_init__(self) -> None:
         # A class with slots is made anew, so that super() without arguments would not find it.
         FullStick.__post_init__(self)
-        for field, lowest, highest in (
-            ("system", 1, 255),
-            ("own_system", 1, 255),
-            ("baud", 57_600, 3_000_000),
-            ("local_port", 0, 65_535),
-        ):
-            value = getattr(self, field)
-            if not lowest <= value <= highest:
-                raise ProtocolError(f"mavlink.{field}: {value} is outside {lowest}..{highest}")
-        if self.mode not in MODES:
-            raise ProtocolError(f"mavlink.mode: {self.mode!r} is unknown, choose one of {', '.join(MODES)}")
+        check_ranges(self, "mavlink", system=(1, 255), own_system=(1, 255))
+        check_ranges(self, "mavlink", baud=(57_600, 3_000_000), local_port=(0, 65_535))
+        check_choice("mavlink.mode", self.mode, MODES)
         if self.system == self.own_system:
             raise ProtocolError(f"mavlink.own_system: {self.own_system} is the vehicle's, choose another one")

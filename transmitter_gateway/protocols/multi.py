@@ -14,10 +14,11 @@ from rcopterx.transmitter_gateway.protocols.base import (
     FrameDecodeError,
     FrameFlags,
     ModuleStatus,
-    ProtocolError,
+    OneWayRadio,
     PulseRangeError,
-    RadioProtocol,
     SerialLine,
+    check_choice,
+    check_ranges,
 )
 from rcopterx.transmitter_gateway.protocols.multi_answers import AnswerParser
 from rcopterx.transmitter_gateway.protocols.multi_radios import DSM, RADIOS
@@ -36,6 +37,18 @@ SHORTEST_GAP_S = 1e-3
 MODULE_SILENT_S = 2.0
 LONGEST_GAP_S = 0.05  # the module reports that it receives no frames when none has arrived for 70 ms
 FIRST_FRAME_S = 0.1  # from the first frame until the module has certainly received one, on a busy computer
+
+FLAGS = {
+    "failsafe": (0, 0x02),
+    "range_check": (1, 0x20),
+    "autobind": (1, 0x40),
+    "bind": (1, 0x80),
+    "low_power": (2, 0x80),
+    "inverted_line": (26, 0x08),
+    "telemetry_off": (26, 0x02),
+    "mapping_off": (26, 0x01),
+}
+"""Byte and bit of each flag of a frame."""
 
 T = TypeVar("T")
 
@@ -111,22 +124,14 @@ class MultiFrame(Struct, frozen=True):
 
     def to_bytes(self) -> bytes:
         """Encode as the 27 bytes of the wire format."""
-        header = (0x54 if self.protocol & 0x20 else 0x55) | (0x02 if self.failsafe else 0)
-        first = (
-            self.protocol & 0x1F
-            | (0x20 if self.range_check else 0)
-            | (0x40 if self.autobind else 0)
-            | (0x80 if self.bind else 0)
-        )
-        second = self.rx_num & 0x0F | (self.sub_protocol & 0x07) << 4 | (0x80 if self.low_power else 0)
-        last = (
-            self.protocol & 0xC0
-            | self.rx_num & 0x30
-            | (0x08 if self.inverted_line else 0)
-            | (0x02 if self.telemetry_off else 0)
-            | (0x01 if self.mapping_off else 0)
-        )
-        return bytes((header, first, second, self.option)) + pack_channels(self.counts) + bytes((last,))
+        header = 0x54 if self.protocol & 0x20 else 0x55
+        second = self.rx_num & 0x0F | (self.sub_protocol & 0x07) << 4
+        frame = bytearray((header, self.protocol & 0x1F, second, self.option))
+        frame += pack_channels(self.counts)
+        frame.append(self.protocol & 0xC0 | self.rx_num & 0x30)
+        for flag, (byte, bit) in FLAGS.items():
+            frame[byte] |= bit if getattr(self, flag) else 0
+        return bytes(frame)
 
     @staticmethod
     def from_bytes(frame: bytes) -> MultiFrame:
@@ -136,21 +141,15 @@ class MultiFrame(Struct, frozen=True):
         if frame[0] & 0xFC != 0x54:
             raise FrameDecodeError(f"multi: header 0x{frame[0]:02X}, expected 0x54 to 0x57")
         header, first, second, option = frame[:CHANNELS_AT]
-        last = frame[26] if len(frame) > 26 else 0
+        frame = frame.ljust(FRAME_LENGTH, b"\0")
+        last = frame[26]
         return MultiFrame(
             counts=unpack_channels(frame[CHANNELS_AT:26]),
             protocol=first & 0x1F | (0 if header & 0x01 else 0x20) | last & 0xC0,
             sub_protocol=second >> 4 & 0x07,
             rx_num=second & 0x0F | last & 0x30,
             option=option,
-            bind=bool(first & 0x80),
-            autobind=bool(first & 0x40),
-            range_check=bool(first & 0x20),
-            low_power=bool(second & 0x80),
-            failsafe=bool(header & 0x02),
-            inverted_line=bool(last & 0x08),
-            telemetry_off=bool(last & 0x02),
-            mapping_off=bool(last & 0x01),
+            **{flag: bool(frame[byte] & bit) for flag, (byte, bit) in FLAGS.items()},
         )
 
 
@@ -178,18 +177,11 @@ class MultiSettings:
     """False when the module's return line is not connected; readiness is then assumed."""
 
     def __post_init__(self) -> None:
-        if self.radio not in RADIOS:
-            raise ProtocolError(f"multi.radio: {self.radio!r} is unknown, choose one of {', '.join(RADIOS)}")
+        check_choice("multi.radio", self.radio, RADIOS)
         last = len(RADIOS[self.radio].sub_protocols) - 1
-        for field, low, high in (
-            ("rx_num", 0, 63),
-            ("sub_protocol", 0, last),
-            ("option", -128, 127),
-            ("channels", 3, 12),
-        ):
-            value = getattr(self, field)
-            if not low <= value <= high:
-                raise ProtocolError(f"multi.{field}: {value} is outside {low}..{high}")
+        check_ranges(
+            self, "multi", rx_num=(0, 63), sub_protocol=(0, last), option=(-128, 127), channels=(3, 12)
+        )
 
     @property
     def option_byte(self) -> int:
@@ -199,11 +191,15 @@ class MultiSettings:
         return self.option & 0xFF
 
 
-class MultiProtocol(RadioProtocol):
-    """Driver of a Multiprotocol module; never asks for autobind and keeps the channel mapping off."""
+class MultiProtocol(OneWayRadio):
+    """Driver of a Multiprotocol module; never asks for autobind and keeps the channel mapping off.
+
+    Without a wire for its answers it counts as ready after a time.
+    """
 
     name: ClassVar[str] = "multi"
     offers: ClassVar[frozenset[str]] = frozenset({"bind", "range_check", "kill", "low_power"})
+    settling_s = MODULE_SILENT_S
 
     def __init__(self, settings: MultiSettings | None = None, line: SerialLine = LINE) -> None:
         self.settings = settings or MultiSettings()
@@ -218,7 +214,6 @@ class MultiProtocol(RadioProtocol):
         # the time of a frame. The module's dead-man's stop is at 70 ms.
         self.keepalive_s = 0.025
         self._parser = AnswerParser()
-        self._opened_s: float | None = None
         self._frames_since_s = self._last_frame_s = -math.inf
         self._answered_s = -math.inf
         self._answered: ModuleStatus | None = None
@@ -252,18 +247,15 @@ class MultiProtocol(RadioProtocol):
 
     def link_opened(self, now_s: float) -> None:
         """Wait for a new status answer."""
+        super().link_opened(now_s)
         self._parser = AnswerParser()
-        self._opened_s = now_s
         self._answered = None
 
     def link_resumed(self, now_s: float) -> None:
         """Count the module as ready, as if it had just reported it."""
-        self.link_opened(now_s)
-        if self.settings.answers_wired:
-            self._answered = ModuleStatus(True, False, "ready, by an earlier process")
-            self._answered_s = now_s
-        else:
-            self._opened_s = now_s - MODULE_SILENT_S
+        super().link_resumed(now_s)
+        self._answered = ModuleStatus(True, False, "ready, by an earlier process")
+        self._answered_s = now_s
 
     def frame_written(self, now_s: float) -> None:
         """Note that a frame was written, and since when frames follow each other."""
@@ -285,11 +277,8 @@ class MultiProtocol(RadioProtocol):
 
     def status(self, now_s: float) -> ModuleStatus:
         """Ready when the module reports it and its last answer is at most 2 s old."""
-        if self._opened_s is None:
-            return ModuleStatus(False, False, "port not open")
-        if not self.settings.answers_wired:
-            settled = now_s - self._opened_s >= MODULE_SILENT_S
-            return ModuleStatus(settled, False, "no answer line, assumed ready" if settled else "settling")
+        if self._opened_s is None or not self.settings.answers_wired:
+            return super().status(now_s)
         if self._answered is None:
             return ModuleStatus(
                 False, False, "no answer from the module yet; check power, wiring and polarity"

@@ -26,8 +26,7 @@ class PpmSettings:
     """Order in which the radio expects throttle, aileron, elevator and rudder, such as "TAER" or "AETR"."""
 
     def __post_init__(self) -> None:
-        if not 4 <= self.channels <= 8:
-            raise base.ProtocolError(f"ppm.channels: {self.channels} is outside 4..8")
+        base.check_ranges(self, "ppm", channels=(4, 8))
         if sorted(self.order) != sorted("TAER"):
             raise base.ProtocolError(
                 f"ppm.order: {self.order!r} must be an arrangement of the letters T, A, E, R"
