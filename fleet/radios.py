@@ -4,14 +4,14 @@ from dataclasses import replace
 from typing import Any, Final
 
 from rcopterx.control.identification.flight_csv import CommandScale
-from rcopterx.fleet.reading import replaced
+from rcopterx.fleet.reading import dataclass_from, replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import type_of
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
 from rcopterx.transmitter_gateway.protocols.crtp import FULL_THRUST
-from rcopterx.transmitter_gateway.protocols.registry import create_protocol, default_line
+from rcopterx.transmitter_gateway.protocols.registry import create_protocol, default_line, settings_class
 
 MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
 """Option for the number of the model match, by radio protocol; the others send none."""
@@ -33,10 +33,12 @@ def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
     own: dict[str, Any] = {} if option is None else {option: transmitter.model_match}
     wanted = required.settings if protocol == required.protocol else {}
     line = None if fleet.simulator is None else replace(default_line(protocol), parity="N")
+    table = own | wanted | transmitter.settings
+    settings = dataclass_from(settings_class(protocol), table, f"{where}.settings")
     try:
-        radio = create_protocol(protocol, own | wanted | transmitter.settings, line)
+        radio = create_protocol(protocol, settings, line)
     except ProtocolError as error:
-        raise FleetError(f"{where}.settings: {error}") from None
+        raise FleetError(f"{where}.protocol: {error}") from None
     if transmitter.low_power and "low_power" not in radio.offers:
         raise FleetError(f"{where}.low_power: cannot be asked for with protocol {protocol!r}")
     return radio

@@ -18,8 +18,7 @@ from rcopterx.fleet.reading import converted, dataclass_from, merged, replaced, 
 from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError
-from rcopterx.transmitter_gateway.protocols.registry import settings_of
+from rcopterx.transmitter_gateway.protocols.registry import settings_class
 from rcopterx.vehicles.model import Model
 
 GROUP = "rcopterx.vehicle_types"
@@ -114,10 +113,8 @@ def _checked(name: str, table: dict[str, Any], source: str) -> VehicleType:
         model = dataclass_from(Model, {"kind": name, **file.model}, "model")
         radio = file.transmitter
         calibration = replaced(Calibration(), radio.calibration, "transmitter.calibration")
-        settings_of(radio.protocol, radio.settings)
+        dataclass_from(settings_class(radio.protocol), radio.settings, "transmitter.settings")
         replaced(ArbiterLimits(), file.safety, "safety")
-    except ProtocolError as error:
-        raise FleetError(f"{source}: transmitter.settings: {error}") from None
     except FleetError as error:
         raise FleetError(f"{source}: {error}") from None
     return VehicleType(name, file, model, calibration)

@@ -131,7 +131,7 @@ def test_an_installed_package_adds_a_type(tmp_path: Path, monkeypatch: pytest.Mo
         (
             ("transmitter", "settings", "rate"),
             3,
-            r"mine.toml: transmitter.settings: multi.rate: unknown",
+            r"mine.toml: transmitter.settings.rate: unknown field, allowed are rx_num",
         ),
         (
             ("transmitter", "calibration", "pitch"),

@@ -21,7 +21,7 @@ from rcopterx.transmitter_gateway.protocols.registry import create_protocol
 
 
 def radio(path: Path, protocol: str) -> RadioPty:
-    settings = SimulatedRadio(create_protocol(protocol, {}, None), 1)
+    settings = SimulatedRadio(create_protocol(protocol), 1)
     return RadioPty(str(path), RadioLink(module_of(settings, 0.0), Receiver(1)))
 
 

@@ -10,14 +10,18 @@ from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
 from rcopterx.simulator.settings import SimulatedRadio
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2Settings
+from rcopterx.transmitter_gateway.protocols.dsmp import DsmpSettings
+from rcopterx.transmitter_gateway.protocols.multi import MultiSettings
+from rcopterx.transmitter_gateway.protocols.ppm import PpmSettings
 from rcopterx.transmitter_gateway.protocols.registry import create_protocol
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 
 KINDS = {
-    "multi": {"rx_num": 5, "inverted_line": False},
-    "dsm2_serial": {"model": 5},
-    "dsmp": {"model": 5, "eleven_bit": True},
-    "ppm": {"channels": 8, "order": "AETR"},
+    "multi": MultiSettings(rx_num=5, inverted_line=False),
+    "dsm2_serial": Dsm2Settings(model=5),
+    "dsmp": DsmpSettings(model=5, eleven_bit=True),
+    "ppm": PpmSettings(channels=8, order="AETR"),
 }
 
 

@@ -17,6 +17,7 @@ from rcopterx.simulator.process import LONGEST_STEP_S, Simulator
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
 from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2Settings
 from rcopterx.transmitter_gateway.protocols.registry import create_protocol
 
 LINE = SerialLine(115_200)
@@ -51,7 +52,7 @@ class Bench:
 
     def __init__(self, directory: Path, rate_hz: float) -> None:
         self.bus = Bus()
-        self.protocol = create_protocol("dsm2_serial", {"model": 5}, LINE)
+        self.protocol = create_protocol("dsm2_serial", Dsm2Settings(model=5), LINE)
         self.vehicle = SimulatedVehicle(
             name="h1", subject="heli1", model=COAXIAL_LAG, start=Pose((0.0, 0.0, 0.0)),
             port=str(directory / "radio-h1"), radio=SimulatedRadio(self.protocol, 5),

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import fields
+from collections.abc import Callable
 from typing import Any
 
 from rcopterx.transmitter_gateway.protocols import (
@@ -14,10 +13,15 @@ from rcopterx.transmitter_gateway.protocols import (
     multi,
     ppm,
 )
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol, SerialLine
+from rcopterx.transmitter_gateway.protocols.base import (
+    ProtocolError,
+    RadioProtocol,
+    SerialLine,
+    check_choice,
+)
 
 
-def _mavlink(settings: mavlink_settings.MavlinkSettings, line: SerialLine) -> RadioProtocol:
+def _mavlink(settings: mavlink_settings.MavlinkSettings | None, line: SerialLine) -> RadioProtocol:
     """Create the protocol whose library is an extra; raises `ProtocolError` without it."""
     try:
         from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
@@ -49,28 +53,15 @@ def settings_class(name: str) -> type[Any]:
     return _kind(name)[0]
 
 
-def settings_of(name: str, options: Mapping[str, object]) -> Any:
-    """Return the settings of a protocol with some fields; `ProtocolError` for what is not allowed."""
-    kind = settings_class(name)
-    allowed = {item.name: type(item.default) for item in fields(kind)}
-    for key, value in options.items():
-        if key not in allowed:
-            raise ProtocolError(f"{name}.{key}: unknown option, known are {', '.join(allowed)}")
-        if type(value) is not allowed[key]:
-            raise ProtocolError(f"{name}.{key}: {value!r} must be of type {allowed[key].__name__}")
-    return kind(**options)
+def create_protocol(name: str, settings: object = None, line: SerialLine | None = None) -> RadioProtocol:
+    """Create a protocol with settings of its class, if any, and other `line` settings.
 
-
-def create_protocol(
-    name: str, options: Mapping[str, object] | None = None, line: SerialLine | None = None
-) -> RadioProtocol:
-    """Create a protocol with options and other `line` settings; raises `ProtocolError`."""
-    settings = settings_of(name, options or {})
+    Raises `ProtocolError`: there is no such radio, or its library is not installed.
+    """
     _, create, own_line = _kind(name)
     return create(settings, line or own_line)
 
 
 def _kind(name: str) -> tuple[type[Any], Callable[..., RadioProtocol], SerialLine]:
-    if name not in _KINDS:
-        raise ProtocolError(f"protocol: {name!r} is unknown, choose one of {', '.join(_KINDS)}")
+    check_choice("protocol", name, _KINDS)
     return _KINDS[name]
