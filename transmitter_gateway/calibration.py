@@ -197,21 +197,17 @@ class Calibration:
         self, u: Sequence[float], *, throttle_low: bool = False, armed: bool = False, stopped: bool = False
     ) -> tuple[float, ...]:
         """Pulse widths [us] in channel order for u (4,), with throttle, arming and emergency as stated."""
-        pitch, roll, throttle, yaw = self.pitch, self.roll, self.throttle, self.yaw
-        switches = [
-            (channel.index, channel.on_us if on else channel.off_us)
-            for channel, on in ((self.arming, armed), (self.emergency, stopped))
-            if channel is not None
-        ]
-        used = (pitch.index, roll.index, throttle.index, yaw.index, *(index for index, _ in switches))
-        pulses = [self.rest_us] * (max(*used, len(base.CHANNEL_NAMES) - 1) + 1)
-        for index, pulse in switches:
-            pulses[index] = pulse
-        pulses[pitch.index] = pitch.pulse_us(u[0])
-        pulses[roll.index] = roll.pulse_us(u[1])
-        pulses[throttle.index] = throttle.low_us if throttle_low else throttle.pulse_us(u[2])
-        pulses[yaw.index] = yaw.pulse_us(u[3])
-        return tuple(pulses)
+        pulses = {
+            self.pitch.index: self.pitch.pulse_us(u[0]),
+            self.roll.index: self.roll.pulse_us(u[1]),
+            self.throttle.index: self.throttle.low_us if throttle_low else self.throttle.pulse_us(u[2]),
+            self.yaw.index: self.yaw.pulse_us(u[3]),
+        }
+        for channel, on in ((self.arming, armed), (self.emergency, stopped)):
+            if channel is not None:
+                pulses[channel.index] = channel.on_us if on else channel.off_us
+        count = max(*pulses, len(base.CHANNEL_NAMES) - 1) + 1
+        return tuple([pulses.get(index, self.rest_us) for index in range(count)])
 
     def inputs(self, pulses_us: Sequence[float]) -> tuple[float, float, float, float]:
         """Inputs as the vehicle's electronics see them: the inverse of `pulses_us` without limits."""
