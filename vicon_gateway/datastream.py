@@ -25,7 +25,7 @@ from rcopterx.vicon_gateway.objects import (
     SubjectInfo,
     packet,
 )
-from rcopterx.vicon_gateway.rotations import RootNumbers, root_pose
+from rcopterx.vicon_gateway.rotations import root_pose
 from rcopterx.vicon_gateway.wire import (
     DYNAMIC_TYPES,
     STATIC_TYPES,
@@ -123,12 +123,11 @@ class DataStreamSession:
     def __init__(self, connection: int = 1, counters: StreamCounters | None = None) -> None:
         self.counters = StreamCounters() if counters is None else counters
         self.offer: frozenset[int] | None = None
-        self.selection: frozenset[int] = frozenset()
         self.period_s: float | None = None
         self._connection = connection
         self._reader = PacketReader()
         self._carry_over = CarryOver()
-        self._outgoing = bytearray()
+        self._outgoing = b""
         self._segments_selected = False
         self._last_frame: int | None = None
         self._pending: tuple[int, float] | None = None
@@ -159,10 +158,7 @@ class DataStreamSession:
 
     def take_outgoing(self) -> bytes:
         """Return the bytes to send now, and forget them."""
-        if not self._outgoing:
-            return b""
-        data = bytes(self._outgoing)
-        self._outgoing.clear()
+        data, self._outgoing = self._outgoing, b""
         return data
 
     def feed(self, data: bytes, now_s: float) -> None:
@@ -212,8 +208,7 @@ class DataStreamSession:
         if missing:
             raise WireError(f"the server does not offer {', '.join(missing)}")
         self.offer = offer
-        self.selection = WANTED_TYPES & offer
-        self._outgoing += packet(ObjectEnums(self.selection), RequestFrame(streaming=True))
+        self._outgoing += packet(ObjectEnums(WANTED_TYPES & offer), RequestFrame(streaming=True))
 
     def _update(self, now_s: float) -> None:
         """Decode a frame; malformed objects show here even in frames that are skipped."""
@@ -290,22 +285,17 @@ class DataStreamSession:
         self._last_frame = frame
         self._pending = (frame, now_s)
 
-    def _root(self, subject: _Subject) -> RootNumbers | None:
-        """Translation and rotation of the root segment of a subject, None where it is occluded."""
+    def _subject_pose(self, subject: _Subject) -> SubjectPose:
+        """Pose of a subject; it is occluded without a root segment, or with one that has no pose."""
+        quality = self._qualities.get(subject.id)
         for segment in self._segments.get(subject.id, ()):
             if segment.id == subject.root_segment:
-                return *segment.translation_mm, *segment.rotation
-        return None
-
-    def _subject_pose(self, subject: _Subject) -> SubjectPose:
-        root, quality = self._root(subject), self._qualities.get(subject.id)
-        if root is None:
-            return SubjectPose(subject.name, True, None, None, quality)
-        pose = root_pose(root, self._y_up)
-        if pose is None:
-            self.counters.rejected += 1
-            return SubjectPose(subject.name, True, None, None, quality)
-        return SubjectPose(subject.name, False, pose[0], pose[1], quality)
+                pose = root_pose(segment, self._y_up)
+                if pose is not None:
+                    return SubjectPose(subject.name, False, *pose, quality)
+                self.counters.rejected += 1
+                break
+        return SubjectPose(subject.name, True, None, None, quality)
 
     def _ping(self, now_s: float) -> None:
         if self.offer is None or ObjectType.PING not in self.offer or now_s < self._ping_due_s:

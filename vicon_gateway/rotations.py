@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from rcopterx.vicon_gateway.frame import Position, Quaternion
-from rcopterx.vicon_gateway.objects import Matrix3
+from rcopterx.vicon_gateway.objects import Matrix3, Segment
 
 NORM_TOLERANCE = 1e-3  # a matrix whose quaternion's squared norm is further from one is not a rotation
 
@@ -66,18 +66,16 @@ def y_up_from_z_up(vector: Position) -> Position:
     return x, z, -y
 
 
-RootNumbers = tuple[float, ...]  # twelve: translation in mm (3), rotation matrix row by row (9)
-
 MAX_POSITION_MM: Final = 1e6
 
 
-def root_pose(root: RootNumbers, y_up: bool) -> tuple[Position, Quaternion] | None:
+def root_pose(root: Segment, y_up: bool) -> tuple[Position, Quaternion] | None:
     """Position in metres and unit quaternion, Z up, of a root segment; None for numbers that are no pose."""
-    x, y, z, *matrix = root
+    x, y, z = root.translation_mm
     limit = MAX_POSITION_MM
     if not (-limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit):
         return None
-    quaternion = quaternion_from_matrix(matrix)
+    quaternion = quaternion_from_matrix(root.rotation)
     if quaternion is None:
         return None
     position = (x / 1000.0, y / 1000.0, z / 1000.0)
