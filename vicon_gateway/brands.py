@@ -16,7 +16,6 @@ import math
 import os
 import select
 import signal
-import struct
 import subprocess
 import sys
 import time
@@ -25,6 +24,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
+import msgpack
 import msgspec
 
 from rcopterx.vicon_gateway.client import ClientLimits, FrameClient
@@ -46,8 +46,8 @@ DEFAULT_LIMITS = ClientLimits(connect_s=15.0, silence_min_s=0.5)
 MISSING_LIBRARY = "the library motioncapture is not installed: pip install 'rcopterx[mocap]'"
 MAX_MESSAGE_BYTES = 1024 * 1024
 READ_BYTES = 64 * 1024
+MOST_READS = 16  # at once
 MAX_POSITION_M = MAX_POSITION_MM / 1000.0
-_LENGTH = struct.Struct("<I")
 _PR_SET_PDEATHSIG = 1
 
 
@@ -122,8 +122,7 @@ class _Child:
         assert self._process.stdout is not None
         self._pipe = self._process.stdout.fileno()
         os.set_blocking(self._pipe, False)
-        self._buffer = bytearray()
-        self._decoder = msgspec.msgpack.Decoder(Seen | Failed)
+        self._unpacker = msgpack.Unpacker(max_buffer_size=MAX_MESSAGE_BYTES)
         self._poller = select.poll()
         self._poller.register(self._pipe, select.POLLIN)
 
@@ -135,19 +134,17 @@ class _Child:
     def read(self, timeout_s: float) -> list[Seen]:
         """Wait for messages and return all that are there; raises `_ChildError` when none will come."""
         self._poller.poll(math.ceil(timeout_s * 1000.0))
-        at_end = False
-        while len(self._buffer) <= MAX_MESSAGE_BYTES:
+        found: list[Seen] = []
+        for _ in range(MOST_READS):
             try:
                 data = os.read(self._pipe, READ_BYTES)
             except BlockingIOError:
                 break
             if not data:
-                at_end = True
-                break
-            self._buffer += data
-        found = self._messages()
-        if at_end and not found:
-            raise _ChildError(f"its process ended with code {self._process.wait()}")
+                if found:
+                    break  # the next call meets the end again
+                raise _ChildError(f"its process ended with code {self._process.wait()}")
+            found += self._messages(data)
         return found
 
     def kill(self) -> None:
@@ -157,23 +154,18 @@ class _Child:
         assert self._process.stdout is not None
         self._process.stdout.close()
 
-    def _messages(self) -> list[Seen]:
-        found = []
-        while len(self._buffer) >= _LENGTH.size:
-            size: int = _LENGTH.unpack_from(self._buffer)[0]
-            if size > MAX_MESSAGE_BYTES:
-                raise _ChildError(f"its process sends a message of {size} bytes")
-            end = _LENGTH.size + size
-            if len(self._buffer) < end:
-                break
-            try:
-                message = self._decoder.decode(self._buffer[_LENGTH.size : end])
-            except msgspec.DecodeError as error:
-                raise _ChildError(f"its process sends a malformed message: {error}") from error
-            del self._buffer[:end]
-            if isinstance(message, Failed):
-                raise _ChildError(message.error)
-            found.append(message)
+    def _messages(self, data: bytes) -> list[Seen]:
+        """Messages that these bytes complete."""
+        found: list[Seen] = []
+        try:
+            self._unpacker.feed(data)
+            for plain in self._unpacker:
+                message = msgspec.convert(plain, Seen | Failed)
+                if isinstance(message, Failed):
+                    raise _ChildError(message.error)
+                found.append(message)
+        except (ValueError, msgpack.UnpackException, msgspec.ValidationError) as error:
+            raise _ChildError(f"its process sends a malformed message: {error}") from error
         return found
 
 
@@ -303,8 +295,7 @@ def run_child(brand: str, settings: dict[str, str], parent: int) -> int:
         return 1  # the parent was gone before it could be tied to this process
 
     def write(message: Seen | Failed) -> None:
-        data = msgspec.msgpack.encode(message)
-        pipe.write(_LENGTH.pack(len(data)) + data)
+        pipe.write(msgspec.msgpack.encode(message))
         pipe.flush()
 
     try:
