@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from rcopterx.bus.turns import Turns
 from rcopterx.vicon_gateway.datastream import DataStreamSession, StreamCounters
 from rcopterx.vicon_gateway.frame import CapturedFrame
-from rcopterx.vicon_gateway.recording import RawRecorder
+from rcopterx.vicon_gateway.recording import RawEvent, RawRecorder
 from rcopterx.vicon_gateway.wire import WireError
 
 DEFAULT_PORT = 801
@@ -233,7 +233,7 @@ class DataStreamClient(FrameClient):
         self._unsent = b""
         self._name = "negotiating"
         if self._recorder is not None:
-            self._recorder.opened()
+            self._recorder.record(RawEvent.OPENED)
 
     def _poll(self, link: socket.socket, events: int, timeout_s: float) -> bool:
         """Wait until the socket is ready; True when it is."""
@@ -272,7 +272,7 @@ class DataStreamClient(FrameClient):
                 now_s = self._clock()
             drained += len(data)
             if self._recorder is not None:
-                self._recorder.received(data)
+                self._recorder.record(RawEvent.RECEIVED, data)
             self._session.feed(data, now_s)
         return now_s
 
@@ -301,7 +301,7 @@ class DataStreamClient(FrameClient):
             self._socket.close()
             self._socket = None
             if self._recorder is not None and self._name in ("negotiating", "up"):
-                self._recorder.ended(reason)
+                self._recorder.record(RawEvent.ENDED, reason.encode())
 
     def _sentence(self) -> str:
         where = f"{self._host}:{self._port}"

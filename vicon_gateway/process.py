@@ -123,7 +123,8 @@ class TrackerGateway:
 
     def step(self) -> None:
         """Wait for the next frame, publish its poses, and now and then the status."""
-        frame = self.next_frame(self._longest_wait_s(self._session.clock()))
+        wait_s = max(self._report_at_s, self._standby_until_s) - self._session.clock()
+        frame = self.next_frame(min(LONGEST_WAIT_S, max(0.0, wait_s)))
         now_s = self._session.clock() if frame is None else frame.received_s
         if self._flown:
             self._notice_earlier_gateway(now_s)
@@ -135,11 +136,6 @@ class TrackerGateway:
         elif now_s >= self._report_at_s:
             self._report_at_s = now_s + STATUS_PERIOD_S
             self._session.publish(channels.TRACKER_STATUS, channels.TRACKER_UNIT, self._status(now_s))
-
-    def _longest_wait_s(self, now_s: float) -> float:
-        """How long a turn may wait for a frame."""
-        due_s = max(self._report_at_s, self._standby_until_s)
-        return min(LONGEST_WAIT_S, max(0.0, due_s - now_s))
 
     def _publish(self, frame: CapturedFrame) -> None:
         stamp = self.epochs.stamp(frame, self._wall_s())

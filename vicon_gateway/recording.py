@@ -54,19 +54,8 @@ class RawRecorder:
         self.recorded_bytes = 0
         self._write(FILE_MAGIC)
 
-    def opened(self) -> None:
-        """Note that a connection was opened."""
-        self._record(RawEvent.OPENED, b"")
-
-    def received(self, data: bytes) -> None:
-        """Store received bytes."""
-        self._record(RawEvent.RECEIVED, data)
-
-    def ended(self, reason: str) -> None:
-        """Note that the connection ended."""
-        self._record(RawEvent.ENDED, reason.encode())
-
-    def _record(self, event: RawEvent, data: bytes) -> None:
+    def record(self, event: RawEvent, data: bytes = b"") -> None:
+        """Store an event of a connection, with received bytes or the reason of its end."""
         self._write(_RECORD.pack(self._clock(), event, len(data)) + data)
 
     def _write(self, data: bytes) -> None:

@@ -25,10 +25,10 @@ from rcopterx.vicon_gateway.recording import (
 def recorded(*chunks: bytes) -> bytes:
     sink, times = io.BytesIO(), iter(range(100))
     recorder = RawRecorder(sink.write, lambda: float(next(times)))
-    recorder.opened()
+    recorder.record(RawEvent.OPENED)
     for chunk in chunks:
-        recorder.received(chunk)
-    recorder.ended("the server closed the connection")
+        recorder.record(RawEvent.RECEIVED, chunk)
+    recorder.record(RawEvent.ENDED, b"the server closed the connection")
     return sink.getvalue()
 
 
