@@ -6,6 +6,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from gateway_bench import Laboratory
 from restart_bench import Restart
 from transmitter_bench import Bench
 
@@ -25,3 +26,11 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     bench = Bench(tmp_path / "h1")
     yield bench
     bench.close()
+
+
+@pytest.fixture
+def laboratory(tmp_path: Path) -> Iterator[Laboratory]:
+    """A gateway with three radios."""
+    laboratory = Laboratory(tmp_path)
+    yield laboratory
+    laboratory.close()

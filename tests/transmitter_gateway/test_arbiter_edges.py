@@ -1,17 +1,16 @@
 """Limits met exactly. All times are multiples of 1/1024 s, which floats add without rounding."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import pytest
-from arbiter_bench import HOVER, IDLE, SLEW, U_HOVER
+from arbiter_bench import HOVER, IDLE, Bench
 
-from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     Action,
-    ActionRequest,
     Answer,
-    CommandInput,
+    Input,
     LinkState,
     PoseInput,
     Position,
@@ -35,22 +34,16 @@ LIMITS = ArbiterLimits(
 PLAN = tuple((0.0, 0.0, 0.5, 0.0) for _ in range(12))
 
 
-class Clockwork:
+class Clockwork(Bench):
+    """A bench without link at first, whose time begins at 0."""
+
     def __init__(self, limits: ArbiterLimits = LIMITS) -> None:
-        self.arbiter = Arbiter("h1", limits, U_HOVER, SLEW)
-        self.arbiter.bid(1, 0.0, take_over=False)
-        self.now_s = 0.0
-        self.frame = 0
-        self.sequence = 0
+        super().__init__(limits, start_s=0.0)
+        self.arbiter.link(LinkState.LOST)
         self.epoch = 1
 
-    @property
-    def state(self) -> State:
-        return self.arbiter.state
-
     def wait(self, seconds: float) -> State:
-        self.now_s += seconds
-        self.arbiter.step(self.now_s)
+        super().wait(seconds)
         return self.state
 
     def pose(self, position: Position | None = (0.0, 0.0, 1.0), vehicle: str = "h1") -> None:
@@ -59,27 +52,17 @@ class Clockwork:
         self.arbiter.pose(pose, self.now_s)
 
     def command(
-        self,
-        u: tuple[float, ...] = HOVER,
-        plan: tuple[tuple[float, ...], ...] = (),
-        period_s: float = PERIOD_S,
+        self, u: Sequence[float] = HOVER, plan: Sequence[Input] = (), period_s: float = PERIOD_S
     ) -> Answer:
-        self.sequence += 1
-        command = CommandInput(1, self.epoch, self.sequence, self.frame, u, plan, period_s)
-        answer = self.arbiter.command(command, self.now_s)
-        self.arbiter.step(self.now_s)
-        return answer
+        return super().command(u, next_u=plan, period_s=period_s)
 
-    def run(self, periods: int, u: tuple[float, ...] | None = HOVER, *, poses: bool = True) -> None:
+    def run(self, periods: int, u: Sequence[float] | None = HOVER, *, poses: bool = True) -> None:
         for _ in range(periods):
             self.wait(PERIOD_S)
             if poses:
                 self.pose()
             if u is not None:
                 self.command(u)
-
-    def request(self, action: Action, by: str = "operator") -> Answer:
-        return self.arbiter.request(ActionRequest(action, by), self.now_s)
 
     def fly(self) -> "Clockwork":
         self.arbiter.link(LinkState.READY)
@@ -192,15 +175,6 @@ def test_vehicle_counts_as_landed_exactly_after_half_a_second_of_low_thrust() ->
     clock.command((0, 0, 0.05, 0))
     assert clock.state is State.HOLD
     assert clock.wait(TICK_S) is State.ARMED
-
-
-def test_planned_inputs_end_exactly_with_their_period() -> None:
-    clock = flying()
-    clock.run(1)
-    clock.command(HOVER, PLAN)
-    assert clock.tracked(9 * PERIOD_S - TICK_S) is State.ARMED
-    assert clock.arbiter.step(clock.now_s).bridging_step == 8
-    assert clock.tracked(TICK_S) is State.HOLD
 
 
 @pytest.mark.parametrize(("period_s", "steps"), [(1 / 64, 8), (1 / 32, 4), (3 / 64, 2)])

@@ -2,9 +2,7 @@
 
 import threading
 from collections import Counter
-from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 import serial
@@ -15,13 +13,6 @@ from rcopterx.bus.messages import Applied, Kill, TransmitterStatus
 from rcopterx.transmitter_gateway.inputs import Action, State
 from rcopterx.transmitter_gateway.radios import TURN_S
 from rcopterx.transmitter_gateway.surveillance import Track
-
-
-@pytest.fixture
-def laboratory(tmp_path: Path) -> Iterator[Laboratory]:
-    laboratory = Laboratory(tmp_path)
-    yield laboratory
-    laboratory.close()
 
 
 def fail(*_: object, **__: object) -> None:

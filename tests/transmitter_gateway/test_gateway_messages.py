@@ -1,8 +1,6 @@
 """What a transmitter gateway does with messages and when it reports, in virtual time."""
 
 import math
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from gateway_bench import NAMES, Laboratory
@@ -16,13 +14,6 @@ from rcopterx.transmitter_gateway.inputs import PoseInput, State
 from rcopterx.transmitter_gateway.process import POSES_KEPT, STATUS_PERIOD_S, pose_input
 from rcopterx.transmitter_gateway.radios import Radios
 from rcopterx.transmitter_gateway.transmitter import Transmitter
-
-
-@pytest.fixture
-def laboratory(tmp_path: Path) -> Iterator[Laboratory]:
-    laboratory = Laboratory(tmp_path)
-    yield laboratory
-    laboratory.close()
 
 
 def test_every_pose_between_two_turns_reaches_every_vehicle_with_its_time_of_arrival(

@@ -1,19 +1,8 @@
 """A transmitter gateway is killed in flight, and its successor continues without the bus."""
 
-from collections.abc import Iterator
-from pathlib import Path
-
-import pytest
 from gateway_bench import NAMES, Laboratory
 
 from rcopterx.transmitter_gateway.inputs import State
-
-
-@pytest.fixture
-def laboratory(tmp_path: Path) -> Iterator[Laboratory]:
-    laboratory = Laboratory(tmp_path)
-    yield laboratory
-    laboratory.close()
 
 
 def test_successor_flies_on_although_no_launcher_answers(laboratory: Laboratory) -> None:
