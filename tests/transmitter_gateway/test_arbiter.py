@@ -84,13 +84,6 @@ def test_module_that_is_not_ready_in_flight_brings_the_vehicle_down() -> None:
     assert bench.run(0.1).state is State.ARMED
 
 
-def test_module_that_is_not_ready_ends_a_hold_too() -> None:
-    bench = flying()
-    silent(bench, 0.08)
-    bench.arbiter.link(LinkState.UP)
-    assert bench.wait(0.001).state is State.DESCEND
-
-
 def test_shutdown_descends_then_cuts_whatever_is_commanded() -> None:
     bench = flying()
     assert bench.request(Action.SHUTDOWN, by="anybody").accepted
@@ -98,14 +91,6 @@ def test_shutdown_descends_then_cuts_whatever_is_commanded() -> None:
     assert bench.run(1.78).state is State.DESCEND
     assert bench.run(0.04).state is State.CUT
     assert bench.reason == "descent over"
-
-
-def test_shutdown_on_the_floor_cuts_at_once() -> None:
-    bench = Bench()
-    bench.arm()
-    bench.run(0.1, IDLE)
-    bench.request(Action.SHUTDOWN)
-    assert bench.state is State.CUT
 
 
 @pytest.mark.parametrize(
@@ -118,13 +103,6 @@ def test_shutdown_on_the_floor_cuts_from_every_flying_state(silence_s: float, st
     assert bench.state is state
     bench.request(Action.SHUTDOWN)
     assert bench.state is State.CUT
-
-
-def test_shutdown_in_hold_descends() -> None:
-    bench = flying()
-    silent(bench, 0.08)
-    bench.request(Action.SHUTDOWN)
-    assert bench.state is State.DESCEND
 
 
 # Surveillance in the table --------------------------------------------------------------------------------

@@ -69,12 +69,6 @@ def test_vehicle_moves_away_from_others_that_are_too_close_and_nowhere_between_t
     assert bench.outputs[-1].u[0] == pytest.approx(0.0, abs=0.01)
 
 
-def test_vehicle_without_a_heading_comes_down_open_loop() -> None:
-    bench = Bench().fly()
-    silent(bench, 0.3)
-    assert bench.state is State.DESCEND
-
-
 def test_fresh_commands_end_a_landing() -> None:
     bench = seen_flying()
     silent(bench, 2.5)

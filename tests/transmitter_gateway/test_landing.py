@@ -13,7 +13,6 @@ from rcopterx.transmitter_gateway.landing import (
     CLIMB_INTEGRAL_PER_S2,
     CUSHION_M,
     FALL_M_S,
-    HURRIED_CHANGE_M_S2,
     HURRY,
     LARGEST_ERROR_M,
     LARGEST_INTEGRAL_M_S2,
@@ -297,17 +296,6 @@ def test_speed_that_is_gained_for_a_moment_is_forgotten() -> None:
         for speed_m_s in (*[0.6] * 15, 0.1):
             step_at_speed(law, speed_m_s, 0.01)
     assert law.obeyed
-
-
-def test_vehicle_that_does_not_obey_changes_its_climb_rate_faster() -> None:
-    law = held()
-    for n in range(100):
-        step_at_speed(law, 0.02 * n)
-    thrust = law.step(at(velocity=(2.0, 0.0, 0.0)), -0.8, HOVER, STEP_S)[2]
-    change = HURRIED_CHANGE_M_S2 * STEP_S
-    assert thrust == pytest.approx(
-        HOVER - change * (CLIMB_GAIN_PER_S + CLIMB_INTEGRAL_PER_S2 * STEP_S) / 10.0
-    )
 
 
 def test_stick_without_effect_is_left_at_rest_and_the_other_one_goes_on() -> None:

@@ -19,7 +19,6 @@ from rcopterx.transmitter_gateway.protocols.multi import (
     count_of,
     pack_channels,
     pulse_of,
-    unpack_channels,
 )
 
 LOW = 204
@@ -113,16 +112,6 @@ def test_low_power_and_seven_channels_encode_to_the_golden_bytes() -> None:
     protocol = MultiProtocol(MultiSettings(rx_num=3, channels=7))
     name = "M7 low power, 7 channels, hover"
     assert protocol.encode([1540], FrameFlags(low_power=True)) == bytes.fromhex(GOLDEN[name][1])
-
-
-@pytest.mark.parametrize(("pulse", "count"), [(1100, 204), (1500, 1024), (1540, 1106), (1900, 1844)])
-def test_pulse_widths_become_the_specified_counts(pulse: float, count: int) -> None:
-    assert count_of(pulse) == count
-
-
-@given(st.lists(st.integers(0, 2047), min_size=16, max_size=16))
-def test_channel_packing_round_trips(values: list[int]) -> None:
-    assert unpack_channels(pack_channels(values)) == tuple(values)
 
 
 @given(st.integers(0, 2047))

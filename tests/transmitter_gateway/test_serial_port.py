@@ -245,7 +245,7 @@ def test_slow_reader_gets_no_fragment_extended_and_the_port_is_given_up(
     monkeypatch.setattr(os, "write", refuse)
     now_s = 0.01
     while port.is_open and now_s < 1.0:
-        port.write_frame(FRAME, now_s)
+        assert port.write_frame(FRAME, now_s) is WriteOutcome.BACKLOG
         now_s += 0.02
     assert not port.is_open
     assert now_s < LONGEST_BACKLOG_S + 0.06
@@ -284,17 +284,6 @@ def test_bytes_that_nobody_has_read_from_a_terminal_are_not_queued_in_it(port: S
     descriptor = port.fileno()
     assert descriptor is not None
     assert queued_bytes(descriptor) == 0
-
-
-def test_full_queue_drops_the_frame_without_waiting(
-    port: SerialPort, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(descriptor: int, data: bytes) -> int:
-        raise BlockingIOError(errno.EAGAIN, "full")
-
-    monkeypatch.setattr(os, "write", refuse)
-    assert port.write_frame(FRAME, 0.0) is WriteOutcome.BACKLOG
-    assert port.is_open
 
 
 def test_closing_lets_another_user_open_the_port(device: Device, port: SerialPort) -> None:

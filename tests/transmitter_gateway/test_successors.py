@@ -131,6 +131,7 @@ def test_a_kill_outlives_a_restart_however_long_it_takes(restart: Restart) -> No
     restart.request(Action.KILL)
     restart.run(0.1)
     restart.die(30.0)
+    assert restart.transmitter.arbiter.reason == "killed: by an earlier process"
     restart.run(1.0)
     assert restart.state is State.KILLED
     assert set(map(round, restart.throttle_us())) == {1100}
@@ -231,14 +232,6 @@ def test_a_successor_distrusts_poses_that_its_predecessor_distrusted(restart: Re
     restart.die(0.1)
     restart.run(0.2)
     assert restart.state is State.DESCEND
-
-
-def test_a_kill_by_an_earlier_process_is_shown_as_such(restart: Restart) -> None:
-    restart.fly()
-    restart.request(Action.KILL)
-    restart.run(0.1)
-    restart.die(0.1)
-    assert restart.transmitter.arbiter.reason == "killed: by an earlier process"
 
 
 def test_a_lost_page_of_a_vehicle_on_the_floor_leaves_it_disarmed_and_ready(restart: Restart) -> None:

@@ -35,26 +35,6 @@ def test_one_static_object_wipes_the_static_types_not_named_as_unchanged() -> No
     assert payloads == {QUALITY: [b"q"], FRAME: [b"1"]}
 
 
-def test_static_types_named_as_unchanged_survive_another_static_object() -> None:
-    payloads = after(FIRST, [contents(SUBJECT), (QUALITY, b"q"), (FRAME, b"1")])
-    assert payloads == {QUALITY: [b"q"], SUBJECT: [b"a", b"b"], FRAME: [b"1"]}
-
-
-def test_static_set_is_kept_even_when_a_packet_without_static_objects_names_only_some() -> None:
-    payloads = after(FIRST, [contents(SUBJECT), (FRAME, b"1")])
-    assert payloads[STREAM] == [b"s"]
-
-
-def test_dynamic_type_named_as_unchanged_is_copied_from_the_previous_frame() -> None:
-    payloads = after(FIRST, [contents(SEGMENTS), (FRAME, b"1")], [contents(SEGMENTS), (FRAME, b"2")])
-    assert payloads[SEGMENTS] == [b"p"]
-
-
-def test_dynamic_type_neither_present_nor_named_becomes_empty_for_good() -> None:
-    payloads = after(FIRST, [contents(), (FRAME, b"1")], [contents(SEGMENTS), (FRAME, b"2")])
-    assert SEGMENTS not in payloads
-
-
 def test_types_are_replaced_as_a_whole_never_per_subject() -> None:
     payloads = after(FIRST, [contents(STREAM, SUBJECT), (SUBJECT, b"c"), (FRAME, b"1")])
     assert payloads[SUBJECT] == [b"c"]

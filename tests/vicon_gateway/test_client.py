@@ -11,7 +11,6 @@ from tracker_bench import BODIES, PATIENT, QUICK, Bench
 from rcopterx.simulator.faults import Close
 from rcopterx.simulator.tracker_frame import PROFILES
 from rcopterx.vicon_gateway.client import ClientLimits, DataStreamClient
-from rcopterx.vicon_gateway.objects import ObjectEnums, packet
 
 
 def run_until(client: DataStreamClient, condition: Callable[[], bool]) -> None:
@@ -112,16 +111,6 @@ def test_server_that_says_nothing_is_given_up(listener: socket.socket) -> None:
         assert client.state.last_error == "connected, but no offer within 0.1 s: not a DataStream server?"
 
 
-def test_server_without_poses_is_refused_by_name(listener: socket.socket) -> None:
-    with client_of(listener) as client:
-        run_until(client, lambda: client.state.name == "negotiating")
-        link, _ = listener.accept()
-        with link:
-            link.sendall(packet(ObjectEnums(frozenset({1, 2, 5, 26}))))
-            run_until(client, lambda: client.state.last_error is not None)
-        assert client.state.last_error == "the server does not offer the poses (type 9)"
-
-
 def test_server_without_frames_is_given_up() -> None:
     with Bench(replace(QUICK, connect_s=0.2)) as bench:
         bench.publishing = False
@@ -162,21 +151,6 @@ def test_closed_client_delivers_nothing_and_raises_nothing() -> None:
         assert bench.client.next_frame(60.0) is None
         assert bench.client.state.name == "closed"
         bench.run_until(lambda: bench.server.state.clients == 0)
-
-
-def test_caller_that_pauses_gets_the_newest_frame() -> None:
-    with Bench(PATIENT) as bench:
-        bench.run_frames(2)
-        bench.publishing = False
-        bench.client.next_frame(0.005)
-        before = bench.client.state.counters.skipped
-        for _ in range(50):
-            bench.publish()
-            bench.server.poll()
-        (frame,) = bench.run_frames(1)
-        assert frame.frame == bench.number - 1
-        assert bench.client.state.counters.skipped == before + 49
-        assert bench.client.state.counters.lost == 0
 
 
 def test_limits_default_to_those_of_the_specification() -> None:

@@ -146,15 +146,6 @@ def test_quality_changes_without_wiping_the_subjects() -> None:
             assert not bench.last.subjects[0].occluded
 
 
-def test_quality_out_of_range_is_refused_and_counted() -> None:
-    with Bench(PATIENT) as bench:
-        bench.run_until_up()
-        bench.server.apply(faults.SetQuality("h1", float("nan")))
-        bench.run_until(lambda: bench.last.subjects[0].quality is None)
-        assert bench.client.state.counters.rejected > 0
-        assert bench.last.subjects[0].position_m == BODIES[0].position_m
-
-
 def test_unknown_objects_are_passed_over() -> None:
     with Bench(PATIENT) as bench:
         bench.run_until_up()
