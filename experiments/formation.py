@@ -251,5 +251,4 @@ EXPERIMENT: Final = Experiment(
     cases,
     figures,
     draw_formation,
-    beside_ideal=True,
 )

@@ -12,7 +12,7 @@ import numpy as np
 
 from rcopterx.deploy.roles.run import end_with
 from rcopterx.experiments.kept import KeptFlights
-from rcopterx.experiments.knowledge import LEVELS, Knowledge, beyond_equation_1
+from rcopterx.experiments.knowledge import LEVELS, Knowledge
 from rcopterx.simulator.conditions import PRESETS, Conditions
 
 T = TypeVar("T")
@@ -21,7 +21,6 @@ ShowProgress = Callable[[str, float], None]
 """Called with the label of a flight and the fraction of the experiment that is done."""
 Cases = Mapping[str, partial[T]]
 """Functions of `conditions`, `seed` and perhaps `progress` by name; ` / ` in a name groups its figures."""
-Flown = Mapping[str, Mapping[int, T]]  # results of flights by case and seed
 
 FIRST_REPORTED_VEHICLE: Final = 100
 """Helicopters drawn with smaller seeds are for tuning; reported figures use those from here on."""
@@ -49,16 +48,11 @@ class Options:
 
 @dataclass(frozen=True)
 class Result(Generic[T]):
-    """Outcome of an experiment: what was flown by preset, and the JSON document of its figures."""
+    """Outcome of an experiment."""
 
     options: Options
-    by_preset: Mapping[str, Flown[T]]
-    document: dict[str, Any]
-
-    @property
-    def flown(self) -> Flown[T]:
-        """What was flown in the conditions of the options."""
-        return self.by_preset[self.options.preset]
+    flown: Mapping[str, Mapping[int, T]]  # results of flights by case and seed
+    document: dict[str, Any]  # the JSON document of its figures
 
 
 @dataclass(frozen=True)
@@ -73,8 +67,6 @@ class Experiment(Generic[T]):
     # part of the JSON document about the flights of one case, by seed
     figures: Callable[[str, Mapping[int, T]], dict[str, Any]]
     draw: Callable[[Result[T], Any], None] | None = None  # draws a result into an empty `matplotlib` figure
-    # first-order plants also fly the first seed in ideal conditions; the document is then by preset
-    beside_ideal: bool = False
     compares_knowledge: bool = False  # whether it flies at every level of `Options.knowledge`
     helicopters_only: bool = False  # whether it needs conditions with helicopters
 
@@ -85,34 +77,26 @@ class Experiment(Generic[T]):
         count = self.flights.get(preset, next(iter(self.flights.values())))
         return tuple(range(first, first + count))
 
-    def presets(self, options: Options) -> dict[str, tuple[int, ...]]:
-        """Seeds by preset; ideal conditions involve no chance, so they are flown once."""
-        ideal = self.beside_ideal and not beyond_equation_1(options.conditions)
-        return ({"ideal": options.seeds[:1]} if ideal else {}) | (
-            {} if ideal and options.preset == "ideal" else {options.preset: options.seeds}
-        )
-
     def fly(self, options: Options, show: ShowProgress) -> Result[T]:
         """Fly every case on every seed.
 
         Raises `KeptFlightsError`: a kept flight has a result of another type.
         """
-        cases, presets = self.cases(options), self.presets(options)
+
+        def label(case: str, seed: int) -> str:
+            return f"{case}, {options.preset}, seed {seed}"
+
+        cases = self.cases(options)
         flights = {
-            _label(name, preset, seed): partial(case, conditions=PRESETS[preset], seed=seed)
-            for preset, seeds in presets.items()
+            label(name, seed): partial(case, conditions=options.conditions, seed=seed)
             for name, case in cases.items()
-            for seed in seeds
+            for seed in options.seeds
         }
         results = fly_all(flights, options, show)
-        flown = {
-            preset: {name: {seed: results[_label(name, preset, seed)] for seed in seeds} for name in cases}
-            for preset, seeds in presets.items()
-        }
-        tables = {preset: self._document(by_case) for preset, by_case in flown.items()}
-        return Result(options, flown, tables if self.beside_ideal else tables[options.preset])
+        flown = {name: {seed: results[label(name, seed)] for seed in options.seeds} for name in cases}
+        return Result(options, flown, self._document(flown))
 
-    def _document(self, flown: Flown[T]) -> dict[str, Any]:
+    def _document(self, flown: Mapping[str, Mapping[int, T]]) -> dict[str, Any]:
         document: dict[str, Any] = {}
         for name, by_seed in flown.items():
             *groups, last = name.split(" / ")
@@ -121,10 +105,6 @@ class Experiment(Generic[T]):
                 place = place.setdefault(group, {})
             place[last] = self.figures(name, by_seed)
         return document
-
-
-def _label(case: str, preset: str, seed: int) -> str:
-    return f"{case}, {preset}, seed {seed}"
 
 
 def fly_all(flights: Mapping[str, "partial[T]"], options: Options, show: ShowProgress) -> dict[str, T]:

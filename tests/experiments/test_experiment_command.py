@@ -42,12 +42,6 @@ def test_experiments_fly_in_the_chosen_conditions() -> None:
     message = " ".join(result.output.replace("│", " ").split())
     assert "known are ideal, laboratory, helicopter, helicopters" in message
     assert Options((3, 4), preset="helicopters").conditions is HELICOPTERS
-    for preset, presets in (
-        ("laboratory", {"ideal": (3,), "laboratory": (3, 4)}),
-        ("helicopters", {"helicopters": (3, 4)}),
-        ("ideal", {"ideal": (3,)}),
-    ):
-        assert EXPERIMENTS["formation"].presets(Options((3, 4), preset=preset)) == presets
 
 
 def test_hover_prints_its_document_and_draws_its_figure(

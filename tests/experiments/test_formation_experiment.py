@@ -87,7 +87,7 @@ def test_figures_are_those_of_all_flights_and_of_each_seed() -> None:
 
 def test_flights_are_drawn(tmp_path: Path) -> None:
     schemes = {key: {0: flown([0.001])} for key in ("paper", "cascade")}
-    result = Result(Options((0,)), {"laboratory": schemes}, {})
+    result = Result(Options((0,)), schemes, {})
     save_figure(partial(draw_formation, result), tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 10_000
 
@@ -107,6 +107,6 @@ def test_the_papers_scheme_and_the_default_are_flown(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr("rcopterx.experiments.formation.fly_formation", no_flight)
     result = EXPERIMENT.fly(Options((7, 8)), lambda label, fraction: shown.append(f"{label} {fraction:.2f}"))
-    assert set(result.document["ideal"]) == {"paper", "cascade"}
-    assert set(result.document["laboratory"]["paper"]["per_seed"]) == {"7", "8"}
+    assert set(result.document) == {"paper", "cascade"}
+    assert set(result.document["paper"]["per_seed"]) == {"7", "8"}
     assert shown[-1].endswith("1.00")
