@@ -1,6 +1,5 @@
-"""Events of a flight in the rig: set points, offsets, leaders."""
+"""Events of a flight in the rig: set points, paths, leaders."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,28 +15,11 @@ from rcopterx.vehicles.tuples import Three
 
 
 @dataclass(frozen=True)
-class Scene:
-    """What a vehicle knows of the others at an event."""
-
-    plans: Mapping[str, LeaderPlan]  # newest plans of `Event.leaders`
-    limits: ProfileLimits | None = None  # limits of its ways that followers impose, None without followers
-
-
-@dataclass(frozen=True)
-class Event(ABC):
+class Event:
     """An event of one vehicle at one time [s]."""
 
     time_s: float
     vehicle: str
-
-    @property
-    def leaders(self) -> tuple[str, ...]:
-        """Vehicles whose plans the event needs."""
-        return ()
-
-    @abstractmethod
-    def apply(self, pilot: Pilot, scene: Scene) -> str | None:
-        """Apply the event to the pilot; returns the reason of a refusal."""
 
 
 @dataclass(frozen=True)
@@ -47,24 +29,12 @@ class GoTo(Event):
     position_m: Three
     yaw_rad: float = 0.0
 
-    def apply(self, pilot: Pilot, scene: Scene) -> str | None:
-        """Set the set point."""
-        place_m, time_s = np.array(self.position_m), pilot.clock.time_s
-        return pilot.guidance.go_to(place_m, self.yaw_rad, time_s, scene.limits)
-
 
 @dataclass(frozen=True)
 class Fly(Event):
     """A path of a vehicle that does not follow."""
 
     path: FlightPath
-
-    def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
-        """Begin the path."""
-        problem = pilot.guidance.flight_problem()
-        if problem is None:
-            pilot.guidance.fly(self.path, pilot.clock.time_s)
-        return problem
 
 
 @dataclass(frozen=True)
@@ -77,26 +47,33 @@ class Follow(Event):
     following: tuple[LeaderLink, ...]
     transition_s: float | None = None
 
-    @property
-    def leaders(self) -> tuple[str, ...]:
-        """The leaders to follow."""
-        return tuple(link.leader for link in self.following)
-
-    def apply(self, pilot: Pilot, scene: Scene) -> str | None:
-        """Follow them."""
-        missing = [leader for leader in self.leaders if leader not in scene.plans]
-        if missing:
-            return f"no plan from {', '.join(missing)}"
-        links = [followed_leader(link) for link in self.following]
-        pilot.guidance.follow(links, scene.plans, pilot.estimate, pilot.clock.time_s, self.transition_s)
-        return None
-
 
 @dataclass(frozen=True)
 class Lead(Event):
     """Stop following and hold the present place."""
 
-    def apply(self, pilot: Pilot, scene: Scene) -> str | None:  # noqa: ARG002 - not needed
-        """Hold the place."""
-        pilot.guidance.lead(pilot.estimate)
-        return None
+
+def apply(
+    event: Event, pilot: Pilot, plans: Mapping[str, LeaderPlan], limits: ProfileLimits | None
+) -> str | None:
+    """Apply an event to the pilot of its vehicle; returns the reason of a refusal.
+
+    `plans`: newest plans of the other vehicles. `limits`: those of its ways that followers impose, None for
+    set points that step.
+    """
+    guidance, time_s = pilot.guidance, pilot.clock.time_s
+    match event:
+        case GoTo():
+            return guidance.go_to(np.array(event.position_m), event.yaw_rad, time_s, limits)
+        case Fly():
+            if (problem := guidance.flight_problem()) is not None:
+                return problem
+            guidance.fly(event.path, time_s)
+        case Follow():
+            links = [followed_leader(link) for link in event.following]
+            if missing := [link.leader for link in links if link.leader not in plans]:
+                return f"no plan from {', '.join(missing)}"
+            guidance.follow(links, plans, pilot.estimate, time_s, event.transition_s)
+        case Lead():
+            guidance.lead(pilot.estimate)
+    return None

@@ -35,7 +35,7 @@ from rcopterx.bus.scheme_message import SchemeMessage
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.identification.recording import FlightLog
 from rcopterx.control.interfaces import Measurement
-from rcopterx.experiments.events import Event, Scene
+from rcopterx.experiments.events import Event, apply
 from rcopterx.experiments.network import PERFECT, LinkQuality, Network
 from rcopterx.experiments.record import UNKNOWN, FlightRecord, VehicleRecord, station_of
 from rcopterx.simulator.conditions import Conditions
@@ -224,7 +224,7 @@ class Rig:
     def _apply(self, event: Event) -> None:
         if event.vehicle not in self.pilots:
             raise RigError(f"event at {event.time_s:g} s: there is no vehicle {event.vehicle!r}")
-        plans = self._leader_plans(event.vehicle, self._plans, event.leaders)
+        plans = self._leader_plans(event.vehicle, self._plans, list(self._plans))
         limits = None
         if not self._vehicles[event.vehicle].as_published:
             models = {name: vehicle.model for name, vehicle in self._vehicles.items()}
@@ -233,7 +233,7 @@ class Rig:
                 for name, pilot in self.pilots.items()
             }
             limits = profile_limits_of(links, models, event.vehicle)
-        refusal = event.apply(self.pilots[event.vehicle], Scene(plans, limits))
+        refusal = apply(event, self.pilots[event.vehicle], plans, limits)
         if refusal is not None:
             raise RigError(f"{event.vehicle} refused {event}: {refusal}")
 
