@@ -4,54 +4,43 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from rcopterx.experiments.faults.bench import Bench, Injector
 from rcopterx.fleet.schema import FleetFile
-from rcopterx.ground_station.terminal.scenario import fault_from, inject_faults
+from rcopterx.ground_station.terminal.scenario import inject_faults
 from rcopterx.simulator.faults import BreakVehicle, Fault, Recover, TimedFault, fault_text
-
-Value = str | int | float | tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Inject(Injector):
-    """A fault of the laboratory, of a kind in `rcopterx.simulator.faults.FAULTS`, with further fields.
+    """A fault of the laboratory, with names of vehicles also where it takes subjects.
 
-    `vehicle` is a name, also where the fault takes a subject. The fault takes `seconds`; None lasts until the
-    flight is over.
+    Without a duration it lasts until the flight is over.
     """
 
     launched = False
 
-    kind: str
-    vehicle: str | None = None
-    values: tuple[tuple[str, Value], ...] = ()
-    seconds: float | None = None
+    fault: Fault
 
-    def fault(self, file: FleetFile) -> Fault:
+    def of(self, file: FleetFile) -> Fault:
         """The fault with the subjects of a fleet."""
-        values: dict[str, object] = dict(self.values)
-        if self.vehicle is not None:
-            broken = self.kind.startswith("break_")
-            values["vehicle" if broken else "subject"] = (
-                self.vehicle if broken else file.vehicles[self.vehicle].subject
-            )
-        if "other" in values:
-            values["other"] = file.vehicles[str(values["other"])].subject
-        if self.seconds is not None:
-            values["duration_s"] = self.seconds
-        return fault_from(self.kind, values)
+        names = {field: getattr(self.fault, field, None) for field in ("subject", "other")}
+        subjects = {field: file.vehicles[name].subject for field, name in names.items() if name is not None}
+        return replace(self.fault, **subjects)
 
     @contextmanager
     def _inject(self, bench: Bench) -> Iterator[None]:
-        fault = self.fault(bench.fleet.file)
+        fault = self.of(bench.fleet.file)
+        seconds = getattr(fault, "duration_s", None)
         bench.say(f"laboratory: {fault_text(fault)}")
-        inject_faults(bench.fleet.session, [TimedFault(0.0, fault)])
-        if self.seconds is not None:
-            bench.wait(self.seconds)
+        inject_faults(bench.fleet.session, fault)
+        if seconds is not None:
+            bench.wait(seconds)
         try:
             yield
         finally:
-            if self.seconds is None:
+            if seconds is None:
                 inject_faults(bench.fleet.session, Recover())
 
 

@@ -15,7 +15,7 @@ from rcopterx.experiments.faults.host_injectors import (
     LogsGone,
     NoDescriptors,
 )
-from rcopterx.experiments.faults.laboratory_injectors import Draining, Inject, Value
+from rcopterx.experiments.faults.laboratory_injectors import Draining, Inject
 from rcopterx.experiments.faults.process_injectors import (
     DiesAtStart,
     Halting,
@@ -28,6 +28,20 @@ from rcopterx.experiments.faults.process_injectors import (
     Stopped,
 )
 from rcopterx.experiments.faults.promise import Limits, Promise
+from rcopterx.simulator.faults import (
+    AddNoise,
+    BreakRadio,
+    BreakVehicle,
+    DisplacePose,
+    Freeze,
+    FreezePose,
+    Occlude,
+    Reset,
+    ResetFrameId,
+    Silence,
+    SkipFrames,
+    SwapSubjects,
+)
 
 ALL: Final = ("h1", "h2", "h3")
 BOTH: Final = ("h2", "h3")
@@ -141,10 +155,6 @@ def _open_loop(name: str, title: str, down: tuple[str, ...], *faults: Injector) 
     return FaultFlight(name, title, faults, Promise.LANDS_OPEN_LOOP, down)
 
 
-def _inject(kind: str, vehicle: str | None = None, seconds: float | None = None, **values: Value) -> Inject:
-    return Inject(kind, vehicle, tuple(values.items()), seconds)
-
-
 BUS_ROWS: Final = (
     _survived("bus-late", "All messages are 20 ms late", Impaired("delay_s", 0.02)),
     _survived("bus-loss", "A tenth of all messages is lost", Impaired("loss", 0.1)),
@@ -162,64 +172,59 @@ BUS_ROWS: Final = (
 
 BESIDE_M: Final = (0.5, 0.0, 0.0)
 POSE_ROWS: Final = (
-    _survived("pose-occluded-60-ms", "h2 is not seen for 60 ms", _inject("occlude", "h2", 0.06)),
-    _survived("pose-occluded-200-ms", "h2 is not seen for 0.2 s", _inject("occlude", "h2", 0.2)),
-    _open_loop("pose-occluded", "h2 is not seen any more", ("h2",), _inject("occlude", "h2")),
+    _survived("pose-occluded-60-ms", "h2 is not seen for 60 ms", Inject(Occlude("h2", duration_s=0.06))),
+    _survived("pose-occluded-200-ms", "h2 is not seen for 0.2 s", Inject(Occlude("h2", duration_s=0.2))),
+    _open_loop("pose-occluded", "h2 is not seen any more", ("h2",), Inject(Occlude("h2"))),
     _survived(
-        "tracker-frozen-200-ms", "The Tracker repeats a frame for 0.2 s", _inject("freeze", seconds=0.2)
+        "tracker-frozen-200-ms", "The Tracker repeats a frame for 0.2 s", Inject(Freeze(duration_s=0.2))
     ),
-    _open_loop("tracker-frozen", "The Tracker repeats a frame for ever", ALL, _inject("freeze")),
-    _open_loop(
-        "pose-frozen", "The pose of h2 stands still, frames go on", ("h2",), _inject("freeze_pose", "h2")
-    ),
+    _open_loop("tracker-frozen", "The Tracker repeats a frame for ever", ALL, Inject(Freeze())),
+    _open_loop("pose-frozen", "The pose of h2 stands still, frames go on", ("h2",), Inject(FreezePose("h2"))),
     _survived(
         "pose-jumps-100-ms",
         "h2 is shown 0.5 m beside its place for 0.1 s",
-        _inject("displace_pose", "h2", 0.1, offset_m=BESIDE_M),
+        Inject(DisplacePose("h2", offset_m=BESIDE_M, duration_s=0.1)),
     ),
     _open_loop(
         "pose-jumps",
         "h2 is shown 0.5 m beside its place",
         ("h2",),
-        _inject("displace_pose", "h2", offset_m=BESIDE_M),
+        Inject(DisplacePose("h2", offset_m=BESIDE_M)),
     ),
     _survived(
         "pose-swapped-60-ms",
         "h2 and h3 are taken for one another for 60 ms",
-        _inject("swap_subjects", "h2", 0.06, other="h3"),
+        Inject(SwapSubjects("h2", other="h3", duration_s=0.06)),
     ),
     _open_loop(
-        "pose-swapped",
-        "h2 and h3 are taken for one another",
-        BOTH,
-        _inject("swap_subjects", "h2", other="h3"),
+        "pose-swapped", "h2 and h3 are taken for one another", BOTH, Inject(SwapSubjects("h2", other="h3"))
     ),
     FaultFlight(
         "pose-drifts",
         "The pose of h2 drifts by 30 mm/s for 3 s",
-        (_inject("displace_pose", "h2", 3.0, velocity_m_s=(0.03, 0.0, 0.0)),),
+        (Inject(DisplacePose("h2", velocity_m_s=(0.03, 0.0, 0.0), duration_s=3.0)),),
     ),
     _survived(
-        "pose-noise", "Noise of 2 mm on all positions", _inject("add_noise", seconds=2.0, deviation_m=0.002)
+        "pose-noise", "Noise of 2 mm on all positions", Inject(AddNoise(deviation_m=0.002, duration_s=2.0))
     ),
     FaultFlight(
         "tracker-half-rate",
         "The Tracker sends every second frame only",
-        (_inject("skip_frames", seconds=2.0, one_of=2),),
+        (Inject(SkipFrames(one_of=2, duration_s=2.0)),),
     ),
     _survived(
         "tracker-restarted-at-once",
         "The Tracker ends its connections and counts frames anew",
-        _inject("reset_frame_id"),
-        _inject("reset"),
+        Inject(ResetFrameId()),
+        Inject(Reset()),
     ),
     _open_loop(
         "tracker-restarted",
         "The Tracker is silent for 3 s, ends its connections and counts frames anew",
         ALL,
-        _inject("silence", seconds=3.0),
-        _inject("reset_frame_id"),
-        _inject("reset"),
+        Inject(Silence(duration_s=3.0)),
+        Inject(ResetFrameId()),
+        Inject(Reset()),
     ),
 )
 
@@ -228,7 +233,7 @@ RADIO_ROWS: Final = (
         FaultFlight(
             f"radio-{name}",
             title,
-            (_inject("break_radio", "h2", condition=condition),),
+            (Inject(BreakRadio("h2", condition=condition)),),
             Promise.UNPROTECTED,
             ("h2",),
         )
@@ -241,7 +246,7 @@ RADIO_ROWS: Final = (
     _survived(
         "radio-adapter-0.2-s",
         "The serial adapter of h2 is gone for 0.2 s, its module keeps its power",
-        _inject("break_radio", "h2", 0.2, condition="adapter"),
+        Inject(BreakRadio("h2", condition="adapter", duration_s=0.2)),
     ),
 )
 
@@ -257,20 +262,20 @@ VEHICLE_ROWS: Final = (
     _broken(
         "vehicle-dead",
         "The rotors of h2 stop",
-        _inject("break_vehicle", "h2", thrust_factor=0.0),
+        Inject(BreakVehicle("h2", thrust_factor=0.0)),
         promise=Promise.UNPROTECTED,
     ),
     FaultFlight(
         "vehicle-does-not-lift",
         "Take-off of h2 with three tenths of its thrust",
-        (_inject("break_vehicle", "h2", thrust_factor=0.3),),
+        (Inject(BreakVehicle("h2", thrust_factor=0.3)),),
         Promise.REFUSED,
         on_floor=True,
     ),
     _broken(
         "vehicle-weak",
         "h2 has only 0.65 of its thrust",
-        _inject("break_vehicle", "h2", thrust_factor=0.65),
+        Inject(BreakVehicle("h2", thrust_factor=0.65)),
         limits=WEAK,
     ),
     _broken(
@@ -282,26 +287,26 @@ VEHICLE_ROWS: Final = (
     _broken(
         "vehicle-reversed-pitch",
         "The pitch stick of h2 acts the wrong way round",
-        _inject("break_vehicle", "h2", reversed="pitch"),
+        Inject(BreakVehicle("h2", reversed="pitch")),
         limits=FAULTY_AXIS,
     ),
     _broken(
         "vehicle-stuck-roll",
         "The roll stick of h2 is stuck",
-        _inject("break_vehicle", "h2", stuck="roll"),
+        Inject(BreakVehicle("h2", stuck="roll")),
         limits=FAULTY_AXIS,
     ),
     _broken(
         "vehicle-drifts",
         "Pitch and roll of h2 act eight times as strongly and late for 5 s, then its roll trim steps by 0.07",
-        _inject("break_vehicle", "h2", 5.0, cyclic_factor=8.0, delay_s=0.08),
-        _inject("break_vehicle", "h2", trim=(0.0, 0.07, 0.0, 0.0)),
+        Inject(BreakVehicle("h2", cyclic_factor=8.0, delay_s=0.08, duration_s=5.0)),
+        Inject(BreakVehicle("h2", trim=(0.0, 0.07, 0.0, 0.0))),
         promise=Promise.LANDS_AND_REPORTS,
     ),
     FaultFlight(
         "vehicle-trim",
         "The roll trim of h2 steps by 0.1",
-        (_inject("break_vehicle", "h2", 3.0, trim=(0.0, 0.1, 0.0, 0.0)),),
+        (Inject(BreakVehicle("h2", trim=(0.0, 0.1, 0.0, 0.0), duration_s=3.0)),),
         limits=Limits(deviation_mm=250.0),
     ),
 )
