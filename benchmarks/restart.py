@@ -4,7 +4,6 @@ import os
 import signal
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,25 +28,16 @@ POLL_S = 0.002
 HEIGHT_M = 1.0
 
 
-@dataclass(frozen=True)
-class Victim:
-    """A process to kill, by its name at the supervisor, and the vehicles that depend on it."""
-
-    process: str
-    vehicles: tuple[str, ...]
-
-
-def victims_of(fleet: Fleet) -> list[Victim]:
-    """The agents of a leader and of a follower, the router and the gateways."""
+def victims_of(fleet: Fleet) -> dict[str, list[str]]:
+    """Vehicles by the process they need: agents of a leader and of a follower, router, gateways."""
     vehicles = fleet.file.vehicles
     leaders = [name for name, vehicle in vehicles.items() if not vehicle.follow]
     followers = [name for name, vehicle in vehicles.items() if vehicle.follow]
-    victims = [Victim(f"agent-{name}", (name,)) for name in (*leaders[:1], *followers[:1])]
-    victims += [Victim("router", tuple(vehicles)), Victim("tracker", tuple(vehicles))]
-    served: dict[str, list[str]] = {}
+    victims = {f"agent-{name}": [name] for name in (*leaders[:1], *followers[:1])}
+    victims |= {"router": list(vehicles), "tracker": list(vehicles)}
     for name, vehicle in vehicles.items():
-        served.setdefault(vehicle.transmitter.gateway, []).append(name)
-    return victims + [Victim(gateway, tuple(names)) for gateway, names in served.items()]
+        victims.setdefault(vehicle.transmitter.gateway, []).append(name)
+    return victims
 
 
 def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
@@ -61,10 +51,10 @@ def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
         fleet.take_off(height_m=HEIGHT_M)
         fleet.wait_for_formation()
         for number in range(rounds):
-            for victim in victims_of(fleet):
-                show(f"round {number + 1} of {rounds}: {victim.process}")
-                row = _killed(fleet, fleet.launcher, victim)
-                kills.setdefault(victim.process, []).append(row)
+            for process, vehicles in victims_of(fleet).items():
+                show(f"round {number + 1} of {rounds}: {process}")
+                row = _killed(fleet, fleet.launcher, process, vehicles)
+                kills.setdefault(process, []).append(row)
     return {
         "fleet": fleet.file.name,
         "rounds": rounds,
@@ -72,34 +62,34 @@ def run(path: Path, rounds: int, show: Show) -> dict[str, Any]:
     }
 
 
-def _killed(fleet: Fleet, launcher: Launcher, victim: Victim) -> dict[str, Any]:
+def _killed(fleet: Fleet, launcher: Launcher, process: str, vehicles: Sequence[str]) -> dict[str, Any]:
     supervisor = launcher.supervisor
     fleet.wait_until(lambda: supervisor.spares.ready() > 0, SPARE_LIMIT_S, "no spare process")
     recorder = Recorder(fleet.session)
     recorder.start()
     fleet.wait(SETTLE_S)
-    pid = supervisor.pid(victim.process)
+    pid = supervisor.pid(process)
     if pid is None:
-        raise NotReachedError(f"{victim.process} does not run")
+        raise NotReachedError(f"{process} does not run")
     killed_s = fleet.session.clock()
     os.kill(pid, signal.SIGKILL)
-    silent_ms = without_frames_ms(states_directory(launcher.directory), victim.vehicles, killed_s)
+    silent_ms = without_frames_ms(states_directory(launcher.directory), vehicles, killed_s)
     fleet.wait(WATCH_S)
     fleet.wait_until(
         lambda: all(fleet.state_of(name).phase == "flying" for name in fleet.file.vehicles),
         WATCH_S,
-        f"not flying after {victim.process} was killed",
+        f"not flying after {process} was killed",
         fleet.file.vehicles,
     )
     recording = recorder.stop()
-    others = [name for name in fleet.file.vehicles if name not in victim.vehicles]
+    others = [name for name in fleet.file.vehicles if name not in vehicles]
     figures = FlightFigures(recording, list(fleet.file.vehicles))
     tables = {name: figures.vehicle(name) for name in fleet.file.vehicles}
     return {
         "without_frames_ms": silent_ms,
-        "flown_again_ms": max(flown_again_ms(recording, name, killed_s) for name in victim.vehicles),
-        "deviation_mm": deviation_mm(recording, victim.vehicles, killed_s),
-        "deviation_before_mm": deviation_mm(recording, victim.vehicles, killed_s, before=True),
+        "flown_again_ms": max(flown_again_ms(recording, name, killed_s) for name in vehicles),
+        "deviation_mm": deviation_mm(recording, vehicles, killed_s),
+        "deviation_before_mm": deviation_mm(recording, vehicles, killed_s, before=True),
         "others_deviation_mm": deviation_mm(recording, others, killed_s),
         "others_deviation_before_mm": deviation_mm(recording, others, killed_s, before=True),
         "events": {

@@ -215,9 +215,6 @@ def _judged(contestant: Contestant, horizon: int, flight: Sequence[Moment]) -> d
 
 @contextmanager
 def _pinned() -> Iterator[None]:
-    if not hasattr(os, "sched_setaffinity"):
-        yield
-        return
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {max(before)})
     try:

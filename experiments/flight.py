@@ -2,7 +2,7 @@
 
 import json
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,20 +45,6 @@ class Flown:
     problem: str | None = None  # why the manoeuvre ended early, None if it did not
 
 
-class _Journal:
-    def __init__(self, say: Say, clock: Callable[[], float]) -> None:
-        self._say, self._clock, self._started_s = say, clock, clock()
-        self.lines: list[tuple[float, str]] = []
-
-    def begin(self) -> None:
-        self._started_s = self._clock()
-        self.lines.clear()
-
-    def __call__(self, text: str) -> None:
-        self.lines.append((round(self._clock() - self._started_s, 2), text))
-        self._say(text)
-
-
 def fly(
     manoeuvre: Manoeuvre,
     fleet: Fleet,
@@ -71,28 +57,33 @@ def fly(
     `wait` waits in the time of the fleet, by default as `Fleet.wait`. Raises `StoppedError`: `stop` was set;
     its owner lands the fleet.
     """
-    recorder, journal = Recorder(fleet.session), _Journal(say, fleet.session.clock)
+    recorder, clock, journal = Recorder(fleet.session), fleet.session.clock, list[tuple[float, str]]()
     wait, stop = wait or fleet.wait, stop or threading.Event()
-    problem = None
+    problem, began_s = None, clock()
+
+    def note(text: str) -> None:
+        journal.append((round(clock() - began_s, 2), text))
+        say(text)
+
     try:
         with stopped_by(stop):
             if not manoeuvre.from_floor:
-                journal("take-off to 1 m")
+                say("take-off to 1 m")
                 fleet.take_off(height_m=1.0)
                 wait(SETTLE_S)
-            journal.begin()
+            began_s = clock()
             recorder.start()
-            manoeuvre.fly(fleet, journal, wait)
+            manoeuvre.fly(fleet, note, wait)
     except StoppedError:
         raise
     except FLIGHT_ERRORS as error:
         problem = str(error)
-        journal(f"ended early: {problem}")
+        note(f"ended early: {problem}")
     finally:
         recording = recorder.stop()
         if not stop.is_set() and (problem is not None or not manoeuvre.from_floor):
             problem = _landed(fleet, say, problem)
-    return Flown(recording, tuple(journal.lines), problem)
+    return Flown(recording, tuple(journal), problem)
 
 
 def _landed(fleet: Fleet, say: Say, problem: str | None) -> str | None:

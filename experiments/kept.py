@@ -40,10 +40,6 @@ class KeptFlights:
         except OSError as error:
             raise KeptFlightsError(f"{path}: {error.strerror}") from error
 
-    def __len__(self) -> int:
-        """Number of kept flights."""
-        return len(self._found)
-
     def __contains__(self, label: str) -> bool:
         """Whether a flight is kept."""
         return label in self._found

@@ -39,14 +39,13 @@ class Network(Generic[T]):
         self._random = {name: random_stream(seed, name, _STREAMS + kind) for name in names}
         self._under_way: defaultdict[str, deque[tuple[str, Received[T]]]] = defaultdict(deque)
         self._newest: defaultdict[str, dict[str, Received[T]]] = defaultdict(dict)
-        # number and size of the messages of each vehicle
-        self.sent = dict.fromkeys(self._random, 0)
-        self.bytes = dict.fromkeys(self._random, 0)
+        # number and size of all messages
+        self.sent = self.bytes = 0
 
     def send(self, sender: str, message: T, now_s: float, size: int = 0) -> None:
         """Broadcast a message of some bytes."""
-        self.sent[sender] += 1
-        self.bytes[sender] += size
+        self.sent += 1
+        self.bytes += size
         lost = self._random[sender].random(len(self._random)) < self._quality.loss
         for receiver, misses in zip(sorted(self._random), lost, strict=True):
             if receiver != sender and not misses:

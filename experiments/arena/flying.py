@@ -13,7 +13,7 @@ from rcopterx.bus.messages import Plan
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.control.plugins import CONTROLLERS, SCHEMES
 from rcopterx.experiments.arena.tasks import Task
-from rcopterx.experiments.record import FlightRecord, rms
+from rcopterx.experiments.record import FlightRecord, rms, rms_and_max_mm
 from rcopterx.experiments.rig import PERIOD_S, Progress, Rig
 from rcopterx.experiments.schemes import TUNED, Scheme
 from rcopterx.simulator.conditions import Conditions
@@ -102,8 +102,8 @@ def figures_of(
     for name, vehicle in record.items():
         fast |= (np.abs(vehicle.motion[:, XD_BODY : XD_BODY + 3]) > FAST * bounds_m_s[name]).any(axis=1)
     return Flown(
-        *_rms_and_max_mm(list(errors.values())),
-        *_rms_and_max_mm(list(on_task.values())),
+        *_rms_and_max_mm(errors),
+        *_rms_and_max_mm(on_task),
         round(1000.0 * float(distances.min()), 1),
         round(PERIOD_S * int((fast | (distances < CLOSE_M).any(axis=0)).sum()), 2),
         round(traffic.messages / duration_s / len(record), 2),
@@ -116,11 +116,10 @@ def figures_of(
     )
 
 
-def _rms_and_max_mm(errors_m: Sequence[Array]) -> tuple[float, float]:
-    together = np.concatenate(errors_m)
-    if not len(together):
-        return 0.0, 0.0
-    return round(1000.0 * rms(together), 2), round(1000.0 * float(together.max()), 2)
+def _rms_and_max_mm(errors_m: Mapping[str, Array]) -> tuple[float, float]:
+    together = np.concatenate(list(errors_m.values()))
+    figures_mm = rms_and_max_mm(together if len(together) else np.zeros(1))
+    return figures_mm["rms_mm"], figures_mm["max_mm"]
 
 
 def _distances(record: FlightRecord) -> Array:
@@ -144,10 +143,9 @@ class Traffic(NamedTuple):
 
 def _traffic(rig: Rig) -> Traffic:
     """Number and bytes of all messages: those of schemes, else the plans."""
-    if sum(rig.message_network.sent.values()):
-        return Traffic(sum(rig.message_network.sent.values()), sum(rig.message_network.bytes.values()))
-    count = sum(rig.plan_network.sent.values())
-    return Traffic(count, count * _plan_bytes(rig))
+    if rig.message_network.sent:
+        return Traffic(rig.message_network.sent, rig.message_network.bytes)
+    return Traffic(rig.plan_network.sent, rig.plan_network.sent * _plan_bytes(rig))
 
 
 def _plan_bytes(rig: Rig) -> int:
