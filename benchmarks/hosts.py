@@ -3,8 +3,8 @@
 import os
 import subprocess
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, closing
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 import tomlkit
 
-from rcopterx.benchmarks.namespaces import Network, network
+from rcopterx.benchmarks.namespaces import network
 from rcopterx.benchmarks.processes import Show
 from rcopterx.benchmarks.scale import fly_legs
 from rcopterx.bus import channels
@@ -92,10 +92,12 @@ def _flown(agents: Mapping[str, str], certificates: bool, seconds: float) -> lis
         if certificates:
             make_certificates(file, datetime.now(UTC), days=1)
         for host in hosts:
-            stack.enter_context(_host(net, host, path))
+            (directory / host).mkdir(mode=0o700)
+            environment = os.environ | {"RCOPTERX_RUN": str(directory / host)}
+            words = ("-m", "rcopterx", "up", str(path), "--host", host, "--no-record")
+            stack.enter_context(net.running(host, words, environment, subprocess.DEVNULL))
         # This process uses the router of a host, which it finds by the run directory.
-        own = {"RCOPTERX_RUN": str(_run_directory(path, LABORATORY))}
-        stack.enter_context(environment_with(own))
+        stack.enter_context(environment_with({"RCOPTERX_RUN": str(directory / LABORATORY)}))
         fleet = stack.enter_context(closing(Fleet(file, LABORATORY, FIRST_ROUTER_S)))
         fleet.wait_ready(timeout_s=READY_S)
         fleet.wait_until(
@@ -131,17 +133,3 @@ def fleet_text(addresses: Mapping[str, str], agents: Mapping[str, str], certific
     for name, vehicle in fleet["vehicles"].items():
         vehicle["host"] = agents[name]
     return tomlkit.dumps(fleet)
-
-
-def _run_directory(path: Path, host: str) -> Path:
-    return path.parent / host
-
-
-@contextmanager
-def _host(net: Network, host: str, path: Path) -> Iterator[None]:
-    """The processes of a host, as `rcopterx up --host` starts them."""
-    own = _run_directory(path, host)
-    own.mkdir(mode=0o700)
-    words = ("-m", "rcopterx", "up", str(path), "--host", host, "--no-record")
-    with net.running(host, words, os.environ | {"RCOPTERX_RUN": str(own)}, subprocess.DEVNULL):
-        yield

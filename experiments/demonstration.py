@@ -3,6 +3,7 @@
 import math
 import threading
 from collections.abc import Callable, Sequence
+from itertools import count
 
 from rich.table import Table
 from rich.text import Text
@@ -40,9 +41,8 @@ class Demonstration:
         self._recorder = Recorder(fleet.session, RECORDS_KEPT)
         self._recording = Recording(())
         self._thread = threading.Thread(target=self._run, name="demonstration", daemon=True)
-        self._end_s = math.inf
+        self._seconds = self._end_s = math.inf
         self._flown_s = 0.0
-        self._seconds: float | None = None
         self.problem: str | None = None
 
     @property
@@ -52,7 +52,7 @@ class Demonstration:
 
     def start(self, seconds: float | None) -> None:
         """Take off and fly, for a time or without end."""
-        self._seconds = seconds
+        self._seconds = math.inf if seconds is None else seconds
         self._thread.start()
 
     def stop(self) -> None:
@@ -65,16 +65,13 @@ class Demonstration:
                 self._fleet.wait_ready()
                 self._fleet.take_off()
             started_s = self._clock()
-            if self._seconds is not None:
-                self._end_s = started_s + self._seconds
+            self._end_s = started_s + self._seconds
             self._recorder.start()
             try:
-                turns = 0
-                while True:
+                for turns in count():
                     fly_paper_sequence(
                         self._fleet, lambda _: None, self._wait_or_stop, turns * TURNS_PER_SEQUENCE
                     )
-                    turns += 1
             finally:
                 self._flown_s = self._clock() - started_s
                 self._recording = self._recorder.stop()

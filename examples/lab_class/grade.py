@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
 from rcopterx.experiments.arena.flying import arena_scheme, arena_schemes, fly_task
 from rcopterx.experiments.arena.tasks import TASKS
 from rcopterx.simulator.conditions import PRESETS
@@ -54,16 +56,7 @@ def read(file):
     """Points by name and afternoon; none before the first. Raises `ValueError`: it is no leaderboard."""
     if not file.exists():
         return {}
-    board = json.loads(file.read_text(encoding="utf-8"))
-    rows = board.values() if isinstance(board, dict) else [None]
-    if not all(isinstance(row, dict) and all(map(is_number, row.values())) for row in rows):
-        raise ValueError("rows of points by afternoon are expected")
-    return board
-
-
-def is_number(points):
-    """Whether points can be added."""
-    return isinstance(points, int | float)
+    return msgspec.json.decode(file.read_bytes(), type=dict[str, dict[str, float]])
 
 
 def enter(board, name, afternoon, points):
