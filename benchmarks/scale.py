@@ -19,6 +19,7 @@ from rcopterx.benchmarks.processes import Show, cpu_s, descendants, memory_of, w
 from rcopterx.bus import channels
 from rcopterx.bus.session import RawMessage
 from rcopterx.deploy.hosts.launcher import Launcher
+from rcopterx.experiments.figures import finish_figure
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.report.statistics import percentiles
@@ -250,20 +251,15 @@ def draw_scale(document: dict[str, Any], figure: Any) -> None:
         if row["missed_ticks"]:
             place = (row["vehicles"], row["pose_to_command_ms"]["p50"])
             left.annotate(f"{row['missed_ticks']} missed", place, fontsize="small", rotation=60)
-    left.set_ylabel("pose to command [ms]")
-    left.set_title(
-        f"N = {rows[0]['horizon']}, Tracker {document['rate_hz']:g} Hz, {document['seconds']:g} s each"
-    )
+    title = f"N = {rows[0]['horizon']}, Tracker {document['rate_hz']:g} Hz, {document['seconds']:g} s each"
+    left.set(title=title, ylabel="pose to command [ms]")
     bottom = [0.0] * len(rows)
     for role in ROLES:
         values = [row["cpu_share"][role] for row in rows]
         right.bar(sizes, values, bottom=bottom, label=role, width=0.8)
         bottom = [base + value for base, value in zip(bottom, values, strict=True)]
-    right.set_ylabel("processor cores used")
-    right.set_title("load by role")
+    right.set(title="load by role", ylabel="processor cores used")
     for axes in (left, right):
-        axes.set_xlabel("vehicles")
-        axes.set_ylim(bottom=0.0)
-        axes.grid(alpha=0.3)
+        axes.set(xlabel="vehicles", ylim=(0.0, None))
         axes.legend(fontsize="small")
-    figure.tight_layout()
+    finish_figure(figure)

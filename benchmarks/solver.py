@@ -236,9 +236,7 @@ def draw_solver(document: Mapping[str, Any], figure: Any) -> None:
             axes.plot(lengths, values, marker="o", markersize=4, label=name, **own)
     for axes, title in ((left, "mean"), (right, "99.9th percentile")):
         axes.axhline(SAMPLING_MS, color="grey", linestyle="--")
-        axes.set_title(title)
-        axes.set_xlabel("horizon N")
-        axes.set_yscale("log")
+        axes.set(title=title, xlabel="horizon N", yscale="log")
         axes.grid(alpha=0.3, which="both")
     left.set_ylabel("whole control step [ms], dashed: sampling time")
     left.legend(fontsize="small", ncols=2)

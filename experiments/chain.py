@@ -219,9 +219,8 @@ def draw_chain(result: Result[Any], figure: Any) -> None:
         generations, rms_mm, max_mm = zip(*rows, strict=True)
         (line,) = axes.plot(generations, rms_mm, "o-", label=f"{name}, rms")
         axes.plot(generations, max_mm, "^:", color=line.get_color(), label=f"{name}, max")
-    axes.set(xlabel="generation below the head", ylabel="distance from the place beside the own leaders [mm]")
-    axes.set_ylim(bottom=0.0)
-    axes.set_xticks(range(1, 5))
+    label = "distance from the place beside the own leaders [mm]"
+    axes.set(xlabel="generation below the head", ylabel=label, xticks=range(1, 5), ylim=(0.0, None))
     axes.legend(fontsize="small", ncols=2)
     finish_figure(figure, "Errors along a chain, a tree and with several leaders, laboratory conditions")
 

@@ -201,8 +201,7 @@ def draw_family(result: Result[Flown], figure: Any) -> None:
             axes.step(ordered, share, where="post", color=colour, label=title)
             if name == "hover_mm" and plant_type(result.options.conditions) is COAXIAL:
                 axes.plot(TARGETS_MM[level], (0.5, 1.0), "o", color=colour, fillstyle="none", clip_on=False)
-        axes.set_xlabel(label)
-        axes.set_xlim(left=0.0)
+        axes.set(xlabel=label, xlim=(0.0, None))
     figure.axes[0].set_ylabel("part of the vehicles")
     figure.axes[0].legend(fontsize="small", loc="lower right", title="circles: targets of median and worst")
     finish_figure(figure, f"Vehicles drawn from the family, conditions `{result.options.preset}`")

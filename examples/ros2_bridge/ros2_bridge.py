@@ -8,7 +8,6 @@ commands the fleet (`ros_commands.py`).
 """
 
 import argparse
-import json
 import math
 import threading
 import time
@@ -25,9 +24,11 @@ from ros_messages import FRAME_ID, Header, Joy, Path, Point, Pose, PoseStamped, 
 from zenoh.ext import z_serialize
 
 from rcopterx import Fleet
+from rcopterx.bus.endpoints import client_config, open_session
 from rcopterx.deploy.hosts.running import running_fleets
 
 NODE = "rcopterx"
+CONNECT_S = 5.0
 PUBLISHER, SERVICE = "MP", "SS"
 QUALITY = {PUBLISHER: "2::,1:,:,:,,", SERVICE: "::,10:,:,:,,"}
 """Best effort, keep the last one; reliable, keep the last ten."""
@@ -69,19 +70,15 @@ CONVERTED = {"pose": ros_pose, "plan": ros_plan, "command": ros_command}
 """Topic of the fleet's bus and its message of ROS 2; the topic in ROS 2 is /FLEET/VEHICLE/TOPIC."""
 
 
-def rmw_zenoh_key(topic, kind, domain):
-    """Key that `rmw_zenoh` subscribes to: domain, topic, type as DDS spells it, hash of the type."""
-    return f"{domain}/{topic}/{dds_name(kind)}/{kind.ROS_HASH}"
+def ros_key(topic, kind, keys, domain):
+    """Key of a topic or service in ROS 2; of any type if `kind` is None.
 
-
-def ros2dds_key(topic, _kind, _domain):
-    """Key of `zenoh-bridge-ros2dds`: the topic without its leading slash."""
-    return topic
-
-
-def command_key(topic, keys, domain):
-    """Key of a topic that ROS 2 publishes, with any type and hash."""
-    return topic if keys == "ros2dds" else f"{domain}/{topic}/*/*"
+    `rmw_zenoh`: domain, topic, type as DDS spells it, hash of the type. `ros2dds`: the topic without its
+    leading slash.
+    """
+    if keys == "ros2dds":
+        return topic
+    return f"{domain}/{topic}/" + ("*/*" if kind is None else f"{dds_name(kind)}/{kind.ROS_HASH}")
 
 
 def dds_name(kind):
@@ -134,16 +131,15 @@ class Bridge:
     """
 
     def __init__(self, fleet, rcopterx, ros, keys="rmw_zenoh", domain=0, namespace=None, ros_namespace=None):
-        self._key = {"rmw_zenoh": rmw_zenoh_key, "ros2dds": ros2dds_key}[keys]
         self._fleet, self._keys, self._domain = fleet, keys, domain
         self._topics = {}
         self._numbers = count(1)  # of publishers and services
         self._obeyed = []  # subscribers, services and their tokens
         self._one_at_a_time = threading.Lock()  # pycdr2 writes every message of a type into the same buffer
-        self._ros = session_to(ros, ros_namespace)
+        self._ros = open_session(client_config([ros], ros_namespace, CONNECT_S))
         self._id = str(self._ros.zid())
         self._node = self._ros.liveliness().declare_token(node_token(domain, self._id))
-        self._bus = session_to(rcopterx, namespace)
+        self._bus = open_session(client_config([rcopterx], namespace, CONNECT_S))
         self._subscribers = [
             self._bus.declare_subscriber(f"rcopterx/{fleet}/*/{name}", self._on_sample) for name in CONVERTED
         ]
@@ -155,7 +151,7 @@ class Bridge:
         """
         commands = Commands(fleet, report)
         for name in TOPICS:
-            key = command_key(f"{self._fleet}/*/{name}", self._keys, self._domain)
+            key = ros_key(f"{self._fleet}/*/{name}", None, self._keys, self._domain)
             received = partial(self._on_command, commands, name)
             self._obeyed.append(self._ros.declare_subscriber(key, received))
         if self._keys == "rmw_zenoh":
@@ -166,7 +162,7 @@ class Bridge:
     def _serve(self, commands, vehicle, name):
         kind, service = SERVICES[name], f"{self._fleet}/{vehicle}/{name}"
         answer = partial(self._on_request, commands, vehicle, name)
-        key = rmw_zenoh_key(service, kind, self._domain)
+        key = ros_key(service, kind, self._keys, self._domain)
         token = entity_token(self._domain, self._id, next(self._numbers), SERVICE, service, kind)
         self._obeyed.append(self._ros.declare_queryable(key, answer, complete=True))
         self._obeyed.append(self._ros.liveliness().declare_token(token))
@@ -204,20 +200,8 @@ class Bridge:
     def _topic(self, topic, kind):
         if topic not in self._topics:
             token = entity_token(self._domain, self._id, next(self._numbers), PUBLISHER, topic, kind)
-            self._topics[topic] = Topic(self._ros, self._key(topic, kind, self._domain), token)
+            self._topics[topic] = Topic(self._ros, ros_key(topic, kind, self._keys, self._domain), token)
         return self._topics[topic]
-
-
-def session_to(endpoint, namespace=None):
-    """A client of one router."""
-    settings = {
-        "mode": "client",
-        "connect": {"endpoints": [endpoint]},
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-    }
-    if namespace:
-        settings["namespace"] = namespace
-    return zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
 
 
 def router_of(fleet):

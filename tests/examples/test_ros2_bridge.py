@@ -142,7 +142,7 @@ def test_a_pose_on_the_bus_arrives_where_ros_listens(
 
 def test_the_bridge_of_dds_listens_to_the_topic_without_its_slash() -> None:
     kind = SimpleNamespace(ROS_NAME="nav_msgs/msg/Path", ROS_HASH="RIHS01_0")
-    assert ros2_bridge.ros2dds_key("trio/h1/plan", kind, 0) == "trio/h1/plan"
-    assert ros2_bridge.rmw_zenoh_key("trio/h1/plan", kind, 0) == (
+    assert ros2_bridge.ros_key("trio/h1/plan", kind, "ros2dds", 0) == "trio/h1/plan"
+    assert ros2_bridge.ros_key("trio/h1/plan", kind, "rmw_zenoh", 0) == (
         "0/trio/h1/plan/nav_msgs::msg::dds_::Path_/RIHS01_0"
     )
