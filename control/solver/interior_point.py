@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.compiling.compiled import BLOCKS, FLAG, MATRIX, NUMBER, compiled, record
+from rcopterx.compiling.compiled import BLOCKS, MATRIX, NUMBER, compiled, part, record
 from rcopterx.control.solver.problem import PROBLEM, TRAJECTORIES, OptimalControlProblem, Trajectories
 from rcopterx.control.solver.sweep import Factor, factorize, solve
 from rcopterx.vehicles.state import Array
@@ -30,26 +30,15 @@ class Barrier(NamedTuple):
     target: Array  # targets of the sweep, shape (N, ny)
 
     @classmethod
-    def zeros(cls, stages: int, rows: int) -> "Barrier":
-        """Return a barrier to be started."""
-        return cls(*np.zeros((5, 2, stages, rows)), *np.zeros((2, stages, rows)))
+    def at(cls, p: OptimalControlProblem, y: Array) -> "Barrier":
+        """Return a barrier that starts at the rows of a plan; rows without bounds have no multipliers."""
+        t = np.maximum((p.high - y, y - p.low), SMALLEST_START)
+        z, *changes = np.zeros((4, *t.shape))
+        t[:, p.s == 0.0] = z[:, p.s > 0.0] = 1.0
+        return cls(t, z, *changes, *np.zeros((2, *y.shape)))
 
 
 BARRIER: Final[Any] = record(Barrier, *5 * [BLOCKS], *2 * [MATRIX])
-
-
-@compiled(PROBLEM, TRAJECTORIES, BARRIER)
-def start(p: OptimalControlProblem, plan: Trajectories, b: Barrier) -> None:
-    """Start slacks and multipliers at a plan."""
-    for k in range(plan.y.shape[0]):
-        for row in range(plan.y.shape[1]):
-            if p.s[k, row] > 0.0:
-                b.t[0, k, row] = max(p.high[k, row] - plan.y[k, row], SMALLEST_START)
-                b.t[1, k, row] = max(plan.y[k, row] - p.low[k, row], SMALLEST_START)
-                b.z[0, k, row] = b.z[1, k, row] = 1.0
-            else:
-                b.t[0, k, row] = b.t[1, k, row] = 1.0
-                b.z[0, k, row] = b.z[1, k, row] = 0.0
 
 
 @compiled(PROBLEM, TRAJECTORIES, BARRIER)
@@ -71,11 +60,17 @@ def residuals(p: OptimalControlProblem, plan: Trajectories, b: Barrier) -> tuple
     return products / max(count, 1), largest
 
 
-@compiled(PROBLEM, MATRIX, BARRIER, NUMBER, FLAG)
-def set_barrier_pulls(
-    p: OptimalControlProblem, y: Array, b: Barrier, centring: float, corrected: bool
-) -> None:
-    """Set weights and targets of the sweep; the corrector adds products of the predictor's changes."""
+@part
+def product(b: Barrier, side: int, k: int, row: int, centring: float) -> float:
+    """Return what the product of a slack and its multiplier is to fall by; the changes are the last ones."""
+    of_changes = b.dt[side, k, row] * b.dz[side, k, row]
+    value: float = b.t[side, k, row] * b.z[side, k, row] + (of_changes - centring)
+    return value
+
+
+@compiled(PROBLEM, MATRIX, BARRIER, NUMBER)
+def set_barrier_pulls(p: OptimalControlProblem, y: Array, b: Barrier, centring: float) -> None:
+    """Set weights and targets of the sweep."""
     for k in range(y.shape[0]):
         for row in range(y.shape[1]):
             if p.s[k, row] == 0.0:
@@ -83,21 +78,16 @@ def set_barrier_pulls(
             weight = pull = 0.0
             for side in range(2):
                 t, z = b.t[side, k, row], b.z[side, k, row]
-                product = t * z
-                if corrected:
-                    product += b.dt[side, k, row] * b.dz[side, k, row] - centring
                 scale = t + z / p.s[k, row]
-                force = z + (z * b.gap[side, k, row] - product) / scale
+                force = z + (z * b.gap[side, k, row] - product(b, side, k, row, centring)) / scale
                 weight += z / scale
                 pull += force if side == 0 else -force
             b.e[k, row] = weight
             b.target[k, row] = y[k, row] - pull / weight
 
 
-@compiled(PROBLEM, MATRIX, MATRIX, BARRIER, NUMBER, FLAG)
-def set_changes(
-    p: OptimalControlProblem, y: Array, trial_y: Array, b: Barrier, centring: float, corrected: bool
-) -> float:
+@compiled(PROBLEM, MATRIX, MATRIX, BARRIER, NUMBER)
+def set_changes(p: OptimalControlProblem, y: Array, trial_y: Array, b: Barrier, centring: float) -> float:
     """Set the changes of slacks and multipliers by those of the rows; return the step to the boundary."""
     step = 1.0
     for k in range(y.shape[0]):
@@ -107,12 +97,9 @@ def set_changes(
                 continue
             for side in range(2):
                 t, z, gap = b.t[side, k, row], b.z[side, k, row], b.gap[side, k, row]
-                product = t * z
-                if corrected:
-                    product += b.dt[side, k, row] * b.dz[side, k, row] - centring
                 change = trial_y[k, row] - y[k, row]
                 toward = change if side == 0 else -change
-                dz = (z * (toward + gap) - product) / (t + z / s)
+                dz = (z * (toward + gap) - product(b, side, k, row, centring)) / (t + z / s)
                 dt = -gap - toward + dz / s
                 b.dz[side, k, row], b.dt[side, k, row] = dz, dt
                 if dz < 0.0:
@@ -135,20 +122,6 @@ def remaining(b: Barrier, step: float) -> float:
     return after / before
 
 
-@compiled(TRAJECTORIES, TRAJECTORIES, BARRIER, NUMBER)
-def advance(plan: Trajectories, trial: Trajectories, b: Barrier, step: float) -> None:
-    """Move a plan by a share of its distance to another one, slacks and multipliers by their changes."""
-    for values, targets in ((plan.x, trial.x), (plan.u, trial.u), (plan.y, trial.y)):
-        for i in range(values.shape[0]):
-            for j in range(values.shape[1]):
-                values[i, j] += step * (targets[i, j] - values[i, j])
-    for values, changes in ((b.t, b.dt), (b.z, b.dz)):
-        for side in range(values.shape[0]):
-            for k in range(values.shape[1]):
-                for row in range(values.shape[2]):
-                    values[side, k, row] += step * changes[side, k, row]
-
-
 def iterate(
     p: OptimalControlProblem,
     plan: Trajectories,
@@ -158,15 +131,20 @@ def iterate(
     complementarity: float,
 ) -> None:
     """Do one predictor-corrector step; `plan` satisfies the dynamics before and after it."""
-    set_barrier_pulls(p, plan.y, b, 0.0, False)
+    b.dt[:] = b.dz[:] = 0.0
+    set_barrier_pulls(p, plan.y, b, 0.0)
     factorize(p, b.e, f)
     solve(p, b.e, b.target, f, trial)
-    step = set_changes(p, plan.y, trial.y, b, 0.0, False)
+    step = set_changes(p, plan.y, trial.y, b, 0.0)
+    # The corrector adds the products of the predictor's changes.
     centring = remaining(b, step) ** 3 * complementarity
-    set_barrier_pulls(p, plan.y, b, centring, True)
+    set_barrier_pulls(p, plan.y, b, centring)
     solve(p, b.e, b.target, f, trial)
-    step = set_changes(p, plan.y, trial.y, b, centring, True)
-    advance(plan, trial, b, min(1.0, TO_BOUNDARY * step))
+    step = min(1.0, TO_BOUNDARY * set_changes(p, plan.y, trial.y, b, centring))
+    for values, targets in zip(plan, trial, strict=True):
+        values += step * (targets - values)
+    for values, changes in ((b.t, b.dt), (b.z, b.dz)):
+        values += step * changes
 
 
 def active_rows(b: Barrier) -> Array:

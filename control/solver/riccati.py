@@ -13,7 +13,7 @@ import numpy as np
 
 from rcopterx.control.solver.active_set import ActiveSet, iterate_active_set, update_active_set
 from rcopterx.control.solver.candidates import best_plan, empty_plan, rated
-from rcopterx.control.solver.interior_point import FEASIBLE, Barrier, active_rows, iterate, residuals, start
+from rcopterx.control.solver.interior_point import FEASIBLE, Barrier, active_rows, iterate, residuals
 from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories, never
 from rcopterx.control.solver.sweep import Factor
 from rcopterx.vehicles.state import Array
@@ -78,9 +78,7 @@ class RiccatiSolver:
         self, p: OptimalControlProblem, inside: Trajectories, expired: Callable[[], bool]
     ) -> tuple[Trajectories, int, bool]:
         """Solve from a plan that satisfies the dynamics; return plan, iterations, and whether optimal."""
-        barrier = Barrier.zeros(*self._active.side.shape)
-        trial = empty_plan(p)
-        start(p, inside, barrier)
+        barrier, trial = Barrier.at(p, inside.y), empty_plan(p)
         levels = iter(READABLE)
         level = next(levels)
         for iteration in range(self._max_iterations):
