@@ -11,7 +11,6 @@ the servo's demand, and the trim after the wind. Both turn with the body.
 """
 
 import math
-from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -69,15 +68,11 @@ def predict_lateral(step: LateralStep, x: Array, stick: Array, yaw_rad: float) -
     return after, F
 
 
-def gust_speed_s(model: Model) -> float:
-    """Return the speed of the wind over the acceleration that it causes by drag."""
-    return 2.0 / max(-sum(model.damping[:2]), _LEAST_DRAG_PER_S)
-
-
 class LateralSystem:
     """Continuous dynamics, and discrete matrices for one period during which the demand is constant.
 
     `continuous` and `continuous_demand`: x' = continuous x + continuous_demand e, shapes (n, n) and (n, 2).
+    `transition` and `demand`: x+ = transition x + demand e; `step`: the same for `predict_lateral`.
     `core`, `tilt`, `tilt_rate`, `servo`, `wind` and `trim`: places of these states; tilt and tilt rate are
     part of the core, and only lateral states have a trim. Raises `ValueError`: the model has no tilt model.
     """
@@ -86,6 +81,8 @@ class LateralSystem:
         if model.tilt is None:
             raise ValueError(f"{model.kind}: a first-order lag has no tilt to predict")
         dynamics = model.tilt.dynamics()
+        # speed of the wind over the acceleration that it causes by drag
+        gust_speed_s = 2.0 / max(-sum(model.damping[:2]), _LEAST_DRAG_PER_S)
         self.core = slice(CORE_FROM, CORE_FROM + dynamics.size)
         self.tilt = slice(CORE_FROM, CORE_FROM + 2)
         self.tilt_rate = slice(CORE_FROM + dynamics.rate.start, CORE_FROM + dynamics.rate.stop)
@@ -93,8 +90,6 @@ class LateralSystem:
         self.wind = slice(self.servo.stop, self.servo.stop + 2)
         self.size = self.wind.stop
         self.trim = slice(self.size, self.size + 2)
-        self._gain = model.input_gain[:2]
-        self.period_s = period_s
         self.continuous: Array = np.zeros((self.size, self.size))
         self.continuous[POSITION, VELOCITY] = np.eye(2)
         self.continuous[VELOCITY, VELOCITY] = 0.5 * sum(model.damping[:2]) * np.eye(2)
@@ -102,41 +97,22 @@ class LateralSystem:
         self.continuous[VELOCITY, self.servo] = dynamics.d
         self.continuous[VELOCITY, self.wind] = np.eye(2)
         self.continuous[self.tilt_rate, VELOCITY] = -dynamics.flapping * np.eye(2)
-        self.continuous[self.tilt_rate, self.wind] = dynamics.flapping * gust_speed_s(model) * np.eye(2)
+        self.continuous[self.tilt_rate, self.wind] = dynamics.flapping * gust_speed_s * np.eye(2)
         self.continuous[self.core, self.core] = dynamics.a
         self.continuous[self.core, self.servo] = dynamics.b
         self.continuous[self.servo, self.servo] = -np.eye(2) / model.tilt.servo_lag_s
         self.continuous[self.wind, self.wind] = -np.eye(2) / WIND_CORRELATION_S
         self.continuous_demand: Array = np.zeros((self.size, 2))
         self.continuous_demand[self.servo] = np.eye(2) / model.tilt.servo_lag_s
-
-    @cached_property
-    def step(self) -> LateralStep:
-        """Parameters of a period for `predict_lateral`."""
-        transition = np.eye(self.size + 2)
-        transition[: self.size] = np.hstack(self._step)
-        return LateralStep(transition, self.servo.start, *self._gain)
+        self.transition, self.demand = zero_order_hold(self.continuous, self.continuous_demand, period_s)
+        held = np.eye(self.size + 2)
+        held[: self.size] = np.hstack((self.transition, self.demand))
+        self.step = LateralStep(held, self.servo.start, *model.input_gain[:2])
 
     def tilt_estimate(self, x: Array) -> TiltEstimate:
         """Return the tilt in a lateral state."""
         return TiltEstimate(x[self.core], x[self.servo], x[self.wind], x[self.trim])
 
-    @property
-    def transition(self) -> Array:
-        """State after a period by the state before it, F, shape (n, n)."""
-        return self._step[0]
 
-    @property
-    def demand(self) -> Array:
-        """State after a period by the demand, G, shape (n, 2)."""
-        return self._step[1]
-
-    @cached_property
-    def _step(self) -> tuple[Array, Array]:
-        return zero_order_hold(self.continuous, self.continuous_demand, self.period_s)
-
-
-@cached_by_period
-def lateral_system(model: Model, period_s: float) -> LateralSystem:
-    """Return the system of a model and a period, from a cache."""
-    return LateralSystem(model, period_s)
+lateral_system: Final = cached_by_period(LateralSystem)
+"""Return the system of a model and a period, from a cache."""
