@@ -65,9 +65,10 @@ def default_weights(model: Model, period_s: float) -> DefaultWeights:
     positions = _LAG_STATES if model.tilt is None else _TILT_POSITIONS
 
     def behind_lag(axis: int, rate: float, floor: float) -> float:
-        return _least(
+        _, effort = _least(
             floor, (rate,), model, lambda *pair: lag_loop(model, period_s, axis, (positions[axis], *pair))
-        ).effort
+        )
+        return effort
 
     if model.tilt is None:
         pitch, roll, thrust, yaw = (
@@ -86,18 +87,13 @@ def default_weights(model: Model, period_s: float) -> DefaultWeights:
     return DefaultWeights((*positions, speed, speed, climb, turn), (pitch, roll, thrust, yaw))
 
 
-class _Pair(NamedTuple):
-    rate: float  # weight of the velocity
-    effort: float  # weight of the stick
-
-
 def _least(
     floor: float, rates: Sequence[float], model: Model, loop_with: Callable[..., FeedbackLoop]
-) -> _Pair:
-    """Least weight of the stick whose loop bears the uncertainty, or falls least short of it."""
-    best, least = _Pair(rates[0], floor), math.inf
+) -> tuple[float, float]:
+    """Weights of velocity and stick, least of the stick, that bear the uncertainty or fall least short."""
+    best, least = (rates[0], floor), math.inf
     for step, rate in product(range(round(model.uncertainty.graded(*STEPS))), rates):
-        pair = _Pair(rate, floor * STEP**step)
+        pair = rate, floor * STEP**step
         shortage = robustness(loop_with(*pair), model.uncertainty).shortage
         if shortage == 0:
             return pair
