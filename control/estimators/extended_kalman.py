@@ -5,14 +5,13 @@ Here it is decided when the vehicle stands on the floor, and how much noise the 
 """
 
 import math
-from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
 from rcopterx.control.estimators.base import PoseEstimator
 from rcopterx.control.estimators.horizontal import HorizontalMotion
-from rcopterx.control.estimators.lag_filter import POSE, LagFilter
+from rcopterx.control.estimators.lag_filter import ACTUATOR, POSE, LagFilter
 from rcopterx.control.estimators.noise_meter import NoiseMeter
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.interfaces import Estimate, Measurement
@@ -33,14 +32,18 @@ class ExtendedKalmanEstimator(PoseEstimator):
     weight (only a floor pushes so hard), the vehicle rests where it is measured, without disturbance, until
     the modelled thrust comes near the weight or the pose moves by a centimetre. A start in the air ends
     standing with the first prediction, because the applied thrust carries the weight.
+
+    `lag_filter`: the filter of motion, actuators and disturbances. `horizontal`: those of the horizontal
+    motion of a vehicle with a tilt model.
     """
 
     Settings = ExtendedKalmanSettings
 
     def __init__(self, model: Model, period_s: float, settings: ExtendedKalmanSettings) -> None:
         super().__init__(model, settings)
-        self._lag_filter = LagFilter(model, settings)
-        self._horizontal = HorizontalMotion(model, settings)
+        self.lag_filter = LagFilter(model, settings)
+        self.horizontal = HorizontalMotion(model, settings)
+        self.events = self.horizontal.events
         self._uses_tilt = settings.measured_tilt and model.tilt is not None
         self._tilt: Array | None = None  # tilt of the pose that is being processed, if it is measured
         self._settings = settings
@@ -55,32 +58,12 @@ class ExtendedKalmanEstimator(PoseEstimator):
     @property
     def estimate(self) -> Estimate:
         """The current estimate."""
-        return self._horizontal.refine(self._lag_filter.estimate)
-
-    @property
-    def standing(self) -> bool:
-        """Whether the vehicle is taken to rest on the floor."""
-        return self._standing
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance of motion, actuators and disturbances, shape (16, 16)."""
-        return self._lag_filter.P
-
-    @property
-    def horizontal(self) -> HorizontalMotion:
-        """The filters of the horizontal motion of a vehicle with a tilt model."""
-        return self._horizontal
-
-    @property
-    def events(self) -> Mapping[str, int]:
-        """How often a measured tilt was distrusted, and trusted again."""
-        return self._horizontal.events
+        return self.horizontal.refine(self.lag_filter.estimate)
 
     def position_deviation_m(self) -> Array:
         """See `EstimatesUncertainty`."""
-        variance = self._lag_filter.P.diagonal()[:YAW].copy()
-        selected = self._horizontal.selected
+        variance = self.lag_filter.P.diagonal()[:YAW].copy()
+        selected = self.horizontal.selected
         if selected is not None:
             variance[:2] = selected.P.diagonal()[:2]
         return np.asarray(np.sqrt(variance))
@@ -103,70 +86,70 @@ class ExtendedKalmanEstimator(PoseEstimator):
         """Start from another estimator's estimate, tilt and disturbance included."""
         self._tilt = None
         super().take_over(estimate)
-        self._lag_filter.set_disturbance(estimate.disturbance)
+        self.lag_filter.set_disturbance(estimate.disturbance)
         if estimate.has_tilt:
-            self._horizontal.take_over(estimate.tilt)
+            self.horizontal.take_over(estimate.tilt)
 
     def _set_actuators(self, applied_input: Array) -> None:
-        self._lag_filter.set_actuator(applied_input)
-        self._horizontal.set_servo(applied_input[:2])
+        self.lag_filter.x[ACTUATOR] = applied_input
+        self.horizontal.set_servo(applied_input[:2])
 
     def _start(self, pose: Array, rates: Array) -> None:
-        self._lag_filter.start(pose, rates)
-        self._standing = not rates.any()
+        self.lag_filter.start(pose, rates)
+        self.standing = not rates.any()
         self._stood_at_m = pose[:YAW]
-        if self._standing:
-            self._horizontal.stand(pose, self._tilt)
+        if self.standing:
+            self.horizontal.stand(pose, self._tilt)
         else:
-            self._horizontal.start(pose, rates, self._tilt)
+            self.horizontal.start(pose, rates, self._tilt)
 
     def _move(self, offset: Array) -> None:
-        self._lag_filter.move(offset)
-        self._horizontal.move(offset[:2])
+        self.lag_filter.move(offset)
+        self.horizontal.move(offset[:2])
         self._stood_at_m = self._stood_at_m + offset[:YAW]
 
     def _thrust_carries(self) -> bool:
-        thrust = self._model.input_gain[U_THRUST] * float(self._lag_filter.estimate.actuator[U_THRUST])
+        thrust = self._model.input_gain[U_THRUST] * float(self.lag_filter.x[ACTUATOR][U_THRUST])
         return thrust > _LIFTING_FRACTION * self._model.gravity_m_s2
 
     def _predict(self, applied_input: Array, period_s: float) -> None:
         self._since_pose_s += period_s
-        if not self._standing:
+        if not self.standing:
             self._filter_prediction(applied_input, period_s)
             return
-        actuator = self._lag_filter.estimate.actuator
-        self._lag_filter.set_actuator(actuator_response(self._model, actuator, applied_input, 0.0, period_s))
-        self._standing = not self._thrust_carries()
-        self._horizontal.rest(applied_input[:2], period_s)
+        x = self.lag_filter.x
+        x[ACTUATOR] = actuator_response(self._model, x[ACTUATOR], applied_input, 0.0, period_s)
+        self.standing = not self._thrust_carries()
+        self.horizontal.rest(applied_input[:2], period_s)
 
     def _filter_prediction(self, applied_input: Array, period_s: float) -> None:
-        start_rad = float(self._lag_filter.x[YAW])
-        self._lag_filter.predict(applied_input, period_s)
-        middle_rad = start_rad + 0.5 * period_s * float(self._lag_filter.x[YAW_RATE])
-        self._horizontal.predict(applied_input[:2], middle_rad, period_s)
+        start_rad = float(self.lag_filter.x[YAW])
+        self.lag_filter.predict(applied_input, period_s)
+        middle_rad = start_rad + 0.5 * period_s * float(self.lag_filter.x[YAW_RATE])
+        self.horizontal.predict(applied_input[:2], middle_rad, period_s)
 
     def _predicted_pose(self) -> Array:
-        pose = self._lag_filter.x[POSE].copy()
-        selected = self._horizontal.selected
+        pose = self.lag_filter.x[POSE].copy()
+        selected = self.horizontal.selected
         if selected is not None:
             pose[:2] = selected.position_m
         return pose
 
     def _deviation(self) -> Array:
-        return np.asarray(np.sqrt(self._lag_filter.P.diagonal()[POSE] + self._R))
+        return np.asarray(np.sqrt(self.lag_filter.P.diagonal()[POSE] + self._R))
 
     def _update(self, pose: Array) -> None:
         since_pose_s, self._since_pose_s = self._since_pose_s, 0.0
         self._measure_noise(pose, since_pose_s)
-        if self._standing:
-            self._lag_filter.set_pose(pose)
-            self._standing = bool((np.abs(pose[:YAW] - self._stood_at_m) < _MOVED_M).all())
-            self._horizontal.correct_standing(pose, self._tilt, self._noise_m, since_pose_s)
+        if self.standing:
+            self.lag_filter.x[POSE] = pose
+            self.standing = bool((np.abs(pose[:YAW] - self._stood_at_m) < _MOVED_M).all())
+            self.horizontal.correct_standing(pose, self._tilt, self._noise_m, since_pose_s)
             return
-        self._lag_filter.correct(pose, self._R)
-        if self._lag_filter.disturbance_at_limit and not self._thrust_carries():
-            self._start(self._lag_filter.x[POSE], np.zeros(INPUT_SIZE))
-        self._horizontal.correct(pose, self._tilt, self._noise_m, since_pose_s)
+        self.lag_filter.correct(pose, self._R)
+        if self.lag_filter.disturbance_at_limit and not self._thrust_carries():
+            self._start(self.lag_filter.x[POSE], np.zeros(INPUT_SIZE))
+        self.horizontal.correct(pose, self._tilt, self._noise_m, since_pose_s)
 
     def _measure_noise(self, pose: Array, since_pose_s: float) -> None:
         """Expect the noise of the worst axis for all positions."""

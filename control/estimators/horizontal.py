@@ -37,14 +37,14 @@ class HorizontalMotion:
         return self._from_tilt if self._from_tilt is not None and self.trust.trusted else self._from_positions
 
     def refine(self, estimate: Estimate) -> Estimate:
-        """Replace the horizontal motion of an estimate, and add the tilt."""
+        """Replace the horizontal motion of an estimate, in place, and add the tilt."""
         selected = self.selected
         if selected is None:
             return estimate
-        motion = estimate.motion.copy()
+        motion = estimate.motion
         motion[:2] = selected.position_m
         motion[XD_BODY : YD_BODY + 1] = turned_about_z(selected.velocity_m_s, -float(motion[YAW]))
-        return Estimate(motion, estimate.actuator, estimate.disturbance, selected.estimate)
+        return estimate._replace(tilt=selected.estimate)
 
     def start(self, pose: Array, rates: Array, tilt: Array | None) -> None:
         """Start in the air at a pose with inertial rates, shape (4,)."""

@@ -118,7 +118,8 @@ class LagFilter:
     @property
     def estimate(self) -> Estimate:
         """The estimated motion, actuators and disturbances."""
-        return Estimate(self.x[MOTION], self.x[ACTUATOR], self.x[DISTURBANCE])
+        x = self.x.copy()
+        return Estimate(x[MOTION], x[ACTUATOR], x[DISTURBANCE])
 
     @property
     def disturbance_at_limit(self) -> bool:
@@ -132,24 +133,12 @@ class LagFilter:
 
     def move(self, offset: Array) -> None:
         """Move position and yaw by an offset, shape (4,); the inertial velocity stays."""
-        self._set(MOTION, body_motion(self.x[POSE] + offset, inertial_rates(self.x[MOTION])))
-
-    def set_pose(self, pose: Array) -> None:
-        """Move the estimate to a pose, shape (4,)."""
-        self._set(POSE, pose)
-
-    def set_actuator(self, actuator: Array) -> None:
-        """Replace the actuator states, shape (4,)."""
-        self._set(ACTUATOR, actuator)
+        self.x[MOTION] = body_motion(self.x[POSE] + offset, inertial_rates(self.x[MOTION]))
 
     def set_disturbance(self, disturbance: Array) -> None:
         """Replace the disturbance, cut to its limits, shape (4,)."""
         limit = self._limit[DISTURBANCE]
-        self._set(DISTURBANCE, np.clip(disturbance, -limit, limit))
-
-    def _set(self, states: slice, values: Array) -> None:
-        self.x = self.x.copy()  # estimates are views of it
-        self.x[states] = values
+        self.x[DISTURBANCE] = np.clip(disturbance, -limit, limit)
 
     def predict(self, applied_input: Array, period_s: float) -> None:
         """Predict by one period: x = f(x, u), P = F P F' + Q."""

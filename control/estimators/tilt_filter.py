@@ -90,7 +90,7 @@ class TiltFilter:
     @property
     def estimate(self) -> TiltEstimate:
         """The estimated tilt."""
-        return self._layout.tilt_estimate(self.x)
+        return self._layout.tilt_estimate(self.x.copy())
 
     def expect_noise(self, position_m: float, tilt: float) -> None:
         """Set the standard deviations of measured positions and tilts; at least those of the settings."""
@@ -100,7 +100,7 @@ class TiltFilter:
 
     def start(self, position_m: Array, velocity_m_s: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Start in the air at a position and velocity, shape (2,); trim and offset of the body are kept."""
-        system, x, P = self._layout, self.x.copy(), self.P
+        system, x, P = self._layout, self.x, self.P
         x[POSITION], x[VELOCITY] = position_m, velocity_m_s
         x[system.core] = x[system.wind] = 0.0
         if tilt is not None:
@@ -112,12 +112,11 @@ class TiltFilter:
         deviation[POSITION], deviation[VELOCITY] = _START_POSITION_M, _START_VELOCITY_M_S
         deviation[system.core], deviation[system.tilt_rate] = _START_TILT, _START_RATE
         deviation[system.servo], deviation[system.wind] = _START_SERVO, _START_WIND_M_S2
-        self.x, self.P = x, np.diag(deviation**2)
+        self.P = np.diag(deviation**2)
         self.P[self._body, self._body] = P[self._body, self._body]
 
     def move(self, offset_m: Array) -> None:
         """Move the position by an offset, inertial frame, shape (2,)."""
-        self.x = self.x.copy()
         self.x[POSITION] += offset_m
 
     def stand(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
@@ -131,24 +130,19 @@ class TiltFilter:
 
     def take_over(self, known: TiltEstimate) -> None:
         """Continue another filter's estimate, after `start`."""
-        system, x = self._layout, self.x.copy()
-        x[system.core], x[system.servo], x[system.wind], x[self._trim] = known
-        self.x = x
+        system, x = self._layout, self.x
+        x[system.core], x[system.servo], x[system.wind], x[system.trim] = known
 
     def set_servo(self, stick: Array) -> None:
         """Set the servo to a stick that has been acting for long, shape (2,)."""
-        self._replace_servo(stick + self.x[self._trim])
+        self.x[self._layout.servo] = stick + self.x[self._trim]
 
     def rest(self, stick: Array, period_s: float) -> None:
         """Predict by one period on the floor, where only the servo moves."""
-        target = stick + self.x[self._trim]
+        servo, target = self._layout.servo, stick + self.x[self._trim]
         step, _ = self._prepared(period_s)
         pole = step.transition[step.servo, step.servo]
-        self._replace_servo(target + pole * (self.x[self._layout.servo] - target))
-
-    def _replace_servo(self, servo: Array) -> None:
-        self.x = self.x.copy()
-        self.x[self._layout.servo] = servo
+        self.x[servo] = target + pole * (self.x[servo] - target)
 
     def predict(self, stick: Array, yaw_rad: float, period_s: float) -> None:
         """Predict by one period at a heading: P = F P F' + Q."""
@@ -171,12 +165,10 @@ class TiltFilter:
 
     def forget_offset(self) -> None:
         """Forget the offset of the body frame, as the measured tilts were wrong."""
-        self.x = self.x.copy()
         self._forget(self._offset, _START_OFFSET_RAD)
 
     def _forget_body(self) -> None:
         """Forget trim and offset, as of a new vehicle."""
-        self.x = self.x.copy()
         self._forget(self._trim, _START_TRIM)
         self._forget(self._offset, _START_OFFSET_RAD)
 

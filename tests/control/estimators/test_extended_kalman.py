@@ -181,7 +181,7 @@ def test_stated_deviation_matches_the_actual_error(new_flight: NewFlight) -> Non
     flight = new_flight()
     flight.fly(1.0)
     errors = np.sqrt(np.mean(np.square(flight.fly(10.0)), axis=0))
-    stated = np.sqrt(flight.estimator.covariance.diagonal()[:8])
+    stated = np.sqrt(flight.estimator.lag_filter.P.diagonal()[:8])
     assert np.all(errors < 2.0 * stated)
     assert np.all(errors > 0.3 * stated)
 
@@ -194,6 +194,6 @@ def test_covariance_stays_symmetric_and_positive(
     flight = new_flight(frames_per_period=frames)
     for visible in seen:
         flight.step(lambda measurement, visible=visible: measurement if visible else None)
-    covariance = flight.estimator.covariance
+    covariance = flight.estimator.lag_filter.P
     assert np.allclose(covariance, covariance.T, rtol=1e-9, atol=1e-15)
     assert np.linalg.eigvalsh(covariance).min() > -1e-12
