@@ -31,7 +31,7 @@ class ExternalController:
     """A `Controller` that flies by answers from outside, `own` before the first and after `patience_s`."""
 
     def __init__(self, own: Controller, model: Model, patience_s: float) -> None:
-        self.own = own
+        self.own, self.horizon, self.period_s = own, own.horizon, own.period_s
         self.task: Task | None = None
         self.late = 0  # periods flown by an older answer than the newest task's
         self._model = model
@@ -39,16 +39,6 @@ class ExternalController:
         self._number = 0
         self._answered = 0
         self._inputs: Array | None = None
-
-    @property
-    def horizon(self) -> int:
-        """Number of stages N."""
-        return self.own.horizon
-
-    @property
-    def period_s(self) -> float:
-        """Control period T_s."""
-        return self.own.period_s
 
     @property
     def silent(self) -> bool:

@@ -52,7 +52,7 @@ class Iterate(Struct, frozen=True):
     copies: dict[str, Samples]
 
 
-class AdmmScheme(TrackedScheme):
+class AdmmScheme(TrackedScheme[AdmmSettings]):
     """Consensus ADMM over planned positions; the cascade tracks the plan."""
 
     Settings = AdmmSettings
@@ -60,7 +60,6 @@ class AdmmScheme(TrackedScheme):
 
     def __init__(self, model: Model, period_s: float, settings: AdmmSettings) -> None:
         super().__init__(model, period_s, settings)
-        self._settings = settings
         self.exchanges = settings.exchanges
         self._planner = lru_cache(maxsize=16)(self._new_planner)
         self._start()

@@ -10,7 +10,6 @@ import numpy as np
 
 from rcopterx.control.schemes.interface import Situation
 from rcopterx.control.schemes.tracked import Gain, Moving, TrackedScheme, TrackedSettings, Way
-from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
 
@@ -25,15 +24,11 @@ class ConsensusSettings(TrackedSettings, frozen=True, kw_only=True):
     """How much more a vehicle is drawn to its own task than to a neighbour."""
 
 
-class ConsensusScheme(TrackedScheme):
+class ConsensusScheme(TrackedScheme[ConsensusSettings]):
     """Second-order consensus; vehicles send their virtual places, which the cascade tracks."""
 
     Settings = ConsensusSettings
     Message = Moving
-
-    def __init__(self, model: Model, period_s: float, settings: ConsensusSettings) -> None:
-        super().__init__(model, period_s, settings)
-        self._settings = settings
 
     def _exchange(self, situation: Situation) -> Moving:
         position, velocity = self._state()

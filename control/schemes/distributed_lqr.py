@@ -34,7 +34,7 @@ class DistributedLqrSettings(TrackedSettings, frozen=True, kw_only=True):
     """Time for which an acceleration is planned."""
 
 
-class DistributedLqrScheme(TrackedScheme):
+class DistributedLqrScheme(TrackedScheme[DistributedLqrSettings]):
     """LQR of own and relative errors; vehicles send their estimated states."""
 
     Settings = DistributedLqrSettings
@@ -42,7 +42,6 @@ class DistributedLqrScheme(TrackedScheme):
 
     def __init__(self, model: Model, period_s: float, settings: DistributedLqrSettings) -> None:
         super().__init__(model, period_s, settings)
-        self._acting_s = settings.acting_s
         Q, Q_relative = np.diag(settings.task_weights), np.diag(settings.relative_weights)
         R = np.array([[settings.effort_weight]])
         A, B = np.array([[1.0, period_s], [0.0, 1.0]]), np.array([[period_s**2 / 2], [period_s]])
@@ -61,7 +60,7 @@ class DistributedLqrScheme(TrackedScheme):
             aim = np.stack((reference.position_m[0], reference.velocity_m_s[0]))
             acceleration -= (self._own_gain @ (state - aim))[0]
         acceleration = np.clip(acceleration, -self._reach, self._reach)
-        self._fly(Way(motion[:3].copy(), velocity, acceleration[None], self._acting_s))
+        self._fly(Way(motion[:3].copy(), velocity, acceleration[None], self._settings.acting_s))
         return Moving.of(motion[:3], velocity)
 
 

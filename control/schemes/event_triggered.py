@@ -34,7 +34,7 @@ class EventTriggeredSettings(ReplanningSettings, frozen=True, kw_only=True):
     """Distance between way and targets from which a vehicle needs another way."""
 
 
-class EventTriggeredScheme(ReplanningScheme):
+class EventTriggeredScheme(ReplanningScheme[EventTriggeredSettings]):
     """Plans in turns; the cascade tracks the way."""
 
     Settings = EventTriggeredSettings
@@ -42,7 +42,6 @@ class EventTriggeredScheme(ReplanningScheme):
 
     def __init__(self, model: Model, period_s: float, settings: EventTriggeredSettings) -> None:
         super().__init__(model, period_s, settings)
-        self._planning, self._trigger_m = settings.planning, settings.trigger_m
         self._next: Announced | None = None  # announced way that begins with the next round
         self._priority = 0.0
         self._waited = 0  # rounds since the vehicle planned, or since it began to listen
@@ -68,7 +67,7 @@ class EventTriggeredScheme(ReplanningScheme):
         error_m = float(np.abs(own - targets).max())
         before, self._priority = self._priority, error_m * self._waited
         turn = self._planned or self._waited > LISTENING
-        if error_m > self._trigger_m and turn and self._has_turn(situation, before, near):
+        if error_m > self._settings.trigger_m and turn and self._has_turn(situation, before, near):
             planes = [
                 self._plane(stage, own, others[name], halved=True)
                 for name in near
@@ -90,4 +89,4 @@ class EventTriggeredScheme(ReplanningScheme):
             for name, each in neighbours.items()
             if isinstance(each.message, Announced)
         ]
-        return sum(rival > (priority, situation.vehicle) for rival in rivals) < self._planning
+        return sum(rival > (priority, situation.vehicle) for rival in rivals) < self._settings.planning

@@ -15,7 +15,6 @@ import numpy as np
 from rcopterx.control.schemes.interface import Situation
 from rcopterx.control.schemes.planner import Plane
 from rcopterx.control.schemes.replanning import Announced, ReplanningScheme, ReplanningSettings
-from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, inertial_velocity
 
 NEAR: Final = 1.5  # distance in ellipsoids up to which vehicles get a plane at a stage
@@ -28,21 +27,17 @@ class OnDemandSettings(ReplanningSettings, frozen=True, kw_only=True):
     """Distance from its way at which a vehicle plans from where it is."""
 
 
-class OnDemandScheme(ReplanningScheme):
+class OnDemandScheme(ReplanningScheme[OnDemandSettings]):
     """Plans with constraints on demand; the cascade tracks the way."""
 
     Settings = OnDemandSettings
-
-    def __init__(self, model: Model, period_s: float, settings: OnDemandSettings) -> None:
-        super().__init__(model, period_s, settings)
-        self._deviation_m = settings.deviation_m
 
     def _plan_round(self, situation: Situation) -> Announced:
         now_s, motion = situation.time_s, situation.estimate.motion
         times_s = now_s + self._stage_times_s
         others, own = self._others(situation, times_s), self._own(times_s)
         position, velocity = self._state()
-        if np.linalg.norm(motion[:3] - position) > self._deviation_m:
+        if np.linalg.norm(motion[:3] - position) > self._settings.deviation_m:
             position = motion[:3].copy()
             velocity = inertial_velocity(motion)
         targets = self._targets(situation, others, now_s)

@@ -6,7 +6,7 @@ follows towards the announced ways of its leaders plus its offsets.
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, TypeVar
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -47,15 +47,17 @@ class Announced(Struct, frozen=True):
         return Way.unpacked(self.way, self.stage_s).at(times_s - self.begins_s)[0]
 
 
-class ReplanningScheme(TrackedScheme):
+R = TypeVar("R", bound=ReplanningSettings)
+
+
+class ReplanningScheme(TrackedScheme[R]):
     """A scheme that plans and announces ways in rounds of the fleet's clock."""
 
     Message = Announced
     end: ClassVar[Literal["cost_to_go", "rest"]] = "cost_to_go"
 
-    def __init__(self, model: Model, period_s: float, settings: ReplanningSettings) -> None:
+    def __init__(self, model: Model, period_s: float, settings: R) -> None:
         super().__init__(model, period_s, settings)
-        self._settings = settings
         self._axes = np.array((settings.horizontal_m, settings.horizontal_m, settings.vertical_m))
         self._stage_times_s: Array = settings.stage_s * np.arange(settings.stages + 1.0)
         self._planner = WayPlanner(

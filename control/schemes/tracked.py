@@ -5,7 +5,7 @@ A way is what a point mass flies with accelerations that are constant in each of
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Annotated, Final, NamedTuple
+from typing import Annotated, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -88,12 +88,16 @@ class TrackedSettings(Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """Number of stages of the tracking controller."""
 
 
-class TrackedScheme(ABC):
+S = TypeVar("S", bound=TrackedSettings)
+
+
+class TrackedScheme(ABC, Generic[S]):
     """A scheme around a way: `exchange` chooses it, `step` tracks it."""
 
     exchanges = 1
 
-    def __init__(self, model: Model, period_s: float, settings: TrackedSettings) -> None:
+    def __init__(self, model: Model, period_s: float, settings: S) -> None:
+        self.horizon, self.period_s, self._settings = settings.horizon, period_s, settings
         self._tracker = CascadeController(model, period_s, CascadeSettings(horizon=settings.horizon))
         share = ACCELERATION_SHARE / model.uncertainty.gain_factor
         self._reach: Array = share * model.reach[[0, 0, 1]]
@@ -103,16 +107,6 @@ class TrackedScheme(ABC):
         self._way: Way | None = None
         self._began_s = self._time_s = 0.0  # when the way began, and the time of the last exchange
         self._ages_s: Array = period_s * np.arange(float(settings.horizon))
-
-    @property
-    def horizon(self) -> int:
-        """Number of stages of references and plans."""
-        return self._tracker.horizon
-
-    @property
-    def period_s(self) -> float:
-        """Control period."""
-        return self._tracker.period_s
 
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         """Start from a flying vehicle."""
