@@ -10,7 +10,6 @@ module is imported only when it is needed, so that agents start quickly.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, Generic, Protocol, TypeVar
 
@@ -55,16 +54,15 @@ def all_finite(value: object) -> bool:
 
 PERIOD_RANGE_S: Final = (0.002, 0.2)
 
-Part = TypeVar("Part")
-Built = TypeVar("Built", covariant=True)
+Part = TypeVar("Part", covariant=True)
 
 
-class PartClass(Protocol[Built]):
+class PartClass(Protocol[Part]):
     """A class that a name stands for."""
 
     Settings: type[msgspec.Struct]
 
-    def __call__(self, model: Model, period_s: float, settings: Any) -> Built:
+    def __call__(self, model: Model, period_s: float, settings: Any) -> Part:
         """Build the part for one vehicle."""
 
 
@@ -92,19 +90,16 @@ class Registry(Generic[Part]):
         Raises `SettingsError` for an unknown name (the message lists what is allowed), or a failed import.
         """
         path = self.built_in.get(name)
-        if path is not None:
-            module, attribute = path.split(":")
-            built_in: PartClass[Part] = getattr(import_module(module), attribute)
-            return built_in
-        for point in self._installed():
+        points = self._installed() if path is None else [EntryPoint(name, path, self.entry_point_group)]
+        for point in points:
             if point.name == name:
                 try:
-                    added: PartClass[Part] = point.load()
+                    found: PartClass[Part] = point.load()
                 except (ImportError, AttributeError) as error:
                     raise SettingsError(
                         f"{self.kind} {name!r} ({point.value}) cannot be imported: {error}"
                     ) from error
-                return added
+                return found
         raise SettingsError(f"no {self.kind} is called {name!r}; allowed are {', '.join(self.available())}")
 
     def build(self, name: str, model: Model, period_s: float, settings: Mapping[str, object]) -> Part:
@@ -165,6 +160,6 @@ def is_built_in(controller: Controller) -> bool:
     }
 
 
-def flying(name: str) -> Registry[Any]:
+def flying(name: str) -> Registry[Controller]:
     """Return the registry of a controller or scheme; that of controllers for an unknown name."""
     return SCHEMES if name in SCHEMES.available() else CONTROLLERS

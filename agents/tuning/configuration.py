@@ -9,7 +9,7 @@ import msgspec
 from rcopterx.bus.intent import FlownBy
 from rcopterx.bus.message import Parameters, Setting
 from rcopterx.control.interfaces import Controller, Estimator
-from rcopterx.control.plugins import ESTIMATORS, Registry, flying
+from rcopterx.control.plugins import ESTIMATORS, flying
 from rcopterx.vehicles.model import Model, with_parameters
 
 DEFAULT_CONTROLLER: Final = "cascade"
@@ -98,8 +98,9 @@ class Configuration:
 
     def controller_for(self, model: Model, period_s: float) -> Controller:
         """Build the controller, perhaps a scheme; `ValueError` for an unknown one or a wrong setting."""
-        registry: Registry[Controller] = flying(self.controller)
-        return registry.build(self.controller, self.flown_model(model), period_s, self.controller_settings)
+        return flying(self.controller).build(
+            self.controller, self.flown_model(model), period_s, self.controller_settings
+        )
 
     def estimator_for(self, model: Model, period_s: float) -> Estimator:
         """Build the estimator; `ValueError` for an unknown one or a setting it does not accept."""
