@@ -43,7 +43,8 @@ RECORDS: Final = (
     "control.interfaces",
     "control.solver.problem",
     "control.models.lags",
-    "control.controllers.cascade.limits",
+    "control.controllers.cascade.task",
+    "control.controllers.settings",
 )
 """Further modules on which machine code depends: types of arguments, and constants."""
 VARIABLE: Final = "RCOPTERX_KERNELS"  # environment variable with the cache's directory, if not the user's

@@ -31,10 +31,10 @@ class BaseController(ABC):
         self._period_s = period_s
         self._horizon = horizon
         self._limits = limits
-        span = limits.state_max - limits.state_min
-        reach = np.concatenate((span[:3], [np.inf], 10 * span[3:6], [10 * span[6]], np.full(4, 100.0)))
-        self._reference_min = np.concatenate((limits.state_min[:3], np.zeros(9))) - reach
-        self._reference_max = np.concatenate((limits.state_max[:3], np.zeros(9))) + reach
+        position, velocity = np.diff(limits.position, axis=0)[0], np.diff(limits.velocity, axis=0)[0]
+        reach = np.concatenate((position, 10 * velocity, np.full(4, 100.0)))
+        low, high = np.hstack((limits.position, np.zeros((2, 8))))
+        self._reference_min, self._reference_max = low - reach, high + reach
         self._last_plan: Trajectory | None = None
 
     @property

@@ -5,8 +5,7 @@ through `rcopterx.control.plugins`, which names the field and what is allowed wh
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -15,12 +14,11 @@ from rcopterx.control.plugins import SettingsError
 from rcopterx.control.solver.problem import Solver
 from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.vehicles.model import Model, Seven
-from rcopterx.vehicles.state import INPUT_SIZE, Array
+from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Four
 
 PositiveFloat = Annotated[float, msgspec.Meta(gt=0.0)]
 Horizon = Annotated[int, msgspec.Meta(ge=2, le=200)]
-TimeLimit = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 
 FourWeights = tuple[PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat]
 
@@ -31,16 +29,13 @@ INPUT_NAMES = ("pitch", "roll", "thrust", "yaw")
 BOUNDED_STATE_NAMES = ("x", "y", "z", "xd_B", "yd_B", "zd_B", "psid")
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Bounds a controller plans with."""
+class Limits(NamedTuple):
+    """Bounds to plan with; those of motions are lower and upper ones of x, y, z, yaw, shape (2, 4)."""
 
-    # hard limits of the inputs, shape (4,)
-    input_min: Array
+    position: Array  # inertial frame; infinite for the heading
+    velocity: Array  # body frame
+    input_min: Array  # hard limits of the sticks, shape (4,)
     input_max: Array
-    # bounds of x, y, z, xd_B, yd_B, zd_B, psid, shape (7,)
-    state_min: Array
-    state_max: Array
 
 
 class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -62,25 +57,21 @@ class ControllerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 
         Raises `SettingsError`: an interval is empty, leaves the vehicle's input range, or excludes hovering.
         """
-        limits = Limits(
-            np.array(self.input_min or model.input_min, dtype=float),
-            np.array(self.input_max or model.input_max, dtype=float),
-            np.array(self.state_min or model.state_min, dtype=float),
-            np.array(self.state_max or model.state_max, dtype=float),
-        )
-        _check_intervals("input", INPUT_NAMES, limits.input_min, limits.input_max)
-        _check_intervals("state", BOUNDED_STATE_NAMES, limits.state_min, limits.state_max)
-        for i in range(INPUT_SIZE):
-            low, high = limits.input_min[i], limits.input_max[i]
-            field = f"input_min/input_max of {INPUT_NAMES[i]}: [{low:g}, {high:g}]"
-            if low < model.input_min[i] or high > model.input_max[i]:
-                own = f"[{model.input_min[i]:g}, {model.input_max[i]:g}]"
-                raise SettingsError(f"{field} leaves the vehicle's range {own}")
-            if not low < model.hover_input[i] < high:
-                raise SettingsError(
-                    f"{field} must contain {model.hover_input[i]:.3f}, which keeps it at rest"
-                )
-        return limits
+        inputs = self.input_min or model.input_min, self.input_max or model.input_max
+        states = self.state_min or model.state_min, self.state_max or model.state_max
+        _check_intervals("input", INPUT_NAMES, *inputs)
+        _check_intervals("state", BOUNDED_STATE_NAMES, *states)
+        for name, low, high, least, most, hover in zip(
+            INPUT_NAMES, *inputs, model.input_min, model.input_max, model.hover_input, strict=True
+        ):
+            field = f"input_min/input_max of {name}: [{low:g}, {high:g}]"
+            if low < least or high > most:
+                raise SettingsError(f"{field} leaves the vehicle's range [{least:g}, {most:g}]")
+            if not low < hover < high:
+                raise SettingsError(f"{field} must contain {hover:.3f}, which keeps it at rest")
+        bounds = np.array(states, dtype=float)
+        positions = np.column_stack((bounds[:, :3], (-np.inf, np.inf)))
+        return Limits(positions, bounds[:, 3:], *np.array(inputs, dtype=float))
 
 
 class MpcSettings(ControllerSettings, frozen=True, kw_only=True):
@@ -90,7 +81,7 @@ class MpcSettings(ControllerSettings, frozen=True, kw_only=True):
     """Solver of the optimal control problems."""
     max_iterations: Annotated[int, msgspec.Meta(ge=1, le=200)] = 40
     """Interior-point iterations of `riccati` in each problem before its best plan is used."""
-    time_limit_s: TimeLimit = 0.012
+    time_limit_s: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 0.012
     """Longest time of `osqp` for each problem; `riccati` ends with the time of the control step."""
 
     def new_solver(self) -> Solver:
@@ -102,7 +93,7 @@ class MpcSettings(ControllerSettings, frozen=True, kw_only=True):
         return OsqpSolver(time_limit_s=self.time_limit_s)
 
 
-def _check_intervals(kind: str, names: Iterable[str], lower: Array, upper: Array) -> None:
+def _check_intervals(kind: str, names: Iterable[str], lower: Iterable[float], upper: Iterable[float]) -> None:
     for name, low, high in zip(names, lower, upper, strict=True):
         if not low < high:
             raise SettingsError(f"{kind}_min of {name} must be below {kind}_max, got {low:g} and {high:g}")

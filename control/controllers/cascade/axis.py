@@ -4,7 +4,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from rcopterx.compiling.compiled import ANY_MATRIX, COUNT, MATRIX, compiled, part
-from rcopterx.control.controllers.cascade.limits import TASK, Task
+from rcopterx.control.controllers.cascade.task import TASK, Task
 from rcopterx.control.controllers.cascade.weights import CascadeWeights
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
 from rcopterx.control.solver.problem import HARD, PROBLEM, OptimalControlProblem, repeated
@@ -79,7 +79,7 @@ def state_following(
         axis, speed, stick = first + i, m + i, 2 * m + i
         gain, pole, load = dynamics.gain[i], dynamics.pole[i], task.load[axis]
         slowest, fastest = limits.velocity[0, axis], limits.velocity[1, axis]
-        lowest, highest = limits.input[0, axis], limits.input[1, axis]
+        lowest, highest = limits.input_min[axis], limits.input_max[axis]
         below, above = beyond(motion[4 + axis], slowest, fastest)
         for k in range(N):
             followed = (change[k + 1, i] - pole * change[k, i]) / (T * gain * (1.0 - pole)) - load / gain

@@ -16,7 +16,7 @@ from rcopterx.control.controllers.base import EARLY_STOP, MpcController
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.control.controllers.cascade.lateral import LateralLags, LateralTilt, with_tilt
-from rcopterx.control.controllers.cascade.limits import PlanLimits, Task, recovery
+from rcopterx.control.controllers.cascade.task import Task, recovery
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights, default_weights
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle
@@ -112,7 +112,6 @@ class CascadeController(MpcController):
         self._observer = DisturbanceObserver(model, period_s)
         self._filtered_disturbance: Array = np.zeros(INPUT_SIZE)
         self._obstacles: tuple[Obstacle, ...] = ()
-        self._plan_limits = PlanLimits.of(self._limits)
 
     def _weights(self) -> CascadeWeights:
         settings, model = self._settings, self._model
@@ -161,7 +160,7 @@ class CascadeController(MpcController):
         if model.tilt is not None:
             estimate = with_tilt(model, estimate, load, self._settings.disturbance_compensation)
         load[U_THRUST] -= model.gravity_m_s2
-        return Task(estimate, load, reference, self._plan_limits, self._recovery)
+        return Task(estimate, load, reference, self._limits, self._recovery)
 
     def _clearances(self, task: Task) -> Clearances:
         own = self._last_plan

@@ -21,7 +21,7 @@ from scipy.linalg import solve_discrete_are
 from rcopterx.compiling.compiled import ANY_MATRIX, FLAG, MATRIX, NUMBER, VECTOR, compiled, part, record
 from rcopterx.control.controllers.cascade.axis import AxisProblem, beyond, state_following
 from rcopterx.control.controllers.cascade.clearance import ClearRows
-from rcopterx.control.controllers.cascade.limits import TASK, Task
+from rcopterx.control.controllers.cascade.task import TASK, Task
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights
 from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.control.models.lags import LAG_DYNAMICS, LagDynamics
@@ -211,8 +211,8 @@ def state_tilting(
             p.low[k, axis], p.high[k, axis] = limits.position[0, axis], limits.position[1, axis]
             p.low[k, rate] = slowest + task.recovery[k] * below
             p.high[k, rate] = fastest + task.recovery[k] * above
-            p.low[k, stick] = limits.input[0, axis] + tilt.trim[axis]
-            p.high[k, stick] = limits.input[1, axis] + tilt.trim[axis]
+            p.low[k, stick] = limits.input_min[axis] + tilt.trim[axis]
+            p.high[k, stick] = limits.input_max[axis] + tilt.trim[axis]
             if feed_forward:
                 at = min(k + steering.lead, float(N))
                 before = min(int(at), N - 1)

@@ -1,10 +1,10 @@
-"""Limits that the cascade plans with, and what the problems of one control step depend on."""
+"""What the problems of one control step of the cascade depend on."""
 
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.compiling.compiled import ANY_MATRIX, VECTOR, record
+from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, VECTOR, record
 from rcopterx.control.controllers.settings import Limits
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.finite import ESTIMATE
@@ -18,21 +18,6 @@ next stage would take a stick from stop to stop.
 """
 
 
-class PlanLimits(NamedTuple):
-    """Limits of the axes x, y, z, yaw; every array has shape (2, 4): lower, upper."""
-
-    position: Array  # inertial frame; infinite for the heading
-    velocity: Array  # body frame
-    input: Array  # sticks
-
-    @classmethod
-    def of(cls, limits: Limits) -> "PlanLimits":
-        """Return the limits of a vehicle by axes."""
-        states = np.array((limits.state_min, limits.state_max))
-        positions = np.column_stack((states[:, :3], (-np.inf, np.inf)))
-        return cls(positions, states[:, 3:], np.array((limits.input_min, limits.input_max)))
-
-
 def recovery(period_s: float, stages: int) -> Array:
     """Return the share of an excess over velocity limits that is left at every stage, shape (N,)."""
     return np.exp(-period_s / RECOVERY_S * np.arange(float(stages)))
@@ -44,8 +29,9 @@ class Task(NamedTuple):
     estimate: Estimate
     load: Array  # accelerations that sticks balance: `Estimate.disturbance`, and gravity; shape (4,)
     reference: Array  # samples, shape (N + 1, 12)
-    limits: PlanLimits
+    limits: Limits
     recovery: Array  # share of an excess over velocity limits that is left at every stage, shape (N,)
 
 
-TASK: Final[Any] = record(Task, ESTIMATE, VECTOR, ANY_MATRIX, record(PlanLimits, *3 * [ANY_MATRIX]), VECTOR)
+LIMITS: Final[Any] = record(Limits, *2 * [ANY_MATRIX], *2 * [ANY_VECTOR])
+TASK: Final[Any] = record(Task, ESTIMATE, VECTOR, ANY_MATRIX, LIMITS, VECTOR)

@@ -79,7 +79,8 @@ class PaperController(MpcController):
         s[bounded], s[sticks] = SOFT_WEIGHT, HARD
         A, B = self._paper_model.dynamics(0.0), self._paper_model.input_matrix()
         p = repeated(settings.horizon - 1, A, B, C, D, np.concatenate((Q, R)), s, np.diag(Q))
-        p.low[:, bounded], p.high[:, bounded] = self._limits.state_min, self._limits.state_max
+        motions = np.hstack((self._limits.position, self._limits.velocity))
+        p.low[:, :MOTION_SIZE], p.high[:, :MOTION_SIZE] = motions
         p.low[:, sticks], p.high[:, sticks] = self._limits.input_min, self._limits.input_max
         p.s[0, :STATE_SIZE] = 0.0
         p.r[:, sticks] = model.hover_input

@@ -11,7 +11,7 @@ from rcopterx.benchmarks.flight import at_rest
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.controller import CascadeSettings
 from rcopterx.control.controllers.cascade.lateral import LateralTilt, with_tilt
-from rcopterx.control.controllers.cascade.limits import PlanLimits, Task, recovery
+from rcopterx.control.controllers.cascade.task import Task, recovery
 from rcopterx.control.controllers.cascade.weights import (
     CascadeWeights,
     default_weights,
@@ -122,7 +122,7 @@ def weights_of(states: tuple[float, ...], efforts: tuple[float, ...]) -> Cascade
 
 def resting(model: Model) -> Task:
     """Task of a vehicle that rests at the origin."""
-    limits = PlanLimits.of(CascadeSettings().limits(model))
+    limits = CascadeSettings().limits(model)
     return Task(at_rest(model), np.zeros(4), np.zeros((21, 12)), limits, recovery(PERIOD_S, 20))
 
 
