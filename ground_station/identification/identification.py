@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import Applied, Pose
+from rcopterx.bus.messages import AgentStatus, Applied, Pose
 from rcopterx.bus.requests import Excite
 from rcopterx.control.identification.excitation import COMBS, DONE, UNDER_WAY, excitation_for
 from rcopterx.control.identification.recording import FlightLog, FlightRecording, RecordingError
@@ -41,11 +41,9 @@ class Wanted(NamedTuple):
 def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float) -> Iterator[None]:
     """Let vehicles hover apart, without leaders, then return to formation; `IdentificationError`."""
     states = {name: fleet.state_of(name) for name in names}
-    statuses = {name: state.agent for name, state in states.items()}
-    standing = [name for name, status in statuses.items() if status is None or status.phase != "flying"]
-    if standing:
+    flying = {name: state.agent for name, state in states.items() if state.agent and state.phase == "flying"}
+    if standing := [name for name in names if name not in flying]:
         raise IdentificationError(f"{', '.join(standing)}: must hover (rcopterx takeoff)")
-    flying = {name: status for name, status in statuses.items() if status is not None}
     places = {name: status.position_m or status.set_point.position_m for name, status in flying.items()}
     volume, surveillance = fleet.file.volume, limits_of(fleet.file, names[0]).surveillance
     apart = spread(places, reach_m, surveillance.minimum_distance_m or 0.0, (volume.min_m, volume.max_m))
@@ -110,33 +108,27 @@ def excited_flights(
 
 def _wait(fleet: Observer, names: Sequence[str], duration_s: float, progress: Progress) -> dict[str, str]:
     """Wait until the excitations are over; return their outcomes."""
-
-    def outcomes() -> dict[str, str]:
-        statuses = {name: fleet.state_of(name).agent for name in names}
-        return {name: "" if status is None else status.excitation for name, status in statuses.items()}
-
-    def left_s() -> float:
-        statuses = [fleet.state_of(name).agent for name in names]
-        return max(0.0 if status is None else status.excitation_left_s for status in statuses)
-
     begun: set[str] = set()
+    reported_s = duration_s
+
+    def statuses() -> dict[str, AgentStatus]:
+        return {name: status for name in names if (status := fleet.state_of(name).agent) is not None}
 
     def all_begun() -> bool:
-        begun.update(name for name, outcome in outcomes().items() if outcome == UNDER_WAY)
+        begun.update(name for name, status in statuses().items() if status.excitation == UNDER_WAY)
         return len(begun) == len(names)
-
-    fleet.wait_until(all_begun, BEGIN_LIMIT_S, "the excitation does not begin", names)
-    reported_s = duration_s
 
     def over() -> bool:
         nonlocal reported_s
-        if left_s() <= reported_s - PROGRESS_S:
-            reported_s = left_s()
-            progress(reported_s)
-        return UNDER_WAY not in outcomes().values()
+        left_s = max(status.excitation_left_s for status in statuses().values())
+        if left_s <= reported_s - PROGRESS_S:
+            reported_s = left_s
+            progress(left_s)
+        return all(status.excitation != UNDER_WAY for status in statuses().values())
 
+    fleet.wait_until(all_begun, BEGIN_LIMIT_S, "the excitation does not begin", names)
     fleet.wait_until(over, duration_s + OVERDUE_S, "the excitation does not end", names)
-    return outcomes()
+    return {name: status.excitation for name, status in statuses().items()}
 
 
 def recording_of(recording: Recording, name: str, kind: str, period_s: float) -> FlightRecording:

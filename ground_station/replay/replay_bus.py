@@ -15,21 +15,6 @@ from rcopterx.ground_station.replay.recorded_agent import AgentLife, AgentStep
 M = TypeVar("M", bound=Message)
 
 
-class _Subscription:
-    """Inboxes of one channel by unit, of all units or of one."""
-
-    def __init__(self, channel: Channel[Any], only: Inbox[Any] | None = None) -> None:
-        self._channel = channel
-        self._only = only
-        self.inboxes: dict[str, Inbox[Any]] = {} if only is None else {only.unit: only}
-
-    def store(self, unit: str, payload: bytes, arrived_s: float) -> None:
-        if self._only is None:
-            self.inboxes.setdefault(unit, Inbox(self._channel, 1, unit))
-        if unit in self.inboxes:
-            self.inboxes[unit].store(payload, arrived_s)
-
-
 class ReplayBus:
     """Implements `StepBus` from the life of a recorded agent; `published` gets every message it sends."""
 
@@ -40,7 +25,7 @@ class ReplayBus:
         self._now_s = life.began_s
         self._granted = life.granted
         self._replies = list(life.replies)
-        self._subscriptions: list[_Subscription] = []
+        self._subscriptions: list[Callable[[str], Inbox[Any] | None]] = []  # inbox of a unit, if subscribed
         self.requests: list[Incoming] = []
         self.events: set[str] = set()
         self._step: AgentStep | None = None
@@ -67,15 +52,16 @@ class ReplayBus:
             elif not rest:
                 self.events.add(head)
             elif head == REQUEST:
-                self._add_request(rest, item.payload, item.arrived_s)
+                request = decode(item.payload, VERBS[rest].request)
+                self.requests.append(
+                    Incoming("", rest, request, item.payload, item.arrived_s, lambda _: None)
+                )
             elif item.subscription <= len(self._subscriptions):
-                self._subscriptions[item.subscription - 1].store(head, item.payload, item.arrived_s)
+                inbox = self._subscriptions[item.subscription - 1](head)
+                if inbox is not None:
+                    inbox.store(item.payload, item.arrived_s)
         self._step = None
         return self._now_s
-
-    def _add_request(self, verb: str, payload: bytes, arrived_s: float) -> None:
-        request = decode(payload, VERBS[verb].request)
-        self.requests.append(Incoming("", verb, request, payload, arrived_s, lambda _: None))
 
     def end_step(
         self, _vehicle: str, estimate: Sequence[float] | None, _overtime: Sequence[tuple[int, int]] = ()
@@ -95,14 +81,15 @@ class ReplayBus:
         inbox = Inbox(channel, depth, unit)
         if channel is LEASE and self._granted is not None:
             inbox.store(self._granted, self._now_s)
-        self._subscriptions.append(_Subscription(channel, inbox))
+        self._subscriptions.append({unit: inbox}.get)
         return inbox
 
     def subscribe_all(self, channel: Channel[M], *, waking: Waking = True) -> Mapping[str, Inbox[M]]:
         """See `StepBus.subscribe_all`."""
         del waking
-        self._subscriptions.append(_Subscription(channel))
-        return self._subscriptions[-1].inboxes
+        inboxes: dict[str, Inbox[M]] = {}
+        self._subscriptions.append(lambda unit: inboxes.setdefault(unit, Inbox(channel, 1, unit)))
+        return inboxes
 
     def publish(self, channel: Channel[M], unit: str, message: M) -> None:
         """See `StepBus.publish`."""

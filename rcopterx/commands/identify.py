@@ -1,6 +1,5 @@
 """Fitting the models of vehicles to their own flight: `identify`."""
 
-import json
 from collections.abc import Callable
 from contextlib import ExitStack, nullcontext
 from dataclasses import asdict
@@ -16,7 +15,7 @@ from rcopterx.commands.fleet_option import (
     running_fleet,
     wanted_fleet,
 )
-from rcopterx.commands.output import JsonOption, PlotOption, print_changes, write_plot
+from rcopterx.commands.output import JsonOption, PlotOption, print_changes, print_document, write_plot
 from rcopterx.commands.parsing import check_known
 
 if TYPE_CHECKING:
@@ -174,14 +173,13 @@ def _use(
 
 
 def _print(fits: "dict[str, Fit]", failures: dict[str, str], together: bool, as_json: bool) -> None:
-    documents = [document_of(name, found) for name, (_, _, found) in fits.items()]
     if not as_json:
         for name, (_, _, found) in fits.items():
             typer.echo((f"{name}:\n" if together or len(fits) > 1 else "") + _text(found))
-    elif len(fits) == 1 and not (together or failures):
-        typer.echo(json.dumps(documents[0], indent=2))
-    else:
-        typer.echo(json.dumps({"vehicles": documents, "failed": failures}, indent=2))
+        return
+    documents = [document_of(name, found) for name, (_, _, found) in fits.items()]
+    alone = len(fits) == 1 and not (together or failures)
+    print_document(documents[0] if alone else {"vehicles": documents, "failed": failures}, as_json)
 
 
 def _own_file(fleet: str | None) -> Path:
