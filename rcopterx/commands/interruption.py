@@ -1,10 +1,14 @@
 """Ctrl-C as the normal end of a command, or of a flight."""
 
+import math
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+
+POLL_S = 0.02  # longest time until a wait ends after a signal
 
 
 @dataclass
@@ -42,6 +46,13 @@ class Interrupts(threading.Event):
         """Signal handler."""
         self.count += 1
         self.set()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait without the lock of `Event`, for which a signal during a wait would wait for ever."""
+        end_s = math.inf if timeout is None else time.monotonic() + timeout
+        while not self.is_set() and (left_s := end_s - time.monotonic()) > 0.0:
+            time.sleep(min(left_s, POLL_S))
+        return self.is_set()
 
 
 def counted_interrupts() -> Interrupts:
