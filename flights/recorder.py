@@ -1,7 +1,7 @@
 """The recorder process: writes all messages on the bus to disk within a tenth of a second."""
 
 import signal
-import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -134,9 +134,10 @@ class RecorderSettings:
 
 def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) -> None:
     """Record until SIGTERM or SIGINT; the disk's failures interrupt it, with lines for `announce`."""
-    stop = threading.Event()
+    # The lock of an event may be taken by the thread that a signal interrupts.
+    signals: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+        signal.signal(number, lambda caught, _: signals.append(caught))
     request_realtime(settings.realtime_priority)
     waiting = Waiting()
     with Session(settings.bus) as session:
@@ -150,7 +151,8 @@ def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) ->
         recorder = Recorder(waiting, writer, settings.wall_ns)
         report_at_s, stopped = 0.0, False
         heartbeat = own_heartbeat()
-        while not stop.wait(FLUSH_S):
+        while not signals:
+            time.sleep(FLUSH_S)
             heartbeat.beat()
             recorder.flush()
             if bool(writer.problem) != stopped:
