@@ -11,7 +11,6 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
 from rcopterx.agents.load.overload import Relief
@@ -65,7 +64,7 @@ class CapacityMeasurement:
     ) -> None:
         self._snapshot, self._vehicle, self._period_s = snapshot, vehicle, period_s
         self._forks, self._roles, self._clock = forks, roles, clock
-        self._place: TemporaryDirectory[str] | None = None
+        self._output = snapshot.with_suffix(".capacity")
         self._process: ForkedProcess | None = None
         self._began_s = 0.0
         self._before: dict[int, Threads] = {}
@@ -104,16 +103,10 @@ class CapacityMeasurement:
         return result
 
     def _begin(self) -> None:
-        self._place = TemporaryDirectory(prefix="rcopterx-")
         command = [sys.executable, "-m", MODULE, str(self._snapshot), self._vehicle]
         self._process = self._forks.start(command, self._output)
         self._began_s = self._clock()
         self._before = {process: threads_of(process) for process in self._roles()}
-
-    @property
-    def _output(self) -> Path:
-        assert self._place is not None
-        return Path(self._place.name) / "output"
 
     def _result(self, process: ForkedProcess) -> tuple[int, ...] | None:
         """Return the numbers of vehicles; None while the measurement is under way."""
@@ -155,9 +148,7 @@ class CapacityMeasurement:
                 self._process.kill()
                 self._process.wait()
             self._process = None
-        if self._place is not None:
-            self._place.cleanup()
-            self._place = None
+        self._output.unlink(missing_ok=True)
 
 
 def _ran_s(before: Threads, now: Threads) -> float:
