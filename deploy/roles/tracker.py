@@ -6,7 +6,7 @@ from typing import Final
 
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig
 from rcopterx.vicon_gateway.brands import BrandSettings, LibraryMissingError, check_library
 from rcopterx.vicon_gateway.process import TrackerSettings, run_tracker_gateway
 from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
@@ -17,7 +17,6 @@ SIMULATED: Final = ("vicon", "vicon_sdk")  # brands whose protocol the simulator
 LIBRARY_NAMES: Final = {"vicon_sdk": "vicon"}  # names in the library `motioncapture` unlike ours
 USUAL_PORTS: Final = {"optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
 """For error messages: the fleet file has to name the port."""
-VICON_ADDRESS: Final = "127.0.0.1:801"
 
 
 def run(fleet: FleetFile, _host: str, record_raw: Path | None = None) -> None:
@@ -77,7 +76,7 @@ def brand_of(fleet: FleetFile) -> BrandSettings | None:
         raise FleetError(f"tracker.record_raw: only the stream of brand {OWN_CLIENT!r} can be recorded")
     if tracker.rate_hz is None:
         raise FleetError(f"tracker.rate_hz: is missing, brand {brand!r} does not report its capture rate")
-    if brand in USUAL_PORTS and tracker.address == VICON_ADDRESS:
+    if brand in USUAL_PORTS and tracker.address == TrackerConfig().address:
         usual = f"HOST:{USUAL_PORTS[brand]}"
         raise FleetError(f"tracker.address: is missing, for brand {brand!r} it is {usual} as a rule")
     library_name = LIBRARY_NAMES.get(brand, brand)
