@@ -33,11 +33,6 @@ class _Prepared(NamedTuple):
 _prepared: _Prepared | None = None  # in the fork server and the processes that it starts
 
 
-def run(fleet: FleetFile, vehicle: str, host: str | None = None, *, take_over: bool = False) -> None:
-    """Fly a vehicle."""
-    fly(*ready_pilot(fleet, vehicle, host), take_over=take_over)
-
-
 def fly(settings: AgentSettings, pilot: Pilot, *, take_over: bool = False) -> None:
     """Fly a vehicle; exit with `EXIT_ELSEWHERE` if another agent flies it."""
     if run_agent(replace(settings, take_over=take_over), pilot):

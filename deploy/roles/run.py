@@ -47,18 +47,18 @@ def run_role(
     or a device cannot be used.
     """
     check_unit(fleet, role, unit)
-    name_process(role, unit)
-    log_start(role, unit)
+    begin_role(role, unit)
     if role == "agent":
-        from rcopterx.deploy.roles import agent
+        from rcopterx.deploy.roles.agent import fly, ready_pilot
 
-        agent.run(fleet, unit, host, take_over=take_over)
+        fly(*ready_pilot(fleet, unit, host), take_over=take_over)
     else:
         runner(role)(fleet, unit)
 
 
-def log_start(role: str, unit: str) -> None:
-    """Log that a role starts in this process."""
+def begin_role(role: str, unit: str) -> None:
+    """Name this process, and log that a role starts in it."""
+    name_process(role, unit)
     _LOG.info("%s %s: started, process %d", role, unit, os.getpid())
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.deploy.processes.process_log import set_up
 from rcopterx.deploy.roles.agent import fly, ready_pilot
-from rcopterx.deploy.roles.run import end_with_parent, log_start, name_process, run_reporting, runner
+from rcopterx.deploy.roles.run import begin_role, end_with_parent, name_process, run_reporting, runner
 from rcopterx.fleet.reading import load_fleet
 
 
@@ -28,8 +28,7 @@ def wait_for_job(snapshot: Path, host: str, jobs: Sequence[tuple[str, str]]) -> 
     os.dup2(log, sys.stdout.fileno())
     os.dup2(log, sys.stderr.fileno())
     role, unit = order["role"], order["unit"]
-    name_process(role, unit)
-    log_start(role, unit)
+    begin_role(role, unit)
     if role == "agent":
         return lambda: fly(*pilots[unit], take_over=order["take_over"])
     return lambda: runners[role](fleet, unit)
