@@ -53,25 +53,22 @@ def part_path(directory: Path, flight: str, number: int) -> Path:
 
 def next_part(directory: Path, flight: str) -> int:
     """Return the number of the next part of a flight; a restarted recorder continues its flight."""
-    parts = [path for found in flights_in(directory) if found.name == flight for path in found.parts]
-    return 1 + max(map(part_number, parts), default=-1)
-
-
-def part_number(path: Path) -> int:
-    """Return the number of a part by its file name."""
-    found = _PART.match(path.name)
-    return 0 if found is None else int(found["number"])
+    return 1 + max(
+        (int(part["number"]) for part in _parts(directory) if part["flight"] == flight), default=-1
+    )
 
 
 def flights_in(directory: Path) -> list[Flight]:
     """Return the flights of a directory, the oldest first; other files are ignored."""
     parts: dict[str, list[Path]] = {}
-    for path in sorted(directory.glob(f"*{SUFFIX}"), key=lambda path: (part_number(path), path.name)):
-        found = _PART.match(path.name)
-        if found is not None:
-            parts.setdefault(found["flight"], []).append(path)
+    for part in sorted(_parts(directory), key=lambda part: (int(part["number"]), part[0])):
+        parts.setdefault(part["flight"], []).append(directory / part[0])
     by_start = sorted(parts.items(), key=lambda item: _started(item[0]))
     return [Flight(name, tuple(paths)) for name, paths in by_start]
+
+
+def _parts(directory: Path) -> list[re.Match[str]]:
+    return [part for path in directory.glob(f"*{SUFFIX}") if (part := _PART.match(path.name))]
 
 
 def _started(name: str) -> tuple[str, str]:

@@ -40,17 +40,11 @@ def make_certificates(
             authority = read_authority(directory)
     except ValueError as error:
         raise FleetError(f"{directory}: {AUTHORITY}: {error}; begin anew by --new-authority") from None
+    addresses = {host_name(name): {host.address, *LOCAL_NAMES} for name, host in fleet.hosts.items()}
     for name in certificate_names(fleet):
-        addresses = _addresses(fleet, name)
-        why = "renewed" if renew else due(authority, directory, name, addresses, now)
+        own = addresses.get(name, set())
+        why = "renewed" if renew else due(authority, directory, name, own, now)
         if why is not None:
-            issue(authority, directory, name, addresses, now, days)
+            issue(authority, directory, name, own, now, days)
             lines.append(f"{name}: issued ({why}), valid for {days:g} days")
     return lines or [f"{directory}: all certificates are there and valid"]
-
-
-def _addresses(fleet: FleetFile, name: str) -> list[str]:
-    for host, table in fleet.hosts.items():
-        if name == host_name(host):
-            return [*dict.fromkeys((table.address, *LOCAL_NAMES))]
-    return []
