@@ -34,34 +34,27 @@ def _check_vehicles(fleet: FleetFile) -> None:
         for name in names:
             if name in reserved:
                 raise FleetError(f"{group}.{name}: the name is reserved, as are {', '.join(reserved)}")
-    _check_unique("subject", {name: vehicle.subject for name, vehicle in fleet.vehicles.items()})
-    _check_unique(
-        "transmitter.port",
-        {name: os.path.normpath(vehicle.transmitter.port) for name, vehicle in fleet.vehicles.items()},
-    )
+    subjects = {name: vehicle.subject for name, vehicle in fleet.vehicles.items()}
+    _check_unique("vehicles", "subject", subjects)
+    ports = {name: os.path.normpath(vehicle.transmitter.port) for name, vehicle in fleet.vehicles.items()}
+    _check_unique("vehicles", "transmitter.port", ports)
     low, high = fleet.volume.min_m, fleet.volume.max_m
     for axis, (a, b) in enumerate(zip(low, high, strict=True)):
         if not a < b:
             raise FleetError(f"volume.max_m[{axis}]: {b} must be greater than min_m[{axis}] = {a}")
 
 
-def _check_unique(field_name: str, values: Mapping[str, str]) -> None:
+def _check_unique(group: str, field: str, values: Mapping[str, str]) -> None:
     seen: dict[str, str] = {}
     for name, value in values.items():
-        if value in seen:
-            raise FleetError(
-                f"vehicles.{name}.{field_name}: {value!r} is already that of vehicles.{seen[value]}"
-            )
-        seen[value] = name
+        if (other := seen.setdefault(value, name)) != name:
+            raise FleetError(f"{group}.{name}.{field}: {value!r} is already that of {group}.{other}")
 
 
 def _check_hosts(fleet: FleetFile) -> None:
-    addresses: dict[str, str] = {}
-    for name, host in fleet.hosts.items():
-        address = f"{host.address}:{fleet.router_port(name)}"
-        other = addresses.setdefault(address, name)
-        if other != name:
-            raise FleetError(f"hosts.{name}.router_port: {address} is already that of hosts.{other}")
+    addresses = {name: f"{host.address}:{fleet.router_port(name)}" for name, host in fleet.hosts.items()}
+    _check_unique("hosts", "router_port", addresses)
+    for name, address in addresses.items():
         if fleet.simulator is not None and address == fleet.tracker.address:
             raise FleetError(f"tracker.address: {address} is already that of the router of hosts.{name}")
     uses = {"tracker.host": fleet.tracker.host}

@@ -9,10 +9,9 @@ from typing import Any
 
 import msgspec
 import tomlkit
-from tomlkit.exceptions import TOMLKitError
 
 from rcopterx.fleet.radios import calibration_of
-from rcopterx.fleet.reading import load_fleet, parse_fleet, shipped_fleets
+from rcopterx.fleet.reading import load_fleet, parse_fleet, shipped_fleets, text_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.transmitter_gateway.calibration import Calibration
@@ -58,7 +57,7 @@ def _rewrite(
 ) -> list[str]:
     """Change `present` in a fleet file to `after`, return the changes; a missing table is created."""
     path = _own(path)
-    before, document = present(load_fleet(path)), _document(path)
+    before, document = present(load_fleet(path)), tomlkit.parse(text_of(path))
     table = _table(document, keys, inline)
     new = not table
     lines = _set_numbers(table, before, after, "", complete=inline)
@@ -120,13 +119,6 @@ def _own(path: Path) -> Path:
 def check_own(path: Path) -> None:
     """Check that a fleet file can be read and does not come with the package."""
     load_fleet(_own(path))
-
-
-def _document(path: Path) -> tomlkit.TOMLDocument:
-    try:
-        return tomlkit.parse(path.read_text(encoding="utf-8"))
-    except TOMLKitError as error:
-        raise FleetError(f"{path}: not TOML: {error}") from None
 
 
 def _table(document: tomlkit.TOMLDocument, keys: Sequence[str], inline: bool) -> Any:

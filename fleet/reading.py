@@ -5,7 +5,6 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -196,14 +195,13 @@ def dataclass_from(kind: type[T], table: Mapping[str, Any], where: str) -> T:
 
 
 def _refuse_unknown(kind: Any, table: Mapping[str, Any], where: str) -> None:
-    allowed = {item.name: item.type for item in fields(kind)}
-    types = {item.name: item.type for item in getattr(_type_info(kind), "fields", ())}
+    info: Any = _type_info(kind)
+    types = {field.name: _without_none(field.type) for field in info.fields}
     for name, value in table.items():
-        if name not in allowed:
-            raise FleetError(f"{where}.{name}: unknown field, allowed are {', '.join(allowed)}")
-        nested = getattr(_without_none(types[name]), "cls", None) if name in types else None
-        if isinstance(value, Mapping) and nested is not None and is_dataclass(nested):
-            _refuse_unknown(nested, value, f"{where}.{name}")
+        if name not in types:
+            raise FleetError(f"{where}.{name}: unknown field, allowed are {', '.join(types)}")
+        if isinstance(value, Mapping) and isinstance(types[name], inspect.DataclassType):
+            _refuse_unknown(types[name].cls, value, f"{where}.{name}")
 
 
 def replaced(original: T, table: Mapping[str, Any], where: str) -> T:

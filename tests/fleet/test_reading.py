@@ -136,7 +136,7 @@ def test_a_wrong_field_is_refused_by_its_path(text: str, words: str) -> None:
         (PAIR + "[vehicles.h1]\n", r"not TOML"),
         (
             PAIR + "[hosts.main]\n[hosts.second]\n",
-            r"hosts\.second\.router_port: 127\.0\.0\.1:7447 is already",
+            r"hosts\.second\.router_port: '127\.0\.0\.1:7447' is already",
         ),
         (PAIR + '[tracker]\naddress = "127.0.0.1:7447"', r"tracker\.address: 127\.0\.0\.1:7447 is already"),
     ],
