@@ -141,18 +141,16 @@ def _simulator_text(laboratory: NewLaboratory) -> str:
         row, column = divmod(number, columns)
         x, y = corner[0] + START_SPACING_M * column, corner[1] + START_SPACING_M * row
         places.append(f"{tomlkit.key(vehicle.name).as_string()} = [{x:.2f}, {y:.2f}, 0.0, 0.0]")
-    return "\n".join(
-        (
-            "# To fly hardware: remove the sections of the simulator, and give the address of the Tracker",
-            "# and the ports of the radios.",
-            "[simulator]",
-            'conditions = "helicopter"',
-            "",
-            "[simulator.start]    # x, y, z in metres, heading in radians",
-            *places,
-            "",
-        )
-    )
+    starts = "\n".join(places)
+    return f"""\
+# To fly hardware: remove the sections of the simulator, and give the address of the Tracker
+# and the ports of the radios.
+[simulator]
+conditions = "helicopter"
+
+[simulator.start]    # x, y, z in metres, heading in radians
+{starts}
+"""
 
 
 def name_of(text: str) -> str:

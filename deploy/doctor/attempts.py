@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from datetime import datetime
 from pathlib import Path
@@ -70,22 +70,23 @@ def _tried(
     listener: zenoh.Session,
 ) -> Iterator[Result]:
     forbidden = _beyond(published_keys(fleet, seats), published_keys(fleet, own))
-    passed = _published(forbidden, rogue, listener)
-    if passed is None:
-        yield Result(False, f"{name}: whether it may publish what is not its own {NOT_KNOWN}")
-    else:
-        yield from (Result(False, f"{name}: may publish {key}, which is not its own") for key in passed)
-        if not passed:
-            yield Result(True, f"{name}: {len(forbidden)} keys that are not its own refused")
+    yield from _results(name, "publish", _published(forbidden, rogue, listener))
     forbidden = _beyond(requested_keys(fleet, seats), requested_keys(fleet, own))
-    permitted = {key: _permitted(key, rogue) for key in forbidden}
-    for key, known in permitted.items():
-        if known is None:
-            yield Result(False, f"{name}: whether it may ask {key} {NOT_KNOWN}")
-        elif known:
-            yield Result(False, f"{name}: may ask {key}, which it must not")
-    if all(known is False for known in permitted.values()):
-        yield Result(True, f"{name}: {len(forbidden)} requests that it must not make refused")
+    yield from _results(name, "request", {key: _permitted(key, rogue) for key in forbidden})
+
+
+def _results(name: str, verb: str, permitted: Mapping[str, bool | None]) -> Iterator[Result]:
+    """Yield the findings about keys that belong to others; None stands for what is not known."""
+    yield from (
+        Result(False, f"{name}: may {verb} {key}, which is not its own")
+        for key, passed in permitted.items()
+        if passed
+    )
+    unknown = sum(passed is None for passed in permitted.values())
+    if unknown:
+        yield Result(False, f"{name}: whether it may {verb} {unknown} keys that are not its own {NOT_KNOWN}")
+    if not any(permitted.values()) and not unknown:
+        yield Result(True, f"{name}: it may not {verb} {len(permitted)} keys that are not its own")
 
 
 def _permitted(key: str, rogue: zenoh.Session) -> bool | None:
@@ -111,8 +112,8 @@ def _beyond(keys: Iterable[str], own: Iterable[str]) -> list[str]:
     return sorted(key for key in keys if not any(each.includes(zenoh.KeyExpr(key)) for each in covering))
 
 
-def _published(keys: Sequence[str], rogue: zenoh.Session, listener: zenoh.Session) -> list[str] | None:
-    """Return the keys that get through; None if routers take too long."""
+def _published(keys: Sequence[str], rogue: zenoh.Session, listener: zenoh.Session) -> dict[str, bool | None]:
+    """Return by key whether a message gets through; None if routers take too long."""
     received: set[str] = set()
     lock = threading.Lock()
 
@@ -128,10 +129,8 @@ def _published(keys: Sequence[str], rogue: zenoh.Session, listener: zenoh.Sessio
     # A router answers after it has forwarded earlier messages, so that the listener has received them then.
     passed_on = _round_trip(rogue) and _round_trip(listener)
     subscriber.undeclare()
-    if not passed_on:
-        return None
     with lock:
-        return sorted(received & set(keys))
+        return {key: key in received if passed_on else None for key in keys}
 
 
 def _round_trip(session: zenoh.Session) -> bool:

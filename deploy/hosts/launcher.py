@@ -286,12 +286,9 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def stop(self) -> None:
         """Stop every process; gateways bring down what still flies."""
-        if self._membership is not None:
-            self._membership.close()
-            self._membership = None
-        if self._recall is not None:
-            self._recall.close()
-            self._recall = None
+        for service in filter(None, (self._membership, self._recall)):
+            service.close()
+        self._membership = self._recall = None
         self._stopping.set()
         if self._clock.page is not None:
             opened_page(self._clock.page).want_none()
