@@ -10,6 +10,9 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Final, NamedTuple
 
+from rcopterx.bus.messages import Applied
+from rcopterx.bus.subscription import Received
+
 SILENT_S: Final = 0.35
 """Time without a command after which the first host in line starts an agent: longer than the launcher of the
 agent's host takes to replace one that hangs."""
@@ -19,14 +22,6 @@ AGAIN_S: Final = 5.0  # until an agent is started again for a vehicle that flies
 FLOOR_SILENT_S: Final = 2.0  # on the floor: without a command, and a status of the agent's launcher
 FLOOR_TURN_S: Final = 1.5  # how much later each further host in line starts it than the one before
 FLYING: Final = frozenset({"armed", "hold", "land", "descend"})
-
-
-class LastFrame(NamedTuple):
-    """Newest serial frame of a vehicle."""
-
-    state: str  # state of the arbiter
-    command: tuple[int, int]  # lease and sequence of the command behind it; 0 for the arbiter's own
-    arrived_s: float  # monotonic time of arrival [s]
 
 
 class Runner(NamedTuple):
@@ -69,7 +64,7 @@ class Guard:
 
     def __init__(self, host: str, turns: Mapping[str, int]) -> None:
         self._host, self._turns = host, turns
-        self._commands: dict[str, tuple[int, int]] = {}
+        self._commands: dict[str, tuple[int, int]] = {}  # lease and sequence of the newest one
         self._commanded_s: dict[str, float] = {}
 
     @property
@@ -77,15 +72,17 @@ class Guard:
         """The vehicles that it watches."""
         return self._turns.keys()
 
-    def find_orphans(self, now_s: float, frames: Mapping[str, LastFrame]) -> list[str]:
+    def find_orphans(self, now_s: float, frames: Mapping[str, Received[Applied]]) -> list[str]:
         """Return the vehicles in flight whose agent this host shall start now."""
         return [name for name in self._turns if name in frames and self._abandoned(name, frames[name], now_s)]
 
-    def _abandoned(self, vehicle: str, frame: LastFrame, now_s: float) -> bool:
-        known = now_s - frame.arrived_s <= FRESH_S and frame.state in FLYING
-        commanded = frame.command[1] > 0 and frame.command != self._commands.get(vehicle)
+    def _abandoned(self, vehicle: str, frame: Received[Applied], now_s: float) -> bool:
+        known = now_s - frame.arrived_s <= FRESH_S and frame.message.state in FLYING
+        command = (frame.message.lease, frame.message.sequence)
+        # Frames of the arbiter's own have no sequence.
+        commanded = frame.message.sequence > 0 and command != self._commands.get(vehicle)
         if commanded:
-            self._commands[vehicle] = frame.command
+            self._commands[vehicle] = command
         if commanded or not known or vehicle not in self._commanded_s:
             self._commanded_s[vehicle] = now_s
             return False

@@ -7,11 +7,12 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.message import Message
+from rcopterx.bus.messages import Applied
 from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import BusAddress
-from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.subscription import Inbox, Received
 from rcopterx.bus.turns import RECALL
-from rcopterx.deploy.hosts.guarding import FLYING, LastFrame, OnFloor, Runners
+from rcopterx.deploy.hosts.guarding import FLYING, OnFloor, Runners
 from rcopterx.deploy.hosts.serving import Service
 
 M = TypeVar("M", bound=Message)
@@ -65,16 +66,10 @@ class RecallService(Service):
         age_s = max(0.0, self._session.clock() - received.arrived_s)
         return RecallReply(accepted=True, intent=received.message, age_s=age_s, quick_deaths=deaths)
 
-    def frames(self) -> dict[str, LastFrame]:
+    def frames(self) -> dict[str, Received[Applied]]:
         """Return the newest serial frame of each guarded vehicle, as far as one has arrived."""
         newest = {vehicle: inbox.latest() for vehicle, inbox in self._applied.items()}
-        return {
-            vehicle: LastFrame(
-                frame.message.state, (frame.message.lease, frame.message.sequence), frame.arrived_s
-            )
-            for vehicle, frame in newest.items()
-            if frame is not None
-        }
+        return {vehicle: frame for vehicle, frame in newest.items() if frame is not None}
 
     def on_floor(self) -> dict[str, OnFloor]:
         """Return the guarded vehicles that a live gateway reports to be on the floor."""

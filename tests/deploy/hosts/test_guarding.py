@@ -2,6 +2,8 @@
 
 import pytest
 
+from rcopterx.bus.messages import Applied, ArbiterState
+from rcopterx.bus.subscription import Received
 from rcopterx.deploy.hosts.guarding import (
     AGAIN_S,
     FLOOR_SILENT_S,
@@ -10,13 +12,26 @@ from rcopterx.deploy.hosts.guarding import (
     SILENT_S,
     TURN_S,
     Guard,
-    LastFrame,
     OnFloor,
     Runner,
     Runners,
 )
 
 PERIOD_S = 0.02
+
+
+def frame(state: ArbiterState, lease: int, sequence: int, arrived_s: float) -> Received[Applied]:
+    applied = Applied(
+        state=state,
+        input=(0.0, 0.0, 0.5, 0.0),
+        pulse_width_us=(1500.0,),
+        epoch=1,
+        frame=1,
+        sequence=sequence,
+        fresh=True,
+        lease=lease,
+    )
+    return Received(applied, arrived_s)
 
 
 class Flight:
@@ -29,7 +44,7 @@ class Flight:
         self.started_s: list[float] = []
 
     def run(
-        self, seconds: float, state: str = "armed", *, commanded: bool = True, received: bool = True
+        self, seconds: float, state: ArbiterState = "armed", *, commanded: bool = True, received: bool = True
     ) -> None:
         arrived_s = self.now_s
         for _ in range(round(seconds / PERIOD_S)):
@@ -38,8 +53,8 @@ class Flight:
             arrived_s = self.now_s if received else arrived_s
             sequence = self.sequence if state == "armed" else 0
             frames = {
-                "h1": LastFrame(state, (3, sequence), arrived_s),
-                "h2": LastFrame("land", (1, 0), arrived_s),
+                "h1": frame(state, 3, sequence, arrived_s),
+                "h2": frame("land", 1, 0, arrived_s),
             }
             self.started_s += [self.now_s] * self.guard.find_orphans(self.now_s, frames).count("h1")
 
