@@ -31,33 +31,26 @@ def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
             f"volume.max_m[2]: {ceiling_m:g} m is too low for {name}: its type takes off to "
             f"{own.lowest_ceiling_m:g} m"
         )
-    table = merged(own.safety, fleet.safety.settings)
-    surveillance, landing = table.pop("surveillance", {}), table.pop("landing", {})
-    for field, part in (("surveillance", surveillance), ("landing", landing)):
-        if not isinstance(part, dict):
-            raise FleetError(f"safety.settings.{field}: {part!r}, must be a table")
     model = model_of(fleet, name)
     # A volume may begin above the floor, but every flight begins and ends on it.
     x, y, lowest_m = fleet.volume.min_m
     floor_m = min(lowest_m, 0.0)
     fence = Fence((x, y, floor_m), fleet.volume.max_m) if fleet.safety.geofence else None
-    law = landing_of(model)
-    if "longest_s" not in landing:
-        height_m = fleet.volume.max_m[2] - floor_m
-        descent_s = SLOWER * height_m / landing.get("descent_m_s", law.descent_m_s)
-        law = replace(law, longest_s=max(law.longest_s, law.braking_s + descent_s))
     base = ArbiterLimits(
         lower=model.input_min,
         upper=model.input_max,
         floor_m=floor_m,
-        landing=replaced(law, landing, "safety.settings.landing"),
-        surveillance=replaced(
-            SurveillanceLimits(fence=fence, trust_repeated_poses=False),
-            surveillance,
-            "safety.settings.surveillance",
-        ),
+        landing=landing_of(model),
+        surveillance=SurveillanceLimits(fence=fence, trust_repeated_poses=False),
     )
-    return replaced(base, table, "safety.settings")
+    table = merged(own.safety, fleet.safety.settings)
+    limits = replaced(base, table, "safety.settings")
+    if "longest_s" in table.get("landing", {}):
+        return limits
+    law = limits.landing
+    descent_s = SLOWER * (ceiling_m - floor_m) / law.descent_m_s
+    law = replace(law, longest_s=max(law.longest_s, law.braking_s + descent_s))
+    return replace(limits, landing=law)
 
 
 def longest_shutdown_s(fleet: FleetFile, host: str) -> float:

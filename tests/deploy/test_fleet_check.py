@@ -84,7 +84,7 @@ def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
         (PAIR + "[safety.settings]\nhold_after_s = 5.0", r"^safety\.settings: descend_after_s: "),
         (
             PAIR + "[safety.settings]\nsurveillance = 5",
-            r"^safety\.settings\.surveillance: 5, must be a table",
+            r"^safety\.settings\.surveillance: expected `object`, got `int`",
         ),
         (
             PAIR + "[safety.settings.surveillance]\nx = 1",

@@ -112,7 +112,9 @@ def test_law_that_lands_a_vehicle_knows_the_gains_of_its_model_and_the_limits_of
 @pytest.mark.parametrize(
     ("settings", "problem"),
     [
-        ("landing = 3", "safety.settings.landing: 3, must be a table"),
+        ("landing = 3", "safety.settings.landing: expected `object`, got `int`"),
+        ("[safety.settings.landing]\ndescent_m_s = 0", "landing.descent_m_s: 0.0 must be a positive number"),
+        ('[safety.settings.landing]\ndescent_m_s = "slow"', "safety.settings.landing.descent_m_s: expected"),
         ("[safety.settings.landing]\nspeed = 1", "safety.settings.landing"),
         ("[safety.settings.landing]\ncyclic = -1", "landing.cyclic"),
     ],
