@@ -5,40 +5,32 @@ beats all the time, with the newest beats that they received.
 """
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 from msgspec import structs
 
 from rcopterx.bus.host_messages import Beat, Echo, LinkState
 
-SAMPLES: Final = 125  # newest exchanges that are kept: ten seconds of beats
+SAMPLES: Final = 125  # newest beats that are compared: those of ten seconds, in which clocks drift little
 
 
 class ClockOffset(NamedTuple):
-    """Another host's clock minus this one's, `offset_s`, wrong by at most half of `round_trip_s`."""
+    """Another host's clock minus this one's, by one exchange; the least, with the shortest way, is the best.
 
-    offset_s: float
+    As in NTP (RFC 5905); `offset_s` is wrong by at most half of `round_trip_s`.
+    """
+
     round_trip_s: float
+    offset_s: float
 
-
-class ClockFilter:
-    """Selects the exchange with the shortest round trip of the newest ones, as in NTP (RFC 5905)."""
-
-    def __init__(self) -> None:
-        self._samples: deque[ClockOffset] = deque(maxlen=SAMPLES)
-
-    def add(self, sent_s: float, received_s: float, answered_s: float, arrived_s: float) -> None:
-        """Add an exchange: sent and arrived by this host's clock, received and answered by the other's."""
-        offset_s = ((received_s - sent_s) + (answered_s - arrived_s)) / 2
+    @classmethod
+    def of(cls, sent_s: float, received_s: float, answered_s: float, arrived_s: float) -> Self:
+        """Offset by the times of an exchange; it was received and answered by the other host's clock."""
         round_trip_s = (arrived_s - sent_s) - (answered_s - received_s)
-        self._samples.append(ClockOffset(offset_s, max(0.0, round_trip_s)))
-
-    def best(self) -> ClockOffset | None:
-        """Return the most accurate of the newest exchanges, None before the first."""
-        return min(self._samples, key=lambda sample: sample.round_trip_s, default=None)
+        return cls(max(0.0, round_trip_s), ((received_s - sent_s) + (answered_s - arrived_s)) / 2)
 
 
 SILENCE_S: Final = 0.32  # without a beat a direction is dead: four beats, more than a stall of 0.2 s
@@ -47,7 +39,6 @@ MOST_DOUBLINGS: Final = 8  # doublings until the patience is the longest
 STALL_S: Final = 0.25  # a watch that was not called for so long cannot judge the silence of others
 LATE_S: Final = 0.1
 MOST_SLOWNESS: Final = 10.0  # a link that is cut returns within seconds in the slowest motion, too
-RECENT_S: Final = 5.0  # delays are compared with the shortest one of this time, in which clocks drift little
 
 
 class RouterLink(NamedTuple):
@@ -58,34 +49,15 @@ class RouterLink(NamedTuple):
     remote: tuple[str, int]
 
 
-class RecentMinimum:
-    """The smallest value of the last 5 to 10 s."""
-
-    def __init__(self) -> None:
-        self._since_s = 0.0
-        self._blocks: list[float] = []
-
-    def add(self, value: float, now_s: float) -> None:
-        """Add a value."""
-        if not self._blocks or now_s - self._since_s > RECENT_S:
-            self._since_s = now_s
-            self._blocks = [*self._blocks[-1:], value]
-        self._blocks[-1] = min(self._blocks[-1], value)
-
-    @property
-    def value(self) -> float | None:
-        """None before the first value."""
-        return min(self._blocks, default=None)
-
-
 @dataclass
 class _Neighbour:
     beat: Beat
     arrived_s: float
     answered_s: float  # arrival of its newest beat that contains a fresh echo of this router
-    delay: RecentMinimum = field(default_factory=RecentMinimum)
-    """Between its clock at sending and the clock of this host at arrival."""
-    clock: ClockFilter = field(default_factory=ClockFilter)
+    delays_s: deque[float] = field(default_factory=lambda: deque(maxlen=SAMPLES))
+    """Between its clock at sending and the clock of this host at arrival, of the newest beats."""
+    offsets: deque[ClockOffset] = field(default_factory=lambda: deque(maxlen=SAMPLES))
+    """Of the newest exchanges."""
 
 
 class LinkWatch:
@@ -99,9 +71,9 @@ class LinkWatch:
         self._judged_s = now_s
         self._neighbours: dict[str, _Neighbour] = {}
         self._opened_s: dict[RouterLink, float] = {}
-        self._failures: dict[str, int] = {}
-        self._redials: dict[str, int] = {}
-        self._late: dict[str, int] = {}
+        self._failures: Counter[str] = Counter()  # by router
+        self._redials: Counter[str | None] = Counter()  # by host
+        self._late: Counter[str] = Counter()
         self.due_s = math.inf  # when the next link that `broken` left open counts as silent
 
     def add_beat(self, host: str, beat: Beat, arrived_s: float) -> None:
@@ -109,15 +81,14 @@ class LinkWatch:
         known = self._neighbours.get(host)
         if known is None or known.beat.router != beat.router:
             known = self._neighbours[host] = _Neighbour(beat, arrived_s, -math.inf)
-        delay_s = arrived_s - beat.sent_s
-        known.delay.add(delay_s, arrived_s)
-        if known.delay.value is not None and delay_s - known.delay.value > LATE_S:
-            self._late[host] = self._late.get(host, 0) + 1
+        known.delays_s.append(arrived_s - beat.sent_s)
+        self._late[host] += known.delays_s[-1] - min(known.delays_s) > LATE_S
         known.beat, known.arrived_s = beat, arrived_s
         echo = beat.echoes.get(self._host)
         if echo is not None and echo.router == self._router and echo.held_s <= self.slowness * SILENCE_S:
             known.answered_s = arrived_s
-            known.clock.add(echo.sent_s, beat.sent_s - echo.held_s, beat.sent_s, arrived_s)
+            received_s = beat.sent_s - echo.held_s
+            known.offsets.append(ClockOffset.of(echo.sent_s, received_s, beat.sent_s, arrived_s))
 
     def beat(self, now_s: float, time_of_day_s: float) -> Beat:
         """Return the beat to send now."""
@@ -144,12 +115,10 @@ class LinkWatch:
             if now_s <= silent_at_s:
                 self.due_s = min(self.due_s, silent_at_s)
                 continue
-            self._failures[link.router] = self._failures.get(link.router, 0) + 1
+            self._failures[link.router] += 1
+            self._redials[self._host_of(link.router)] += 1
             broken.append(link)
             opened_s[link] = now_s
-            host = self._host_of(link.router)
-            if host is not None:
-                self._redials[host] = self._redials.get(host, 0) + 1
         self._opened_s = opened_s
         known = {neighbour.beat.router for neighbour in self._neighbours.values()}
         gone = self._failures.keys() - {link.router for link in links} - known
@@ -163,7 +132,7 @@ class LinkWatch:
         alive_s = -math.inf if host is None else self._both_ways_s(host)
         if alive_s >= opened_s:
             self._failures.pop(router, None)
-        doublings = min(self._failures.get(router, 0), MOST_DOUBLINGS)
+        doublings = min(self._failures[router], MOST_DOUBLINGS)
         return max(alive_s, opened_s) + self.slowness * min(LONGEST_PATIENCE_S, SILENCE_S * 2.0**doublings)
 
     def states(self, hosts: Collection[str], now_s: float, time_of_day_s: float) -> dict[str, LinkState]:
@@ -172,11 +141,11 @@ class LinkWatch:
 
     def _state(self, host: str, now_s: float, time_of_day_s: float) -> LinkState:
         known = self._neighbours.get(host)
-        clock = None if known is None else known.clock.best()
+        clock = None if known is None else min(known.offsets, default=None)
         state = LinkState(
             linked=known is not None and now_s - self._both_ways_s(host) <= self.slowness * SILENCE_S,
-            redials=self._redials.get(host, 0),
-            late=self._late.get(host, 0),
+            redials=self._redials[host],
+            late=self._late[host],
         )
         if known is None or clock is None:
             return state

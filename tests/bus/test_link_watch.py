@@ -11,10 +11,10 @@ from support.records import replace
 from rcopterx.bus.host_messages import Beat, Echo
 from rcopterx.bus.link_watch import (
     LONGEST_PATIENCE_S,
+    SAMPLES,
     SILENCE_S,
     STALL_S,
     LinkWatch,
-    RecentMinimum,
     RouterLink,
 )
 from rcopterx.bus.links import BEAT_S
@@ -170,6 +170,15 @@ def test_beats_that_waited_while_the_link_hung_are_counted_as_late() -> None:
     assert watch.states(["b"], 1.5, 0.0)["b"].late == 4
 
 
+def test_beats_are_late_against_the_recent_ones_only() -> None:
+    watch = LinkWatch("a", "a0", 0.0)
+    for number in range(3 * SAMPLES):
+        slower_s = 0.002 if number < SAMPLES else 0.2
+        beat = Beat(router="b0", sent_s=number * BEAT_S, time_of_day_s=0.0, echoes={})
+        watch.add_beat("b", beat, number * BEAT_S + slower_s)
+    assert watch.states(["b"], 0.5, 0.0)["b"].late == SAMPLES - 1
+
+
 def test_the_round_trip_leaves_out_how_long_the_other_host_held_the_beat() -> None:
     watch = LinkWatch("a", "a0", 0.0)
     echo = Echo(router="a0", sent_s=1.0, held_s=0.04)
@@ -221,20 +230,6 @@ def test_whatever_arrives_a_silent_link_is_closed_in_time_and_a_live_one_never(
             assert pair.linked
     pair.steps(int((2 * LONGEST_PATIENCE_S) / BEAT_S) + 2, receives=False, is_received=False)
     assert pair.closed
-
-
-@given(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(0, 3)), min_size=1, max_size=60))
-def test_the_recent_minimum_is_one_of_the_recent_values(values: list[tuple[float, float]]) -> None:
-    recent = RecentMinimum()
-    assert recent.value is None
-    now_s, seen = 50.0, []
-    for value, pause_s in values:
-        now_s += pause_s
-        recent.add(value, now_s)
-        seen.append((now_s, value))
-        assert recent.value is not None
-        assert recent.value <= value
-        assert recent.value in [old for at_s, old in seen if now_s - at_s <= 2 * 5.0 + 3.0]
 
 
 def test_the_stall_limit_leaves_room_for_late_turns() -> None:
