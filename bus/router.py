@@ -3,6 +3,7 @@
 import os
 import select
 import signal
+import threading
 from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Final
@@ -14,7 +15,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.codec import encode
 from rcopterx.bus.endpoints import Protection, client_config, open_session, reason_of, router_config
-from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
+from rcopterx.bus.heartbeat import LONGEST_WAIT_S, Heartbeat, own_heartbeat
 from rcopterx.bus.keys import probe_key
 from rcopterx.bus.links import LinkService
 from rcopterx.bus.realtime import request_realtime
@@ -63,7 +64,7 @@ def run_router(
             if others:
                 stack.callback(LinkService(session, fleet, host, others, speed=clock.speed).close)
             ends = client_config([listen[0]], namespace, OPENING_LIMIT_S, credentials, patient=clock.lockstep)
-            probe_until(ended, ends, probe_key(fleet, host), clock.real_s(PERIOD_S))
+            probe_until(ended, ends, probe_key(fleet, host), clock.real_s(PERIOD_S), own_heartbeat())
         else:
             os.read(ended, 1)
 
@@ -84,37 +85,19 @@ PERIOD_S: Final = LONGEST_WAIT_S
 OPENING_LIMIT_S: Final = 10.0  # longest wait until the router accepts its own process
 
 
-class Probe:
-    """Sends messages through a router from one session to another; nothing is routed back to its sender."""
-
-    def __init__(self, sender: zenoh.Session, receiver: zenoh.Session, key: str) -> None:
-        self._received = 0
-        self._seen = 0
-        self._publisher = sender.declare_publisher(
+def probe_until(ended: int, config: zenoh.Config, key: str, period_s: float, heartbeat: Heartbeat) -> None:
+    """Beat as long as the router of this process routes, until the descriptor `ended` becomes readable."""
+    # Two sessions: nothing is routed back to its sender.
+    sender, receiver = (open_session(config) for _ in range(2))
+    returned = threading.Event()
+    with sender, receiver:
+        receiver.declare_subscriber(key, Callback(lambda _: returned.set(), indirect=False))
+        publisher = sender.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
         )
-        self._subscriber = receiver.declare_subscriber(key, Callback(self._on_message, indirect=False))
-
-    def _on_message(self, _: zenoh.Sample) -> None:
-        self._received += 1
-
-    def send(self) -> None:
-        """Send a message; never blocks."""
-        self._publisher.put(CONTENT)
-
-    def came_back(self) -> bool:
-        """Return whether a message has arrived since the last call."""
-        seen, self._seen = self._seen, self._received
-        return self._seen != seen
-
-
-def probe_until(ended: int, config: zenoh.Config, key: str, period_s: float) -> None:
-    """Beat as long as the router of this process routes, until the descriptor `ended` becomes readable."""
-    sender, receiver = (open_session(config) for _ in range(2))
-    with sender, receiver:
-        probe, heartbeat = Probe(sender, receiver, key), own_heartbeat()
         while not select.select([ended], [], [], period_s)[0]:
-            if probe.came_back():
+            if returned.is_set():
+                returned.clear()
                 heartbeat.beat()
-            probe.send()
+            publisher.put(CONTENT)
         heartbeat.ending()

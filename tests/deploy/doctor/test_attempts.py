@@ -12,7 +12,7 @@ from support.waiting import DEADLINE_S
 
 from rcopterx.bus.channels import FLEET_UNIT, KILL, key, request_key
 from rcopterx.bus.keys import probe_key
-from rcopterx.bus.router import Probe
+from rcopterx.bus.router import CONTENT
 from rcopterx.bus.session import BusAddress, opened
 from rcopterx.deploy.doctor import attempts
 from rcopterx.fleet.schema import HostConfig
@@ -48,12 +48,11 @@ def test_a_fleet_with_certificates_has_no_findings(bus: SecuredBus, host: str) -
 
 def test_what_others_say_and_what_an_agent_may_ask_of_every_host_is_no_finding(bus: SecuredBus) -> None:
     bus.serve(bus.local["main"], request_key("lab", "main", "recall"))
-    probe = Probe(bus.local["second"], bus.local["second"], probe_key("lab", "second"))
     ended = threading.Event()
 
     def go_on() -> None:
         while not ended.wait(0.001):
-            probe.send()
+            bus.local["second"].put(probe_key("lab", "second"), CONTENT)
 
     sender = threading.Thread(target=go_on)
     sender.start()
