@@ -90,8 +90,12 @@ def probe_until(ended: int, config: zenoh.Config, key: str, period_s: float, hea
     # Two sessions: nothing is routed back to its sender.
     sender, receiver = (open_session(config) for _ in range(2))
     returned = threading.Event()
+
+    def on_return(_: zenoh.Sample) -> None:
+        returned.set()
+
     with sender, receiver:
-        receiver.declare_subscriber(key, Callback(lambda _: returned.set(), indirect=False))
+        receiver.declare_subscriber(key, Callback(on_return, indirect=False))
         publisher = sender.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
         )
