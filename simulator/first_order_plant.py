@@ -11,7 +11,7 @@ from rcopterx.simulator.plant import CALM, Pose, SteppedPlant, four
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2
 from rcopterx.vehicles.tilt import TiltModel
-from rcopterx.vehicles.tuples import Four
+from rcopterx.vehicles.tuples import Four, Three
 
 
 def tilt_limit_rad(model: Model) -> float:
@@ -89,8 +89,10 @@ class FirstOrderPlant(SteppedPlant):
         pitch, roll = self._attitude(self._actuator)
         return Pose((x, y, z), yaw, pitch, roll)
 
-    def _rest(self, pose: Pose) -> None:
-        self._motion = (*pose.position_m, pose.yaw_rad, 0.0, 0.0, 0.0, 0.0)
+    def _stop(self, position_m: Three, yaw_rad: float) -> None:
+        self._motion = (*position_m, yaw_rad, 0.0, 0.0, 0.0, 0.0)
+
+    def _settle(self) -> None:
         self._actuator = self._target
         if self._loop is not None:
             self._loop.rest(self._target)
@@ -182,11 +184,3 @@ class FirstOrderPlant(SteppedPlant):
             zd + step_s * d_zd,
             yaw_rate + step_s * d_rate,
         )
-
-    def _land(self) -> None:
-        x, y, _, yaw = self._motion[:4]
-        self._motion = (x, y, 0.0, yaw, 0.0, 0.0, 0.0, 0.0)
-
-    def _whereabouts(self) -> Four:
-        x, y, z, _, _, _, zd, _ = self._motion
-        return x, y, z, zd

@@ -159,6 +159,7 @@ class Helicopter(Plant):
     ) -> None:  # fmt: skip
         self.parameters = parameters
         self._airframe = airframe_of(parameters)
+        self.state = level_state((0.0, 0.0, 0.0), 0.0, (0.0, 0.0))
         self._tilt_per_slope = parameters.tilt_per_slope
         self._servos = Servo(parameters.servo_step), Servo(parameters.servo_step)
         self._markers = Pose(
@@ -207,16 +208,20 @@ class Helicopter(Plant):
             math.atan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
         )
 
-    def _rest(self, pose: Pose) -> None:
-        self._yaw_rad = pose.yaw_rad
-        speeds = (0.0, 0.0)
-        if self._controls.running:
-            thrust, yaw = self._controls.thrust, self._controls.yaw
-            speeds = commanded_speeds(self._airframe, thrust, yaw, 0.0, self._thrust_factor)
-        self._level(pose.position_m, speeds, self._controls.swash_x, self._controls.swash_y)
+    def _settle(self) -> None:
+        controls, upper, lower = self._controls, 0.0, 0.0
+        if controls.running:
+            upper, lower = commanded_speeds(
+                self._airframe, controls.thrust, controls.yaw, 0.0, self._thrust_factor
+            )
+        self.state = self.state._replace(
+            speed_upper=upper, speed_lower=lower, swash_x=controls.swash_x, swash_y=controls.swash_y
+        )
 
-    def _level(self, position_m: Three, speeds: tuple[float, float], swash_x: float, swash_y: float) -> None:
-        self.state = level_state(position_m, self._yaw_rad, speeds)._replace(swash_x=swash_x, swash_y=swash_y)
+    def _stop(self, position_m: Three, yaw_rad: float) -> None:
+        state, self._yaw_rad = self.state, yaw_rad
+        level = level_state(position_m, yaw_rad, (state.speed_upper, state.speed_lower))
+        self.state = level._replace(swash_x=state.swash_x, swash_y=state.swash_y)
 
     def _command(self, sticks: Four | None) -> None:
         pitch, roll, thrust, yaw = sticks or CALM
@@ -264,10 +269,3 @@ class Helicopter(Plant):
         if flight.landed:
             self._touch_down(-flight.state.vz)
         return flight.steps
-
-    def _land(self) -> None:
-        s = self.state
-        self._level((s.x, s.y, 0.0), (s.speed_upper, s.speed_lower), s.swash_x, s.swash_y)
-
-    def _whereabouts(self) -> Four:
-        return self.state.x, self.state.y, self.state.z, self.state.vz

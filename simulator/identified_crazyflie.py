@@ -166,6 +166,7 @@ class CrazyfliePlant(SteppedPlant):
     ) -> None:  # fmt: skip
         self.vehicle = vehicle
         self._step = _Step(vehicle)
+        self._state = SIZES["state"] * [0.0]
         self._parameters = parameters = vehicle.parameters()
         self._full_thrust_n = FULL_THRUST_SHARE * float(parameters["thrust_max"])
         super().__init__(name, model, conditions, seed, start)
@@ -190,13 +191,12 @@ class CrazyfliePlant(SteppedPlant):
         pitch_rad, roll_rad = self.vehicle.marker_tilt_rad
         return Pose((x, y, z), yaw, pitch + pitch_rad, roll + roll_rad)
 
-    def _rest(self, pose: Pose) -> None:
-        self._set_still(pose.position_m, pose.yaw_rad, self._commanded_n())
+    def _settle(self) -> None:
+        self._state[12:] = 4 * [self._commanded_n()]
 
-    def _set_still(self, position_m: Three, yaw_rad: float, thrust_n: float) -> None:
-        """Rest level; the firmware wants the present heading."""
-        self._state = [*position_m, 0.0, 0.0, yaw_rad, *6 * [0.0], *4 * [thrust_n]]
-        self._heading_rad = yaw_rad
+    def _stop(self, position_m: Three, yaw_rad: float) -> None:
+        self._state = [*position_m, 0.0, 0.0, yaw_rad, *6 * [0.0], *self._state[12:]]
+        self._heading_rad = yaw_rad  # the firmware wants the present heading
 
     def _command(self, sticks: Four | None) -> None:
         pitch, roll, thrust, yaw = (
@@ -215,19 +215,11 @@ class CrazyfliePlant(SteppedPlant):
         return self._step(self._state, command, air, (step_s,))
 
     def _stand(self, step_s: float) -> float:
-        thrust_n = self._advanced(step_s, CALM)[-1]
-        self._set_still(self.position_m, self._state[5], thrust_n)
-        lift_n = self._parameters["acc_coef"] + self._parameters["cmd_f_coef"] * thrust_n
+        self._state[12:] = self._advanced(step_s, CALM)[12:]
+        self._stop(self.position_m, self._state[5])
+        lift_n = self._parameters["acc_coef"] + self._parameters["cmd_f_coef"] * self._state[-1]
         return float(lift_n / self._parameters["mass"])
 
     def _fly(self, step_s: float, weather: Four) -> None:
         self._heading_rad += step_s * self._target[3]
         self._state = self._advanced(step_s, weather)
-
-    def _land(self) -> None:
-        x, y, _ = self.position_m
-        self._set_still((x, y, 0.0), self._state[5], self._state[-1])
-
-    def _whereabouts(self) -> Four:
-        x, y, z = self._state[:3]
-        return x, y, z, self._state[8]

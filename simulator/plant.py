@@ -122,7 +122,8 @@ class Plant(ABC):
         self._sticks: Four = CALM
         self._thrust_factor = self.thrust_factor * self.faults.thrust_factor
         self._apply(None if self.on_floor else self._hover_input)
-        self._rest(pose)
+        self._settle()
+        self._stop(pose.position_m, pose.yaw_rad)
 
     @property
     def time_s(self) -> float:
@@ -147,7 +148,7 @@ class Plant(ABC):
     @property
     def position_m(self) -> Three:
         """True position of the body."""
-        x, y, z, _ = self._whereabouts()
+        x, y, z, *_ = self.motion
         return x, y, z
 
     @property
@@ -237,11 +238,16 @@ class Plant(ABC):
         self.on_floor = True
         self.touchdowns += 1
         self.touchdown_speed_m_s = speed_m_s
-        self._land()
+        x, y, _, yaw_rad, *_ = self.motion
+        self._stop((x, y, 0.0), yaw_rad)
 
     @abstractmethod
-    def _rest(self, pose: Pose) -> None:
-        """Take position and yaw of a pose, level, at rest, with actuators where the last command has them."""
+    def _settle(self) -> None:
+        """Move the actuators where the last command has them."""
+
+    @abstractmethod
+    def _stop(self, position_m: Three, yaw_rad: float) -> None:
+        """Come to rest, level; actuators stay as they are."""
 
     @abstractmethod
     def _command(self, sticks: Four | None) -> None:
@@ -254,14 +260,6 @@ class Plant(ABC):
     @abstractmethod
     def _fly_on(self, count: int, step_s: float) -> int:
         """Fly on by some substeps, `count` at most and none after the floor is met; returns how many."""
-
-    @abstractmethod
-    def _land(self) -> None:
-        """Come to rest level on the floor; actuators stay as they are."""
-
-    @abstractmethod
-    def _whereabouts(self) -> Four:
-        """Return x, y, z and the climb rate."""
 
 
 class SteppedPlant(Plant):
@@ -277,7 +275,7 @@ class SteppedPlant(Plant):
 
     def _meet_room(self) -> None:
         """Land if the floor is reached, flag the flight volume."""
-        x, y, z, climb_m_s = self._whereabouts()
+        x, y, z, _, _, _, climb_m_s, _ = self.motion
         if z <= 0.0 and climb_m_s < 0.0:
             self._touch_down(-climb_m_s)
         low, high = self._conditions.volume_min_m, self._conditions.volume_max_m
