@@ -67,7 +67,7 @@ class EmulatedAutopilot(UdpVehicle):
         self.powered = self.armed = False
         self._note(self._advanced_s)
 
-    def sense(self, plant: Plant, now_s: float) -> None:  # noqa: ARG002 - attitudes have no rate here
+    def sense(self, plant: Plant) -> None:
         """Measure the pose of its body."""
         pose = plant.pose
         self._height_m = pose.position_m[2]

@@ -91,7 +91,7 @@ class Crazyflie(UdpVehicle):
 
     def switch_off(self) -> None:
         """Take the battery out."""
-        self.powered = False
+        super().switch_off()
         self._note(self._advanced_s)
 
     def receive(self, raw: bytes, now_s: float) -> list[bytes]:

@@ -25,12 +25,20 @@ class RadioLink(Reception):
         self.module = module
         self.receiver = receiver
 
+    def power_cycle(self, now_s: float) -> None:
+        """See `RadioModule`."""
+        self.powered = True
+        self.module.power_cycle(now_s)
+
     def feed(self, data: bytes, now_s: float) -> None:
         """Put bytes on the serial line at `now_s`."""
         self.module.feed(data, now_s)
 
     def advance(self, now_s: float) -> bytes:
         """Advance the time; return the answers of the module."""
+        if not self.powered:
+            self.note_output(now_s)
+            return b""
         answers = self.module.advance(now_s)
         for packet in self.module.take_packets():
             if self.receiver.receive(packet):
@@ -62,7 +70,6 @@ class RadioPty(RadioEnd):
         self._received_s: float | None = None
         self._fed_s = 0.0
         self._exclusive_cleared = False
-        self._powered = True
         self._open()
 
     def _open(self) -> None:
@@ -77,11 +84,6 @@ class RadioPty(RadioEnd):
         fresh.unlink(missing_ok=True)
         fresh.symlink_to(os.ttyname(self._slave))
         fresh.replace(self.path)
-
-    @property
-    def is_open(self) -> bool:
-        """False while unplugged or closed."""
-        return self._master >= 0
 
     def fileno(self) -> int:
         """Descriptor to wait for written bytes on, -1 while unplugged."""
@@ -105,9 +107,6 @@ class RadioPty(RadioEnd):
             # A pseudo-terminal, unlike an adapter, keeps the exclusive mark of a writer that is gone.
             fcntl.ioctl(self._slave, termios.TIOCNXCL)
             self._exclusive_cleared = True
-        if not self._powered:
-            self.link.note_output(now_s)
-            return
         answers = self.link.advance(now_s)
         if answers and self.is_open:
             try:
@@ -121,7 +120,7 @@ class RadioPty(RadioEnd):
         except BlockingIOError:
             return
         self._fed_s, self._exclusive_cleared = now_s, False
-        if not self._powered:
+        if not self.link.powered:
             self.counters["bytes for a module without power"] += len(data)
             return
         for start_s, frame in self._separated(data, now_s):
@@ -150,7 +149,7 @@ class RadioPty(RadioEnd):
         """Pull the cable: the device vanishes for its users; `powered` if the module has power of its own."""
         if not self.is_open:
             return
-        self._powered = powered
+        self.link.powered = powered
         target = os.ttyname(self._slave)
         os.close(self._master)
         os.close(self._slave)
@@ -163,13 +162,3 @@ class RadioPty(RadioEnd):
         if not self.is_open:
             self._open()
             self.switch_on(now_s)
-
-    def switch_off(self) -> None:
-        """Take the module's power away; the serial adapter stays."""
-        self._powered = False
-
-    def switch_on(self, now_s: float) -> None:
-        """Give the module its power back; it boots."""
-        if not self._powered:
-            self._powered = True
-            self.link.module.power_cycle(now_s)

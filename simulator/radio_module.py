@@ -26,10 +26,11 @@ class SerialFrame(Struct, frozen=True):
     bind: bool = False
 
 
-class Reception:
-    """What a radio accepted, its `frames`, newest last, and what its vehicle got of them."""
+class Reception(ABC):
+    """A radio by what it accepted, its `frames`, newest last, and what its vehicle got of them."""
 
     def __init__(self, frames: deque[SerialFrame]) -> None:
+        self.powered = True
         self.frames = frames
         self._outputs: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=FRAME_LOG_LENGTH)
         self._last: tuple[float, ...] | None = None
@@ -51,6 +52,17 @@ class Reception:
         frames = list(self.frames)
         self.frames.clear()
         return frames
+
+    @abstractmethod
+    def power_cycle(self, now_s: float) -> None:
+        """Switch on, or restart."""
+
+    def switch_off(self) -> None:
+        """Take the power away."""
+        self.powered = False
+
+    def sense(self, plant: Plant) -> None:  # noqa: B027 - few vehicles report it
+        """Measure the pose of the vehicle, whose body is `plant`."""
 
 
 class AirPacket(Struct, frozen=True):
@@ -169,9 +181,9 @@ class RadioEnd(ABC):
         self.reception = reception
 
     @property
-    @abstractmethod
     def is_open(self) -> bool:
         """False while unplugged or closed."""
+        return self.fileno() >= 0
 
     @abstractmethod
     def fileno(self) -> int:
@@ -185,9 +197,6 @@ class RadioEnd(ABC):
     def live(self, now_s: float) -> None:
         """Advance the time."""
 
-    def sense(self, plant: Plant, now_s: float) -> None:  # noqa: B027 - few vehicles report it
-        """Measure the pose of the vehicle, whose body is `plant`."""
-
     @abstractmethod
     def unplug(self, *, powered: bool = False) -> None:
         """Pull the cable: the port vanishes for its users; `powered` if the radio has power of its own."""
@@ -196,13 +205,14 @@ class RadioEnd(ABC):
     def replug(self, now_s: float) -> None:
         """Plug the cable in again; a radio that was without power boots."""
 
-    @abstractmethod
     def switch_off(self) -> None:
         """Take the power away; the port stays."""
+        self.reception.switch_off()
 
-    @abstractmethod
     def switch_on(self, now_s: float) -> None:
         """Give the power back; it boots."""
+        if not self.reception.powered:
+            self.reception.power_cycle(now_s)
 
     def close(self) -> None:
         """Remove the port."""

@@ -39,7 +39,7 @@ class Room:
             self.laboratory.advance(now_s - self._now_s)
             self._now_s = now_s
             for name, radio in self.radios.items():
-                radio.sense(self.laboratory.plants[name], now_s)
+                radio.reception.sense(self.laboratory.plants[name])
 
     def _drive(self, vehicle: SimulatedVehicle, pulses_us: tuple[float, ...], after_s: float) -> None:
         calibration = vehicle.calibration

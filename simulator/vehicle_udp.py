@@ -1,18 +1,15 @@
 """Emulated vehicles behind a socket, with a firmware and a battery of their own."""
 
 import socket
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from contextlib import suppress
 
-from rcopterx.simulator.plant import Plant
 from rcopterx.simulator.radio_module import RadioEnd, Reception
 from rcopterx.transmitter_gateway.udp_port import LONGEST_DATAGRAM
 
 
-class UdpVehicle(Reception, ABC):
-    """The firmware of one vehicle, without any port or clock."""
-
-    powered: bool  # whether its battery is in
+class UdpVehicle(Reception):
+    """The firmware of one vehicle, without any port or clock; its power is the battery."""
 
     @abstractmethod
     def receive(self, raw: bytes, now_s: float) -> list[bytes]:
@@ -22,20 +19,9 @@ class UdpVehicle(Reception, ABC):
     def advance(self, now_s: float) -> None:
         """Apply time limits until `now_s`."""
 
-    @abstractmethod
-    def power_cycle(self, now_s: float) -> None:
-        """Start anew with a full battery."""
-
-    @abstractmethod
-    def switch_off(self) -> None:
-        """Remove the battery."""
-
     def reports(self, now_s: float) -> list[bytes]:  # noqa: ARG002 - a firmware that only answers
         """Return what it sends without a request."""
         return []
-
-    def sense(self, plant: Plant, now_s: float) -> None:
-        """Measure its pose; `plant` is its body."""
 
 
 class VehicleUdp(RadioEnd):
@@ -59,11 +45,6 @@ class VehicleUdp(RadioEnd):
             bound.close()
             raise
         return bound
-
-    @property
-    def is_open(self) -> bool:
-        """See `RadioEnd`."""
-        return self._socket is not None
 
     def fileno(self) -> int:
         """See `RadioEnd`."""
@@ -90,10 +71,6 @@ class VehicleUdp(RadioEnd):
             if self._socket is not None and self._peer is not None:
                 self._socket.sendto(packet, self._peer)
 
-    def sense(self, plant: Plant, now_s: float) -> None:
-        """See `RadioEnd`."""
-        self.vehicle.sense(plant, now_s)
-
     def unplug(self, *, powered: bool = False) -> None:  # noqa: ARG002 - the vehicle has power of its own
         """Pull the radio: nothing reaches the vehicle."""
         if self._socket is not None:
@@ -104,15 +81,6 @@ class VehicleUdp(RadioEnd):
         """Plug the radio in again."""
         if self._socket is None:
             self._socket = self._bound()
-
-    def switch_off(self) -> None:
-        """Remove the battery."""
-        self.vehicle.switch_off()
-
-    def switch_on(self, now_s: float) -> None:
-        """Put the battery in; the firmware starts."""
-        if not self.vehicle.powered:
-            self.vehicle.power_cycle(now_s)
 
 
 class VehicleOnAir(VehicleUdp):

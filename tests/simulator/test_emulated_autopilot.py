@@ -42,7 +42,7 @@ class Station:
 
     def place(self, height_m: float = 0.0, **angles_rad: float) -> None:
         body: Any = SimpleNamespace(pose=Pose((0.0, 0.0, height_m), **angles_rad))
-        self.vehicle.sense(body, self.now_s)
+        self.vehicle.sense(body)
 
     def send(self, message: Any) -> list[Any]:
         raw = b"".join(self.vehicle.receive(message.pack(self.link), self.now_s))

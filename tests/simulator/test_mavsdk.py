@@ -22,7 +22,7 @@ from rcopterx.transmitter_gateway.protocols.mavlink_settings import MavlinkSetti
 def vehicle() -> EmulatedAutopilot:
     vehicle = EmulatedAutopilot(MavlinkSettings(), time.monotonic())
     body: Any = SimpleNamespace(pose=Pose((0.0, 0.0, 0.0)))
-    vehicle.sense(body, time.monotonic())
+    vehicle.sense(body)
     return vehicle
 
 

@@ -38,7 +38,7 @@ class Bench(FirmwareBench):
     def live(self) -> None:
         height_m = 0.8 if self.motors_run else 0.0
         body: Any = SimpleNamespace(pose=Pose((0.0, 0.0, height_m), self.yaw_rad))
-        self.vehicle.sense(body, self.now_s)
+        self.vehicle.sense(body)
         super().live()
 
     def fly(self) -> None:

@@ -34,7 +34,7 @@ def test_an_autopilot_on_a_serial_line_is_armed(line: tuple[int, str]) -> None:
     master, name = line
     protocol, vehicle = MavlinkProtocol(MavlinkSettings(baud=115_200)), EmulatedAutopilot(MavlinkSettings())
     body: Any = SimpleNamespace(pose=Pose((0.0, 0.0, 0.0)))
-    vehicle.sense(body, 0.0)
+    vehicle.sense(body)
     port = SerialPort(name, protocol.line, call)
     for step in range(150):
         now_s = 0.02 * step
