@@ -47,7 +47,7 @@ class Channel(Generic[M]):
     publisher: str  # role that publishes it
     rate_hz: float  # nominal rate; 0 for messages on events only
     stale_after_s: float  # age from which the sender counts as silent
-    priority: str  # Zenoh priority. All channels drop on congestion, none is express.
+    priority: str  # name of a Zenoh priority. All channels drop on congestion, none is express.
     recorded: bool = True  # whether flight logs keep it
 
     @property

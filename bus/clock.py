@@ -12,7 +12,7 @@ from time import monotonic, time
 from typing import Final
 
 from rcopterx.bus.lockstep_page import opened_page
-from rcopterx.bus.rounding import TIME_BITS, monotonic_s
+from rcopterx.bus.rounding import TIME_BITS
 
 NANO: Final = 1_000_000_000
 """Nanoseconds of a second."""
@@ -37,8 +37,6 @@ class Clock:
         """Function that returns the time of the fleet [s], in whole ticks of 2^-20 s."""
         if self.page is not None:
             return opened_page(self.page).now
-        if self.speed == 1.0:
-            return monotonic_s
         ticks = self.speed * _TICKS
         return lambda: floor(ticks * monotonic()) / _TICKS
 

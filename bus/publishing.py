@@ -8,17 +8,8 @@ from typing import Any, Final
 
 import zenoh
 
-from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.turns import STAMP, Turns
-
-_PRIORITIES = {
-    channels.REAL_TIME: zenoh.Priority.REAL_TIME,
-    channels.INTERACTIVE_HIGH: zenoh.Priority.INTERACTIVE_HIGH,
-    channels.DATA_HIGH: zenoh.Priority.DATA_HIGH,
-    channels.DATA_LOW: zenoh.Priority.DATA_LOW,
-}
-
 
 _COUNTER: Final = Struct("<I")
 """Attachment of every message: its number on this key."""
@@ -33,7 +24,7 @@ def publisher_of(
     session: zenoh.Session, turns: Turns | None, channel: Channel[Any], key: str
 ) -> Callable[[bytes], None]:
     """Return what sends a payload on a key: never blocks and drops on congestion, unless in lockstep."""
-    encoding, priority = channel.encoding, _PRIORITIES[channel.priority]
+    encoding, priority = channel.encoding, getattr(zenoh.Priority, channel.priority.upper())
     if turns is None:
         drop, numbers = zenoh.CongestionControl.DROP, count(1)
         declared = session.declare_publisher(

@@ -1,18 +1,10 @@
 """Numbers with few bits, for small flight logs, rounded before use: the log holds what was flown."""
 
 from collections.abc import Iterable
-from math import floor
-from time import monotonic
 from typing import Final
 
 TIME_BITS: Final = 20  # times are multiples of 2^-20 s, a little less than a microsecond
 PULSE_BITS: Final = 4  # pulse widths are multiples of a sixteenth of a microsecond, finer than radios resolve
-_TICKS: Final = 2.0**TIME_BITS
-
-
-def monotonic_s() -> float:
-    """Return the monotonic clock [s] in whole ticks of 2^-20 s."""
-    return floor(monotonic() * _TICKS) / _TICKS
 
 
 def rounded(value: float, bits: int) -> float:

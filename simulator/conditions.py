@@ -113,7 +113,6 @@ IDEAL: Final = Conditions()
 
 LABORATORY: Final = Conditions(
     turbulence_rms=(0.15, 0.15, 0.1, 0.5),
-    turbulence_correlation_s=0.5,
     lag_mismatch=0.25,
     parameter_mismatch=0.08,
     trim_offset=0.02,

@@ -12,8 +12,7 @@ from functools import cache
 from threading import Condition, RLock, Thread
 from typing import Final, Protocol
 
-from rcopterx.bus.clock import Clock
-from rcopterx.bus.rounding import monotonic_s
+from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 from rcopterx.transmitter_gateway.protocols.crtp import RadioAddress, joined, separated
 
@@ -73,7 +72,7 @@ class Crazyradio:
     def __init__(
         self,
         find: Callable[[], UsbDevice],
-        now: Callable[[], float] = monotonic_s,
+        now: Callable[[], float] = REAL_TIME.now,
         *,
         at_once: bool = False,
     ) -> None:
