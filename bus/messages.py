@@ -4,7 +4,7 @@ Every message carries `schema_version`. Fields are only ever appended, with defa
 different versions understand each other. `check` holds what types cannot express.
 """
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from msgspec import Meta, Struct, field
 
@@ -30,10 +30,6 @@ from rcopterx.bus.message import (
     Weight,
 )
 from rcopterx.bus.trajectory_array import PLAN_COLUMNS, TrajectoryArray
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 
 class CommandTiming(Struct, frozen=True, kw_only=True):
@@ -161,10 +157,6 @@ class Plan(Message, frozen=True, kw_only=True):
         if self.nominal is not None:
             stages = self.trajectory.stages
             self.nominal.check("nominal", stages, min_stages=stages)
-
-    def samples(self) -> "NDArray[np.float64]":
-        """Unpack the trajectory, shape (stages, 12)."""
-        return self.trajectory.to_numpy()
 
 
 class Command(Message, frozen=True, kw_only=True):

@@ -25,7 +25,7 @@ def polyline(points: Array) -> Array:
 
 def plan_segments(plan: Plan | None) -> Array:
     """Line of a plan as segments, shape (stages - 1, 2, 3) [m]; a point without a plan."""
-    return NOWHERE if plan is None else polyline(plan.samples()[:, :3])
+    return NOWHERE if plan is None else polyline(plan.trajectory.to_numpy()[:, :3])
 
 
 def box_edges(low: Array, high: Array) -> Array:

@@ -249,7 +249,7 @@ class LeaderChanges:
             plan = self._plans.newest(link.leader)
             if link.leader not in links and plan is not None:
                 # Its plan has arrived, its status has not: the end of the plan is its place.
-                heads[link.leader] = plan.samples()[-1, :4].copy()
+                heads[link.leader] = plan.trajectory.to_numpy()[-1, :4].copy()
                 links = {**links, link.leader: ()}
         return place_problem(self._vehicle, following, links, heads, self._room)
 

@@ -18,7 +18,7 @@ from rcopterx.vehicles.state import three
 def leader_plan(plan: Plan, clock: FleetClock, with_nominal: bool = True) -> LeaderPlan:
     """Return a plan of the same epoch on the clock of this vehicle."""
     ahead_s = (clock.current_frame - plan.frame) * clock.period_s - plan.start_s
-    trajectory = Trajectory(plan.samples(), plan.period_s)
+    trajectory = Trajectory(plan.trajectory.to_numpy(), plan.period_s)
     packed = plan.nominal if with_nominal else None
     nominal = None if packed is None else Trajectory(packed.to_numpy(), plan.period_s)
     return LeaderPlan(trajectory, ahead_s, plan.airborne and plan.followable, nominal)

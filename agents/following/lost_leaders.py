@@ -115,7 +115,7 @@ class LostLeaders:
         if mode is FollowingMode.FOLLOW_SUCCESSOR and successor is not None:
             lost = self._assigned[0].leader
             plan = self._plans.newest(lost)
-            yaw_rad = 0.0 if plan is None else float(plan.samples()[0, 3])
+            yaw_rad = 0.0 if plan is None else float(plan.trajectory.to_numpy()[0, 3])
             link = link_to_successor(self._vehicle, successor, lost, self._links(), yaw_rad)
             if link is not None:
                 guidance.follow_instead((followed_leader(link),))

@@ -168,7 +168,7 @@ class _Compared:
         error = np.subtract(command.input, command_then.input)
         old = decode(plan_then, Plan)
         self.errors.append(error)
-        gap = _gap(plan.samples(), old.samples())
+        gap = _gap(plan, old)
         result.largest_input = max(result.largest_input, float(np.abs(error).max()))
         result.largest_plan = max(result.largest_plan, gap)
         if max(float(np.abs(error).max()), gap) > self._tolerance or self._tolerance == 0.0:
@@ -180,8 +180,7 @@ class _Compared:
         plans = self._recorded.plans.get((plan.epoch, plan.frame), [])
         if planned in plans:
             return planned
-        samples = plan.samples()
-        return min(plans, key=lambda then: _gap(samples, decode(then, Plan).samples()), default=None)
+        return min(plans, key=lambda then: _gap(plan, decode(then, Plan)), default=None)
 
     def _cause(
         self, step: AgentStep, period: ControlPeriod, plan: Plan, old: Plan, error: Any, gap: float
@@ -214,8 +213,9 @@ def _lost(period: ControlPeriod) -> str:
     return f"{period.missing} inputs so far are not in the flight log" if period.missing else ""
 
 
-def _gap(one: Any, other: Any) -> float:
+def _gap(plan: Plan, other: Plan) -> float:
     """Largest difference of the positions and speeds of two plans; infinite for different lengths."""
-    if one.shape != other.shape:
+    if plan.trajectory.stages != other.trajectory.stages:
         return float("inf")
-    return float(np.abs(one[:, :MOTION_SIZE] - other[:, :MOTION_SIZE]).max())
+    difference = plan.trajectory.to_numpy() - other.trajectory.to_numpy()
+    return float(np.abs(difference[:, :MOTION_SIZE]).max())

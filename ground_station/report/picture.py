@@ -102,7 +102,7 @@ def _draw_from_above(
             axes.plot(flown[-1, 0], flown[-1, 1], "o", color=colours[name], ms=5)
         plans = figures.plans[name]
         for plan in plans[:: max(1, len(plans) // PLANS)]:
-            stages = plan.samples()[::5]
+            stages = plan.trajectory.to_numpy()[::5]
             axes.plot(stages[:, 0], stages[:, 1], colours[name], lw=0.5, alpha=0.6)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title("from above; thin: plans")

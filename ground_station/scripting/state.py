@@ -175,7 +175,7 @@ def error_of(plan: Plan) -> float | None:
     """Distance of the beginning of a plan from its reference [m]; None on the floor."""
     if plan.reference is None or not plan.airborne:
         return None
-    return float(np.linalg.norm(plan.samples()[0, :3] - np.array(plan.reference[:3])))
+    return float(np.linalg.norm(plan.trajectory.to_numpy()[0, :3] - np.array(plan.reference[:3])))
 
 
 def formation_problem(state: VehicleState, tolerance_m: float) -> str:

@@ -209,7 +209,7 @@ def test_oversize_messages_are_refused_before_they_are_unpacked(message_type: ty
 
 def test_the_longest_allowed_plan_fits_into_a_message() -> None:
     plain = PLAN | {"trajectory": TRAJECTORY | {"data": bytes(24 * MAX_STAGES)}}
-    assert decode(msgpack.packb(plain), Plan).samples().shape == (MAX_STAGES, 12)
+    assert decode(msgpack.packb(plain), Plan).trajectory.to_numpy().shape == (MAX_STAGES, 12)
 
 
 def test_the_state_of_a_laboratory_with_a_hundred_vehicles_fits_into_a_message() -> None:
