@@ -30,10 +30,6 @@ class RadioLink(Reception):
         self.powered = True
         self.module.power_cycle(now_s)
 
-    def feed(self, data: bytes, now_s: float) -> None:
-        """Put bytes on the serial line at `now_s`."""
-        self.module.feed(data, now_s)
-
     def advance(self, now_s: float) -> bytes:
         """Advance the time; return the answers of the module."""
         if not self.powered:
@@ -124,7 +120,7 @@ class RadioPty(RadioEnd):
             self.counters["bytes for a module without power"] += len(data)
             return
         for start_s, frame in self._separated(data, now_s):
-            self.link.feed(frame, start_s)
+            self.link.module.feed(frame, start_s)
 
     def _separated(self, data: bytes, now_s: float) -> list[tuple[float, bytes]]:
         """Restore the pauses of frames that piled up between two reads.
@@ -149,7 +145,8 @@ class RadioPty(RadioEnd):
         """Pull the cable: the device vanishes for its users; `powered` if the module has power of its own."""
         if not self.is_open:
             return
-        self.link.powered = powered
+        if not powered:
+            self.link.switch_off()
         target = os.ttyname(self._slave)
         os.close(self._master)
         os.close(self._slave)

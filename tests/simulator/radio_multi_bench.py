@@ -43,7 +43,7 @@ class Bench:
         first = len(self.packets)
         for _ in range(round(seconds / 0.02)):
             if data is not None:
-                self.link.feed(data, self.now_s)
+                self.link.module.feed(data, self.now_s)
             self.now_s += 0.02
             self.answers += self.link.advance(self.now_s)
         return self.packets[first:]

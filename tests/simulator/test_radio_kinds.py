@@ -84,7 +84,20 @@ def test_a_radio_without_power_is_silent_until_it_is_mended(bench: Bench, condit
 
 
 @pytest.mark.parametrize("bench", ["multi"], indirect=True)
-def test_a_module_that_refuses_the_protocol_says_so_and_can_be_mended(bench: Bench) -> None:
+def test_a_module_that_was_off_boots_before_it_transmits_again(bench: Bench) -> None:
+    bench.run(1.5)
+    for condition in ("off", "adapter"):
+        set_condition(bench.radio, condition, bench.now_s)
+        bench.run(1.5)
+        assert bench.state is ReceiverState.FAILSAFE
+    before = bench.radio.link.module.rf_channels
+    set_condition(bench.radio, "ready", bench.now_s)
+    bench.run(2.5)
+    assert bench.radio.link.module.rf_channels > before
+
+
+@pytest.mark.parametrize("bench", ["multi"], indirect=True)
+def test_a_module_that_refuses_that_refuses_the_protocol_says_so_and_can_be_mended(bench: Bench) -> None:
     bench.run(1.5)
     set_condition(bench.radio, "refusing", bench.now_s)
     bench.run(1.5)

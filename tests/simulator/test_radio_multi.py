@@ -80,8 +80,8 @@ def test_frames_too_close_on_the_wire_are_both_lost_and_apart_both_accepted() ->
     for pause_s, accepted in ((0.1e-3, 0), (0.2e-3, 2)):
         bench = booted()
         before = len(bench.module.frames)
-        bench.link.feed(frame(), bench.now_s)
-        bench.link.feed(frame(), bench.now_s + FRAME_S + pause_s)
+        bench.link.module.feed(frame(), bench.now_s)
+        bench.link.module.feed(frame(), bench.now_s + FRAME_S + pause_s)
         bench.run(0.02, None)
         assert len(bench.module.frames) - before == accepted
 
@@ -105,7 +105,7 @@ def test_garbage_before_a_frame_is_skipped_but_a_stray_header_gives_wrong_channe
 def stopped_in_flight(phase_s: float) -> tuple[Bench, float]:
     """Frames end at some phase of the radio's cycle; also the time from the last frame to the last packet."""
     bench = booted()
-    bench.link.feed(frame(), bench.now_s + phase_s)
+    bench.link.module.feed(frame(), bench.now_s + phase_s)
     sent_s = bench.now_s + phase_s
     bench.run(1.0, None)
     return bench, bench.packets[-1].time_s - sent_s

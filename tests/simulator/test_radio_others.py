@@ -41,7 +41,7 @@ class Bench:
         while self.now_s < end_s - 1e-9:
             if pulses is not None:
                 frame = self.protocol.encode(pulses, flags or FrameFlags(), disarmed=True)
-                self.link.feed(frame, self.now_s)
+                self.link.module.feed(frame, self.now_s)
             self.now_s += self.protocol.keepalive_s
             self.protocol.receive(self.link.advance(self.now_s), self.now_s)
         receiver = self.link.receiver
@@ -93,9 +93,9 @@ def test_fragments_and_glued_frames_are_rejected(build: Callable[[], Bench]) -> 
     bench.run(1.0)
     bench.link.take_frames()
     frame = bench.protocol.encode(HOVER)
-    bench.link.feed(frame[:-1], bench.now_s)
+    bench.link.module.feed(frame[:-1], bench.now_s)
     bench.run(0.1, None)
-    bench.link.feed(frame + frame, bench.now_s)
+    bench.link.module.feed(frame + frame, bench.now_s)
     bench.run(0.1, None)
     assert not bench.link.take_frames()
     assert sum(bench.module.rejected.values()) == 2

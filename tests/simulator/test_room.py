@@ -28,7 +28,7 @@ def test_a_flight_controller_runs_its_motors_only_when_armed_with_low_throttle(t
         end_s = now_s + seconds
         while now_s < end_s:
             now_s += 0.02
-            room.radios["q1"].link.feed(protocol.encode(pulses_us), now_s)
+            room.radios["q1"].link.module.feed(protocol.encode(pulses_us), now_s)
             room.advance(now_s)
         return room.laboratory.plants["q1"].motors_running
 
