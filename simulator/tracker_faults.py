@@ -31,7 +31,6 @@ class TrackerFaults:
     """
 
     def __init__(self, offer: frozenset[int]) -> None:
-        self.applied = 0  # number of faults started
         # lines of a time table that could not be carried out when their time came, the newest last
         self.refused: deque[str] = deque(maxlen=20)
         self._offer = offer
@@ -49,7 +48,6 @@ class TrackerFaults:
     def apply(self, fault: TrackerFault, now_s: float) -> None:
         """Start a fault now; `FaultError` for an unknown subject, or what this Tracker does not offer."""
         self._check(fault)
-        self.applied += 1
         match fault:
             case LastingFault():
                 self._table.begin(fault, now_s)
@@ -156,14 +154,13 @@ class TrackerFaults:
 
     def _with_frozen(self, bodies: tuple[TrackedBody, ...]) -> tuple[TrackedBody, ...]:
         """Return the bodies with those that are to stand still where they were first."""
-        names = {
-            entry.fault.subject
-            for entry in self._table.lasting.values()
-            if isinstance(entry.fault, faults.FreezePose)
-        }
+        names = self._subjects_with(faults.FreezePose)
         seen = {body.name: body for body in bodies}
         self._frozen = {name: self._frozen.get(name, seen[name]) for name in names & seen.keys()}
         return tuple(self._frozen.get(body.name, body) for body in bodies)
+
+    def _subjects_with(self, kind: type[faults.FreezePose | faults.AddSubject]) -> set[str]:
+        return {fault.subject for fault in self.lasting if isinstance(fault, kind)}
 
     def _check(self, fault: TrackerFault, planned: frozenset[str] = frozenset()) -> None:
         if isinstance(fault, faults.YUp) and ObjectType.APPLICATION_INFO not in self._offer:
@@ -174,12 +171,7 @@ class TrackerFaults:
             raise FaultError(f"unknown_object: {fault.object_type} is the number of a known type")
         if self._subjects is None:
             return
-        added = {
-            entry.fault.subject
-            for entry in self._table.lasting.values()
-            if isinstance(entry.fault, faults.AddSubject)
-        }
-        tracked = self._subjects | added | planned
+        tracked = self._subjects | self._subjects_with(faults.AddSubject) | planned
         if isinstance(fault, faults.AddSubject):
             if fault.subject in self._subjects:
                 raise FaultError(f"add_subject: {fault.subject!r} is tracked already")

@@ -192,7 +192,6 @@ def test_time_table_is_carried_out_in_its_order() -> None:
     active.advance(150.0)
     assert active.take_pending() == [Close(), Reset()]
     assert active.take_pending() == []
-    assert active.applied == 3
 
 
 def test_duration_of_a_planned_fault_counts_from_its_own_time() -> None:
