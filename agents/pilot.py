@@ -20,8 +20,8 @@ from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.inputs import BumplessTransfer, InputHistory, as_sent
 from rcopterx.agents.flight.lift_off import LiftOff
-from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
+from rcopterx.agents.formation.law import LeaderPlan
 from rcopterx.agents.guards.estimator_guard import EstimatorGuard
 from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
 from rcopterx.agents.guards.time_limit import TimeLimit

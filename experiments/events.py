@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import followed_leader
+from rcopterx.agents.formation.law import LeaderPlan
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.references.paths import FlightPath

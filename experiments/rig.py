@@ -18,8 +18,8 @@ from msgspec.structs import replace
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.cooperation import Sent, Unpacked
 from rcopterx.agents.estimation import OCCLUDED, StampedMeasurement
-from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import link_message, target_link
+from rcopterx.agents.formation.law import LeaderPlan
 from rcopterx.agents.formation.profile_limits import profile_limits_of
 from rcopterx.agents.guards.step_guard import hovering_input
 from rcopterx.agents.pilot import ControlOutput, Pilot

@@ -7,9 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from rcopterx.agents.flight.beside_leaders import References, beside_leaders
 from rcopterx.agents.flight.lift_off import Touchdown
-from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan, Task, end_of, offset_between
+from rcopterx.agents.flight.task import Task, end_of
+from rcopterx.agents.formation.law import (
+    FollowedLeader,
+    LeaderPlan,
+    References,
+    offset_between,
+    references_beside,
+)
 from rcopterx.agents.phases import AIRBORNE, Event, Phase, next_phase
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.landing_descent import descent
@@ -310,7 +316,7 @@ class Guidance:
             if usable:
                 yaw_rad, share = float(estimate.motion[YAW]), self.deviation_share
                 links = [link for link in self.followed if link.leader in usable]
-                found = beside_leaders(links, usable, share, yaw_rad, time_s, delay_s, period_s, stages)
+                found = references_beside(links, usable, share, yaw_rad, time_s, delay_s, period_s, stages)
                 first = found.flown.samples[0]
                 self.source = SetPointReference(first[:3], float(first[YAW]))
                 return found

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
-from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
-from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.references.trajectory import Trajectory

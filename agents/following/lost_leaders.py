@@ -5,8 +5,8 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 
 from rcopterx.agents.flight.guidance import PLAN_LIMIT_S
-from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader, target_link
+from rcopterx.agents.formation.law import FollowedLeader, LeaderPlan
 from rcopterx.agents.formation.succession import (
     Finding,
     FollowingMode,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
-from rcopterx.agents.flight.task import FollowedLeader
+from rcopterx.agents.formation.law import FollowedLeader
 from rcopterx.bus.messages import SetPoint
 from rcopterx.vehicles.state import Array
 

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
-from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.leader_plans import leader_plan
+from rcopterx.agents.formation.law import LeaderPlan
 from rcopterx.agents.formation.topology import FormationGraph, ancestors, formation_of, places, roots
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from msgspec import Struct
 
-from rcopterx.agents.flight.task import LeaderPlan
+from rcopterx.agents.formation.law import LeaderPlan
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.control.interfaces import AvoidsObstacles, Controller, Obstacle
 from rcopterx.control.references.trajectory import Trajectory

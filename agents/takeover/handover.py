@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from msgspec.structs import replace
 
-from rcopterx.agents.flight.task import FollowedLeader, Task, end_of
+from rcopterx.agents.flight.task import Task, end_of
 from rcopterx.agents.following.leader_plans import followed_leader, target_link
-from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.formation.law import FollowedLeader, FormationOffset
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.settings import AgentSettings

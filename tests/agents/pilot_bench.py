@@ -6,7 +6,7 @@ from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.flight.task import FollowedLeader
+from rcopterx.agents.formation.law import FollowedLeader
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.control.interfaces import Measurement

@@ -9,8 +9,7 @@ from support.vehicle_types import COAXIAL_LAG
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.inputs import INPUT_UNIT
 from rcopterx.agents.flight.lift_off import SPOOL_UP_S
-from rcopterx.agents.flight.task import FollowedLeader
-from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.formation.law import FollowedLeader, FormationOffset
 from rcopterx.agents.guards.step_guard import BRIDGED_S
 from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.pilot import Pilot

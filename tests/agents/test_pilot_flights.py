@@ -8,8 +8,7 @@ from pilot_bench import HOVER, real, seen
 from support.flight import Lab, Plant, assert_sound, measured, still
 
 from rcopterx.agents.estimation import StampedMeasurement
-from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
-from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.agents.phases import Phase
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS

@@ -3,8 +3,7 @@
 import numpy as np
 
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
-from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.agents.phases import Event
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold

@@ -20,7 +20,7 @@ from support.guidance import (
 )
 
 from rcopterx.agents.flight.guidance import OFFSET_SPEED_M_S
-from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan
+from rcopterx.agents.formation.law import FollowedLeader, LeaderPlan
 from rcopterx.control.references.trajectory import Trajectory, hold
 
 

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rcopterx.agents.formation.law import (
+    FollowedLeader,
     FormationOffset,
-    OffsetTransition,
     combined_reference,
     follower_reference,
 )
@@ -25,6 +25,18 @@ def along_x(heading: float, speed_m_s: float = 0.4, stages: int = 20) -> Traject
     samples[:, 0] += speed_m_s * PERIOD_S * np.arange(stages)
     samples[:, 4] = speed_m_s
     return Trajectory(samples, PERIOD_S)
+
+
+def moving(start: FormationOffset, target: FormationOffset, duration_s: float) -> FollowedLeader:
+    """An offset whose transition begins 0.2 s after the first stage."""
+    return FollowedLeader("h1", target, 1.0, start, 0.2, duration_s)
+
+
+def beside(
+    plan: Trajectory, offset: FormationOffset | FollowedLeader, ahead_s: float, period_s: float, stages: int
+) -> Trajectory:
+    link = offset if isinstance(offset, FollowedLeader) else FollowedLeader("h1", offset)
+    return follower_reference(plan, link, 0.0, ahead_s, period_s, stages)
 
 
 def turning(stages: int = 400, period_s: float = 0.005) -> Trajectory:
@@ -46,7 +58,7 @@ def test_leader_flying_along_x_makes_followers_fly_along_x(
 ) -> None:
     offset = FormationOffset(np.array([0.5, 0.2, 0.1]), offset_yaw, frame)  # type: ignore[arg-type]  # parametrized literal
     leader = along_x(leader_heading)
-    reference = follower_reference(leader, offset, 0.0, PERIOD_S, 20)
+    reference = beside(leader, offset, 0.0, PERIOD_S, 20)
     assert reference.velocity_m_s == pytest.approx(leader.velocity_m_s)
     assert reference.yaw_rad == pytest.approx(leader_heading + offset_yaw)
     # body velocities, as a controller turns them: v_F = R(psi_F)' R(psi_L) v_L,body
@@ -60,9 +72,9 @@ def test_leader_flying_along_x_makes_followers_fly_along_x(
 def test_offset_is_fixed_in_the_room_or_to_the_leader(heading: float) -> None:
     leader = along_x(heading)
     d = np.array([0.5, 0.2, 0.1])
-    fixed = follower_reference(leader, FormationOffset(d), 0.0, PERIOD_S, 20)
+    fixed = beside(leader, FormationOffset(d), 0.0, PERIOD_S, 20)
     assert fixed.position_m - leader.position_m == pytest.approx(np.tile(d, (20, 1)))
-    carried = follower_reference(leader, FormationOffset(d, 0.0, "heading"), 0.0, PERIOD_S, 20)
+    carried = beside(leader, FormationOffset(d, 0.0, "heading"), 0.0, PERIOD_S, 20)
     gap = (carried.position_m - leader.position_m)[0]
     assert heading_matrix(heading).T @ gap[:2] == pytest.approx(d[:2])
     assert gap[2] == pytest.approx(d[2])
@@ -74,8 +86,8 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_position(frame: st
     leader = turning()
     target = FormationOffset(np.array([0.6, -0.3, 0.2]), 0.5, frame)  # type: ignore[arg-type]  # parametrized literal
     start = FormationOffset(np.array([-0.1, 0.2, 0.0]), -1.0)
-    offset = OffsetTransition(start, target, -0.2, 1.9) if moves else target
-    reference = follower_reference(leader, offset, 0.0, leader.period_s, len(leader.samples))
+    offset = moving(start, target, 1.9) if moves else target
+    reference = beside(leader, offset, 0.0, leader.period_s, len(leader.samples))
     # the jerk of the transition jumps at its beginning, which central differences smear
     for values, rates in ((slice(0, 4), slice(4, 8)), (slice(4, 8), slice(8, 12))):
         central = (reference.samples[2:, values] - reference.samples[:-2, values]) / (2 * leader.period_s)
@@ -85,9 +97,9 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_position(frame: st
 def test_an_offset_in_transition_starts_where_it_was_and_ends_at_its_target() -> None:
     leader = along_x(0.3, stages=120)
     start, target = FormationOffset(np.array([0.5, 0, 0]), 0.2), FormationOffset(np.array([0, 0.4, 0.1]), 1.0)
-    reference = follower_reference(leader, OffsetTransition(start, target, -0.2, 1.0), 0.0, PERIOD_S, 120)
-    before = follower_reference(leader, start, 0.0, PERIOD_S, 120)
-    after = follower_reference(leader, target, 0.0, PERIOD_S, 120)
+    reference = beside(leader, moving(start, target, 1.0), 0.0, PERIOD_S, 120)
+    before = beside(leader, start, 0.0, PERIOD_S, 120)
+    after = beside(leader, target, 0.0, PERIOD_S, 120)
     assert reference.samples[:11] == pytest.approx(before.samples[:11])
     assert reference.samples[60:] == pytest.approx(after.samples[60:])
 
@@ -98,7 +110,7 @@ def test_a_turning_leader_swings_the_whole_formation() -> None:
     samples[:, 3] = np.pi / 2 * np.arange(50) / 49
     samples[:, 7] = np.pi / 2 / (49 * PERIOD_S)
     offset = FormationOffset(np.array([0.5, 0, 0]), 0.0, "heading")
-    reference = follower_reference(Trajectory(samples, PERIOD_S), offset, 0.0, PERIOD_S, 50)
+    reference = beside(Trajectory(samples, PERIOD_S), offset, 0.0, PERIOD_S, 50)
     assert reference.position_m[0] == pytest.approx([0.5, 0, 1])
     assert reference.position_m[-1] == pytest.approx([0, 0.5, 1], abs=1e-12)
     assert np.linalg.norm(reference.velocity_m_s, axis=1) == pytest.approx(0.5 * samples[0, 7])
@@ -106,16 +118,16 @@ def test_a_turning_leader_swings_the_whole_formation() -> None:
 
 def test_plan_of_an_earlier_frame_is_read_from_where_it_is_now() -> None:
     leader = turning()
-    reference = follower_reference(leader, FormationOffset(np.zeros(3)), 0.02, 0.02, 50)
+    reference = beside(leader, FormationOffset(np.zeros(3)), 0.02, 0.02, 50)
     assert reference.samples == pytest.approx(leader.samples[4:204:4])
-    between = follower_reference(leader, FormationOffset(np.zeros(3)), 0.0175, 0.02, 50)
+    between = beside(leader, FormationOffset(np.zeros(3)), 0.0175, 0.02, 50)
     middle = 0.5 * (leader.samples[3:203:4] + leader.samples[4:204:4])
     assert between.samples == pytest.approx(middle)
 
 
 def test_end_of_a_shifted_plan_goes_on_with_its_last_velocity() -> None:
     leader = along_x(0.3)
-    reference = follower_reference(leader, FormationOffset(np.zeros(3)), 5 * PERIOD_S, PERIOD_S, 20)
+    reference = beside(leader, FormationOffset(np.zeros(3)), 5 * PERIOD_S, PERIOD_S, 20)
     assert reference.position_m[-1, 0] == pytest.approx(0.1 + 0.4 * PERIOD_S * 24)
     assert reference.velocity_m_s[-1] == pytest.approx([0.4, 0, 0])
 
@@ -133,8 +145,8 @@ def test_equal_leaders_with_consistent_offsets_agree_with_one() -> None:
     first, second = along_x(0.4), along_x(0.4)
     shifted = Trajectory(second.samples + np.pad([1.0, 0, 0], (0, 9)), PERIOD_S)
     references = [
-        follower_reference(first, FormationOffset(np.array([0.5, 0.5, 0])), 0.0, PERIOD_S, 20),
-        follower_reference(shifted, FormationOffset(np.array([-0.5, 0.5, 0])), 0.0, PERIOD_S, 20),
+        beside(first, FormationOffset(np.array([0.5, 0.5, 0])), 0.0, PERIOD_S, 20),
+        beside(shifted, FormationOffset(np.array([-0.5, 0.5, 0])), 0.0, PERIOD_S, 20),
     ]
     assert combined_reference(references, [1.0, 3.0]).samples == pytest.approx(references[0].samples)
 
@@ -158,9 +170,7 @@ def test_unscaled_plans_satisfy_equation_7_for_different_scalings(
     scaled_leader = np.linalg.solve(d_l, state - s_l)
     inverse = np.linalg.inv(d_f)
     by_equation_7 = inverse @ omega @ d_l @ scaled_leader + inverse @ offset + inverse @ (omega @ s_l - s_f)
-    reference = follower_reference(
-        plan_of(state), FormationOffset(offset[:3], delta_yaw), 0.0, PERIOD_S, 1
-    ).samples[0]
+    reference = beside(plan_of(state), FormationOffset(offset[:3], delta_yaw), 0.0, PERIOD_S, 1).samples[0]
     own = np.concatenate((reference[:8], state[8:]))
     own[4:6] = heading_matrix(reference[3]).T @ reference[4:6]
     assert (own - s_f) / np.diag(d_f) == pytest.approx(by_equation_7, abs=1e-9)

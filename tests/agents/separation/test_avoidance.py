@@ -8,8 +8,8 @@ from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.flight.task import LeaderPlan
 from rcopterx.agents.following.traffic import FORMATION_SCALE, ellipsoid_scale
+from rcopterx.agents.formation.law import LeaderPlan
 from rcopterx.agents.formation.topology import places
 from rcopterx.agents.phases import Event
 from rcopterx.agents.pilot import Pilot

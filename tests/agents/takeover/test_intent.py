@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from support.flight import still
 
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.flight.task import FollowedLeader, LeaderPlan, Task
-from rcopterx.agents.formation.law import FormationOffset
+from rcopterx.agents.flight.task import Task
+from rcopterx.agents.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.takeover.handover import configuration_of, intent_of, passed_s, task_of
 from rcopterx.agents.tuning.configuration import Configuration
