@@ -1,6 +1,7 @@
 """The parts of an agent, and how they are connected."""
 
 import time
+from collections import deque
 from functools import partial
 from typing import Final
 
@@ -11,7 +12,7 @@ from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.following.traffic import Traffic
 from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.load.load_relief import LoadRelief
-from rcopterx.agents.load.pacing import Pacing, SolveTimer
+from rcopterx.agents.load.pacing import Pacing
 from rcopterx.agents.observation import Observation
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.requests.external_control import ExternalControl
@@ -26,6 +27,7 @@ from rcopterx.bus.stepping import StepBus
 
 TUNED: Final = "tuned"  # event of the thread that prepares another controller
 TRAJECTORY_CHECKED: Final = "trajectory_checked"  # event of the thread that checks a trajectory
+SOLVE_WINDOW: Final = 500  # number of control steps whose durations are reported
 
 
 def build_pilot(settings: AgentSettings) -> Pilot:
@@ -53,7 +55,7 @@ class AgentParts:
     def __init__(self, settings: AgentSettings, pilot: Pilot, bus: StepBus) -> None:
         vehicle, clock, host = settings.vehicle, bus.clock, settings.bus.host
         self.pacing = Pacing(settings.period_s, settings.vehicles.index(vehicle))
-        self.solve = SolveTimer()
+        self.solve_ms: deque[float] = deque(maxlen=SOLVE_WINDOW)  # durations of the last control steps
         self.lease = ControlLease(bus.life, settings.take_over, clock())
         # Observation
         poses = bus.subscribe(channels.POSE, vehicle, depth=32)

@@ -1,6 +1,6 @@
 """Observation of a vehicle: poses, frames without a pose, and the inputs that its transmitter applied."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
@@ -35,17 +35,6 @@ class Observation:
         self._lease = lease
         self._clock = clock
         self.seen: Received[Pose] | None = None  # newest pose that the pilot accepted; None before the first
-
-    @property
-    def rejected(self) -> Mapping[str, int]:
-        """Rejected messages by topic and reason."""
-        poses = {f"pose.{kind}": count for kind, count in self.poses.rejected.items()}
-        return poses | {f"applied.{kind}": count for kind, count in self.applied.rejected.items()}
-
-    @property
-    def pose_age_s(self) -> float | None:
-        """Age of the newest pose."""
-        return self.poses.age_s(self._clock())
 
     def take_applied(self) -> bool:
         """Process the inputs written to the radio; return whether the vehicle is found in flight."""

@@ -5,7 +5,9 @@ import math
 import os
 from collections import Counter
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
 
 from rcopterx.agents.assembly import AgentParts
 from rcopterx.agents.following.leader_plans import LeaderPlans, link_message, target_link
@@ -28,7 +30,7 @@ from rcopterx.bus.messages import (
 )
 from rcopterx.bus.rounding import all_rounded, rounded
 from rcopterx.bus.stepping import StepBus
-from rcopterx.bus.subscription import Received
+from rcopterx.bus.subscription import Inbox, Received
 from rcopterx.bus.trajectory_array import TrajectoryArray
 from rcopterx.vehicles.state import YAW, four, inertial_velocity, three
 
@@ -177,7 +179,8 @@ def diagnostics_of(
     settings: AgentSettings, pilot: Pilot, parts: AgentParts, realtime: bool, now_s: float
 ) -> Diagnostics:
     """Return the present figures of an agent; `realtime`: it runs in a real-time scheduling class."""
-    configuration, times, relief = parts.tuning.configuration, parts.solve.times(), parts.relief
+    configuration, observation, relief = parts.tuning.configuration, parts.observation, parts.relief
+    p50_ms, p99_ms, longest_ms = np.percentile(parts.solve_ms or (0.0,), (50, 99, 100)).tolist()
     flown = configuration.message
     remarks = (*pilot.remarks, parts.tuning.remark, relief.remark, parts.guard.remark)
     return Diagnostics(
@@ -188,13 +191,13 @@ def diagnostics_of(
         horizon=pilot.controller.horizon,
         effort_factor=max(effort_factors(configuration)),
         client=parts.external.client,
-        pose_age_s=parts.observation.pose_age_s,
+        pose_age_s=observation.poses.age_s(now_s),
         plan_age_s=parts.plans.plan_age_s(now_s, pilot.guidance.leaders),
         ticks=parts.pacing.ticks,
         missed_ticks=parts.pacing.missed_ticks,
-        solve_ms_p50=times.p50,
-        solve_ms_p99=times.p99,
-        solve_ms_max=times.maximum,
+        solve_ms_p50=p50_ms,
+        solve_ms_p99=p99_ms,
+        solve_ms_max=longest_ms,
         fallbacks=_summed(
             pilot.events,
             parts.external.events,
@@ -206,10 +209,11 @@ def diagnostics_of(
         ),
         estimator_events=dict(pilot.estimator.events),
         rejected=_summed(
-            parts.observation.rejected,
+            _rejected(observation.poses),
+            _rejected(observation.applied),
+            _rejected(parts.external.answers),
             parts.plans.rejected,
             parts.traffic.rejected,
-            parts.external.rejected,
             pilot.cooperation.rejected,
         ),
         avoiding_ticks=pilot.avoidance.ticks,
@@ -222,7 +226,7 @@ def diagnostics_of(
         host=settings.bus.host or None,
         remarks=tuple(filter(None, remarks)),
         processor_share=relief.processor_share(),
-        late_share=relief.late_share,
+        late_share=relief.overload.late_share,
     )
 
 
@@ -231,6 +235,11 @@ def _summed(*counts: Mapping[str, int]) -> dict[str, int]:
     for each in counts:
         total.update(each)
     return dict(total)
+
+
+def _rejected(inbox: Inbox[Any]) -> dict[str, int]:
+    """Rejected messages by topic and reason."""
+    return {f"{inbox.channel.topic}.{kind}": count for kind, count in inbox.rejected.items()}
 
 
 def _hover_thrust(pilot: Pilot) -> float | None:

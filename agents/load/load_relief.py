@@ -38,7 +38,7 @@ class LoadRelief:
         processor_clock: Callable[[], float],
     ) -> None:
         self._bus, self._pacing, self._traffic = bus, pacing, traffic
-        self._overload = Overload(period_s)
+        self.overload = Overload(period_s)
         self._processor_clock = processor_clock
         self._used_s, self._since_s = processor_clock(), bus.clock()
         self._seen = 0, 0
@@ -56,11 +56,6 @@ class LoadRelief:
         reason = "more agents run on this computer than it serves" if self._planned else TOO_SLOW
         return f"{reason}: {self.relief.description}"
 
-    @property
-    def late_share(self) -> float:
-        """Share of the last commands that were late or missing."""
-        return self._overload.late_share
-
     def watch(self, late_s: float, flying: bool) -> None:
         """Process a control period, whose command left `late_s` after its pose was due."""
         pacing, (missed_before, overtaken_before) = self._pacing, self._seen
@@ -69,7 +64,7 @@ class LoadRelief:
         missed = max(pacing.missed_ticks > missed_before, pacing.overtaken_ticks - overtaken_before)
         if self.relief:
             self._pace(flying)
-        overload = self._overload
+        overload = self.overload
         if overload.observe(late_s, missed) if flying else overload.stand(late_s):
             self._bus.note(_EVENTS[overload.relief])
 
@@ -92,7 +87,7 @@ class LoadRelief:
             return False
         # Earlier decisions belong to another load.
         self._planned, self._noted = planned, Relief.NONE
-        self._overload.plan(planned)
+        self.overload.plan(planned)
         return True
 
     def _take_decision(self) -> bool:

@@ -1,13 +1,9 @@
 """Pacing of an agent by its poses, not by a timer."""
 
 import math
-from collections import deque
-from typing import Final, NamedTuple
-
-import numpy as np
+from typing import Final
 
 COAST_AFTER_PERIODS = 1.5
-WINDOW = 500
 NEVER: Final = (-1, -1)  # earlier than epoch and frame of every period
 STRETCH: Final = 1.01  # of expected pose periods: lasting delays, inexact rates are no lateness
 LONGEST_DELAY_S: Final = 0.3  # a later pose begins the expectation anew: something has paused
@@ -112,28 +108,3 @@ class Pacing:
     def left_out(self, frame: int) -> bool:
         """Return whether a period that is left out would begin with this frame at full rate."""
         return self.every > 1 and frame % self.frames_per_tick == 0
-
-
-class SolveTimes(NamedTuple):
-    """Percentiles of the recent control steps [ms]."""
-
-    p50: float
-    p99: float
-    maximum: float
-
-
-class SolveTimer:
-    """Durations of the last control steps."""
-
-    def __init__(self) -> None:
-        self._durations_ms: deque[float] = deque(maxlen=WINDOW)
-
-    def add(self, duration_s: float) -> None:
-        """Add the duration of a step."""
-        self._durations_ms.append(1000 * duration_s)
-
-    def times(self) -> SolveTimes:
-        """Percentiles; zeros before the first step."""
-        if not self._durations_ms:
-            return SolveTimes(0.0, 0.0, 0.0)
-        return SolveTimes(*np.percentile(self._durations_ms, (50, 99, 100)).tolist())

@@ -1,7 +1,7 @@
 """Control of a vehicle by an external program: given by request, lost by silence, landing or release."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
@@ -30,11 +30,6 @@ class ExternalControl:
         self.answers = answers
         self._publish = publish
         self._controller: ExternalController | None = None
-
-    @property
-    def rejected(self) -> Mapping[str, int]:
-        """Refused inputs by reason."""
-        return {f"external_input.{kind}": count for kind, count in self.answers.rejected.items()}
 
     def take(self, request: TakeControl) -> str | None:
         """Give control to a client; return the reason of a refusal, or None."""

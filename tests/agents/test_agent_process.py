@@ -144,16 +144,29 @@ def test_malformed_messages_are_counted_in_the_status_and_the_vehicle_flies_on(
     bench: Bench, bus_address: BusAddress, topic: str
 ) -> None:
     bench.start()
+    observation = bench.agent.parts.observation
+    inboxes = {"pose": observation.poses, "applied": observation.applied}
     with raw_session(bus_address) as stranger:
 
         def counted() -> bool:
             stranger.put(channels.key("lab", "h9", topic), b"\xc1")
-            return sum(bench.agent.parts.observation.rejected.values()) > 0
+            return bool(inboxes[topic].rejected)
 
         bench.step_until(counted, "not counted")
     bench.see()
     bench.command_of(bench.frame)
     assert bench.status().diagnostics.rejected[f"{topic}.malformed"] >= 1
+
+
+def test_durations_of_control_steps_are_reported_as_percentiles_in_milliseconds(bench: Bench) -> None:
+    bench.start()
+    solve_ms = bench.agent.parts.solve_ms
+    solve_ms.clear()
+    assert bench.status().diagnostics.solve_ms_max == 0.0
+    solve_ms.extend(map(float, range(1, 101)))
+    diagnostics = bench.status().diagnostics
+    assert 45.0 < diagnostics.solve_ms_p50 < 55.0
+    assert 95.0 < diagnostics.solve_ms_p99 < diagnostics.solve_ms_max == 100.0
 
 
 def test_a_follower_waits_for_its_leaders_plan_of_the_same_frame(follower: Bench) -> None:

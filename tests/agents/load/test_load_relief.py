@@ -271,8 +271,8 @@ def test_what_was_decided_under_another_load_is_forgotten() -> None:
 
 def test_commands_that_are_late_on_the_floor_are_reported() -> None:
     scene = Scene()
-    assert scene.relief.late_share == 0.0
+    assert scene.relief.overload.late_share == 0.0
     for _ in range(50):
         scene.relief.watch(LATE_S, flying=False)
-    assert scene.relief.late_share == 1.0
+    assert scene.relief.overload.late_share == 1.0
     assert scene.bus.notes == []

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.load.pacing import Pacing, SolveTimer
+from rcopterx.agents.load.pacing import Pacing
 
 
 def due(pacing: Pacing, frames: range | list[int], period_s: float, flying: bool = True) -> list[int]:
@@ -191,18 +191,6 @@ def test_a_lasting_delay_is_no_lateness_in_the_long_run() -> None:
 def test_a_stream_that_pauses_or_begins_anew_is_not_late() -> None:
     assert delays_s([0.0, 0.02, 7.0, 7.02], [0, 1, 2, 3]) == pytest.approx([0.0] * 4, abs=1e-3)
     assert delays_s([0.0, 0.02, 0.04, 0.06], [700, 701, 1, 2]) == pytest.approx([0.0] * 4, abs=1e-3)
-
-
-def test_solver_times_are_percentiles_of_the_recent_steps_in_milliseconds() -> None:
-    timer = SolveTimer()
-    assert timer.times().maximum == 0.0
-    for number in range(1, 101):
-        timer.add(number / 1000)
-    times = timer.times()
-    assert (times.p50, times.p99, times.maximum) == pytest.approx((50.5, 99.01, 100.0))
-    for _ in range(500):
-        timer.add(0.001)
-    assert timer.times().maximum == pytest.approx(1.0)
 
 
 def test_at_half_rate_every_second_period_is_left_out_and_none_is_missed() -> None:
