@@ -88,7 +88,7 @@ class LeaderChanges:
 
     def commit(self, request: CommitLeaders) -> str | None:
         """Apply the prepared leaders at a future frame; return the reason of a refusal, or None."""
-        return self._regrouping.commit(request.operation, request.epoch, request.frame, self._pilot.clock)
+        return self._regrouping.commit(request, self._pilot.clock)
 
     def withdraw(self, request: WithdrawLeaders) -> None:
         """Discard the prepared leaders."""
@@ -143,14 +143,13 @@ class LeaderChanges:
             self.update_subscriptions()
             return
         self._discard_promises()
-        if change.links:
+        if change.set_point is None:
             # For a moment the plans of the new leaders still name the ancestors that are given up now.
             clock = pilot.clock
             self.cycles_from = (clock.epoch, clock.current_frame + len(self._vehicles) + 1)
-            plans = self._plans.plans(pilot.clock, self.cycles_from)
-            pilot.guidance.follow(change.links, plans, pilot.estimate, pilot.clock.time_s, None)
+            self._follow(change.following, None)
         else:
-            pilot.guidance.take_lead(change.position_m, change.yaw_rad)
+            pilot.guidance.take_lead(np.array(change.set_point.position_m), change.set_point.yaw_rad)
         self.update_subscriptions()
 
     def update_subscriptions(self) -> None:
@@ -215,13 +214,12 @@ class LeaderChanges:
         if refusal is not None:
             return reply_of(refusal)
         if isinstance(request, PrepareLeaders):
-            links = [followed_leader(item) for item in following]
-            self._regrouping.prepare(request.operation, links, request.set_point)
+            self._regrouping.prepare(request)
             return reply_of(None, f"{self._vehicle} is ready")
         refusal = self._follow_problem(following)
         if refusal is not None:
             return reply_of(refusal)
-        self._follow(request)
+        self._follow(following, request.transition_s)
         line = self._plans.ancestors(link.leader for link in following)
         return reply_of(None, self._in_words(following, line))
 
@@ -253,11 +251,11 @@ class LeaderChanges:
                 links = {**links, link.leader: ()}
         return place_problem(self._vehicle, following, links, heads, self._room)
 
-    def _follow(self, request: Follow) -> None:
+    def _follow(self, following: Sequence[LeaderLink], transition_s: float | None) -> None:
         pilot = self._pilot
-        links = [followed_leader(following) for following in request.following]
+        links = [followed_leader(link) for link in following]
         plans = self._plans.plans(pilot.clock, self.cycles_from)
-        pilot.guidance.follow(links, plans, pilot.estimate, pilot.clock.time_s, request.transition_s)
+        pilot.guidance.follow(links, plans, pilot.estimate, pilot.clock.time_s, transition_s)
 
     def _in_words(self, following: Sequence[LeaderLink], line: Sequence[str]) -> str:
         """Describe the leaders, and theirs after them in a line."""

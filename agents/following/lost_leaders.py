@@ -12,7 +12,6 @@ from rcopterx.agents.formation.succession import (
     FollowingMode,
     Policy,
     Succession,
-    Successor,
     following_mode,
     link_to_successor,
     successor_of,
@@ -40,7 +39,6 @@ class LostLeaders:
         self.events: Counter[str] = Counter()
         self._vehicle = vehicle
         self._succession = succession
-        self._policy = Policy(succession.policy)
         self._pilot = pilot
         self._plans = plans
         self._peers = peers
@@ -62,10 +60,10 @@ class LostLeaders:
         if not guidance.assigned or guidance.phase is not Phase.FLYING:
             return False
         finding = self._finding(plans)
-        who, successor = Successor.NONE, None
-        if finding is Finding.LOST and self._policy is Policy.PROMOTE:
-            who, successor = self._find_successor()
-        mode = following_mode(finding, self._policy, who)
+        policy, successor = self._succession.policy, None
+        if finding is Finding.LOST and policy == Policy.PROMOTE:
+            successor = self._find_successor()
+        mode = following_mode(finding, policy, self._vehicle, successor)
         if (mode, successor) == (self.following_mode, self._successor):
             return False
         before = self.following_mode
@@ -94,18 +92,14 @@ class LostLeaders:
         own = tuple(map(target_link, self._assigned))
         return {**links, self._vehicle: own}
 
-    def _find_successor(self) -> tuple[Successor, str | None]:
+    def _find_successor(self) -> str | None:
         lost = self._assigned[0].leader
         ready = {self._vehicle} | {
             name
             for name, status in self._peers.statuses().items()
             if status.phase == Phase.FLYING and name in self._succession.promotable
         }
-        order = self._succession.orders.get(lost, ())
-        name = successor_of(lost, self._links(), ready, order)
-        if name is None:
-            return Successor.NONE, None
-        return (Successor.SELF if name == self._vehicle else Successor.OTHER), name
+        return successor_of(lost, self._links(), ready, self._succession.orders.get(lost, ()))
 
     def _take(self, mode: FollowingMode, successor: str | None, before: FollowingMode) -> bool:
         guidance = self._pilot.guidance

@@ -1,27 +1,20 @@
 """A change of leaders that several vehicles make at one frame: all prepare it before the first commits it."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from rcopterx.agents.flight.fleet_clock import FleetClock
-from rcopterx.agents.formation.law import FollowedLeader
-from rcopterx.bus.messages import SetPoint
-from rcopterx.vehicles.state import Array
+from rcopterx.bus.requests import CommitLeaders, PrepareLeaders
 
 PREPARED_S = 3.0  # time for which a prepared change waits for its frame
 
 
 @dataclass(frozen=True)
 class Change:
-    """New leaders of one vehicle."""
+    """New leaders of one vehicle, or its place if it leads."""
 
-    operation: str  # name of the change, the same on all vehicles
-    links: tuple[FollowedLeader, ...]  # new leaders; empty for a vehicle that leads
-    position_m: Array
-    yaw_rad: float  # its place if it leads
+    request: PrepareLeaders
     expires_s: float  # when it is discarded [monotonic s]
     epoch: int | None = None
     frame: int = 0  # when it begins, once that is known
@@ -39,7 +32,7 @@ class Regrouping:
     def leaders(self) -> set[str]:
         """Leaders of the prepared change."""
         change = self._present()
-        return set() if change is None else {link.leader for link in change.links}
+        return set() if change is None else {link.leader for link in change.request.following}
 
     def _present(self) -> Change | None:
         if self._change is not None and self._clock() > self._change.expires_s:
@@ -50,39 +43,35 @@ class Regrouping:
     def busy(self, operation: str) -> str | None:
         """Return why no change can be prepared; None if one can."""
         change = self._present()
-        if change is None or change.operation == operation:
+        if change is None or change.request.operation == operation:
             return None
-        return f"another change of leaders is under way ({change.operation})"
+        return f"another change of leaders is under way ({change.request.operation})"
 
-    def prepare(self, operation: str, links: Sequence[FollowedLeader], set_point: SetPoint | None) -> None:
+    def prepare(self, request: PrepareLeaders) -> None:
         """Prepare a change; it replaces one of the same name."""
-        place, yaw_rad = (
-            ((0.0, 0.0, 0.0), 0.0) if set_point is None else (set_point.position_m, set_point.yaw_rad)
-        )
-        expires_s = self._clock() + PREPARED_S
-        self._change = Change(operation, tuple(links), np.array(place), yaw_rad, expires_s)
+        self._change = Change(request, self._clock() + PREPARED_S)
 
-    def commit(self, operation: str, epoch: int, frame: int, clock: FleetClock) -> str | None:
+    def commit(self, request: CommitLeaders, clock: FleetClock) -> str | None:
         """Set the frame of a change; return the reason of a refusal, or None."""
         change = self._present()
-        if change is None or change.operation != operation:
-            return f"nothing is prepared under {operation!r}"
-        if epoch != clock.epoch:
-            return f"the stream of frames is another one now: epoch {clock.epoch}, not {epoch}"
-        if frame <= clock.current_frame:
-            return f"frame {frame} has passed, the present one is {clock.current_frame}"
-        self._change = replace(change, epoch=epoch, frame=frame)
+        if change is None or change.request.operation != request.operation:
+            return f"nothing is prepared under {request.operation!r}"
+        if request.epoch != clock.epoch:
+            return f"the stream of frames is another one now: epoch {clock.epoch}, not {request.epoch}"
+        if request.frame <= clock.current_frame:
+            return f"frame {request.frame} has passed, the present one is {clock.current_frame}"
+        self._change = replace(change, epoch=request.epoch, frame=request.frame)
         return None
 
     def withdraw(self, operation: str) -> None:
         """Discard a change."""
-        if self._change is not None and self._change.operation == operation:
+        if self._change is not None and self._change.request.operation == operation:
             self._change = None
 
-    def due(self, clock: FleetClock) -> Change | None:
-        """Return the change whose frame has come, once; else None."""
+    def due(self, clock: FleetClock) -> PrepareLeaders | None:
+        """Return the request whose frame has come, once; else None."""
         change = self._present()
         if change is None or change.epoch != clock.epoch or clock.current_frame < change.frame:
             return None
         self._change = None
-        return change
+        return change.request

@@ -31,14 +31,6 @@ class Policy(StrEnum):
     LAND = "land"
 
 
-class Successor(StrEnum):
-    """The vehicle that replaces a lost leader."""
-
-    NONE = "none"
-    SELF = "self"
-    OTHER = "other"
-
-
 class FollowingMode(StrEnum):
     """What a follower does."""
 
@@ -61,19 +53,20 @@ class Succession:
     promotable: frozenset[str] = frozenset()  # vehicles whose policy is `promote`
 
 
-def following_mode(finding: Finding, policy: Policy, successor: Successor) -> FollowingMode:
-    """Return what a follower does; only the present decides: a leader that returns is followed again."""
-    match finding, policy, successor:
-        case Finding.HERE, _, _:
+def following_mode(finding: Finding, policy: str, vehicle: str, successor: str | None) -> FollowingMode:
+    """Return what a vehicle does; only the present decides: a leader that returns is followed again.
+
+    `successor` is the vehicle that replaces the lost leader, if any.
+    """
+    match finding, policy:
+        case Finding.HERE, _:
             return FollowingMode.FOLLOW
-        case Finding.LATE, _, _:
+        case Finding.LATE, _:
             return FollowingMode.USE_LAST_PLAN
-        case Finding.LOST, Policy.LAND, _:
+        case Finding.LOST, Policy.LAND:
             return FollowingMode.LAND
-        case Finding.LOST, Policy.PROMOTE, Successor.SELF:
-            return FollowingMode.LEAD
-        case Finding.LOST, Policy.PROMOTE, Successor.OTHER:
-            return FollowingMode.FOLLOW_SUCCESSOR
+        case Finding.LOST, Policy.PROMOTE if successor is not None:
+            return FollowingMode.LEAD if successor == vehicle else FollowingMode.FOLLOW_SUCCESSOR
         case _:
             return FollowingMode.HOLD
 

@@ -58,7 +58,9 @@ def test_a_nominal_trajectory_comes_with_its_plan(leaders: LeaderPlans, plan_bus
     plan_bus.deliver(plan_of("h3", 10, nominal_stages=20))
     plans = leaders.plans(clock_at(10))
     assert plans["h1"].nominal is None
-    assert plans["h3"].undisturbed().position_m == pytest.approx(0.0)
+    nominal = plans["h3"].nominal
+    assert nominal is not None
+    assert nominal.position_m == pytest.approx(0.0)
 
 
 def test_a_nominal_trajectory_of_other_stages_is_refused(leaders: LeaderPlans, plan_bus: PlanBus) -> None:
