@@ -5,6 +5,7 @@ Of all rows that fit, the first one counts.
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -45,29 +46,19 @@ class Condition(StrEnum):
 class Transition:
     """One row: in any of `states`, with all of `needs` and none of `unless`, go to `target`."""
 
-    states: frozenset[State]
-    needs: frozenset[Condition]
-    unless: frozenset[Condition]
+    states: Set[State]
+    needs: Set[Condition]
     target: State
     reason: str
-
-
-def _row(
-    states: set[State] | frozenset[State],
-    needs: set[Condition],
-    target: State,
-    reason: str,
-    unless: set[Condition] | None = None,
-) -> Transition:
-    return Transition(frozenset(states), frozenset(needs), frozenset(unless or set()), target, reason)
+    unless: Set[Condition] = frozenset()
 
 
 def _down(
-    states: set[State], needs: set[Condition], reason: str, unless: set[Condition] | None = None
+    states: Set[State], needs: Set[Condition], reason: str, unless: Set[Condition] = frozenset()
 ) -> tuple[Transition, Transition]:
     """Rows that bring a vehicle down: in a closed loop where it is seen in the air, else open loop."""
-    seen = _row(states, needs | {Condition.AIRBORNE}, State.LAND, reason, unless)
-    return seen, _row(states, needs, State.DESCEND, reason, unless)
+    seen = Transition(states, needs | {Condition.AIRBORNE}, State.LAND, reason, unless)
+    return seen, Transition(states, needs, State.DESCEND, reason, unless)
 
 
 _C, _S = Condition, State
@@ -76,37 +67,37 @@ LIVE = FLYING | {_S.CUT}
 CAUSES = {_C.HOLD_CAUSE, _C.DESCEND_CAUSE}
 
 TRANSITIONS: tuple[Transition, ...] = (
-    _row(NOT_KILLED, {_C.KILL}, _S.KILLED, "killed"),
-    _row({_S.KILLED}, {_C.RESET}, _S.DISARMED, "kill reset", unless={_C.THRUST_WANTED}),
-    _row(LIVE, {_C.LINK_LOST}, _S.DISARMED, "serial link lost"),
-    _row({_S.CUT}, {_C.DISARM}, _S.DISARMED, "disarmed"),
-    _row(FLYING, {_C.DISARM, _C.GROUNDED}, _S.DISARMED, "disarmed"),
-    _row(FLYING, {_C.DISARM, _C.SEEN}, _S.DISARMED, "disarmed", unless={_C.AIRBORNE}),
-    _row({_S.ARMED}, {_C.IDLE}, _S.DISARMED, "on the floor for long"),
-    _row({_S.ARMED, _S.HOLD}, {_C.GONE}, _S.CUT, "commands gone", unless={_C.AIRBORNE}),
-    _row(FLYING, {_C.SHUTDOWN, _C.GROUNDED}, _S.CUT, "shutting down"),
-    _row({_S.LAND, _S.DESCEND}, {_C.TOUCHDOWN}, _S.CUT, "landed"),
-    _row({_S.LAND}, {_C.RUNAWAY}, _S.CUT, "far outside the fence"),
+    Transition(NOT_KILLED, {_C.KILL}, _S.KILLED, "killed"),
+    Transition({_S.KILLED}, {_C.RESET}, _S.DISARMED, "kill reset", unless={_C.THRUST_WANTED}),
+    Transition(LIVE, {_C.LINK_LOST}, _S.DISARMED, "serial link lost"),
+    Transition({_S.CUT}, {_C.DISARM}, _S.DISARMED, "disarmed"),
+    Transition(FLYING, {_C.DISARM, _C.GROUNDED}, _S.DISARMED, "disarmed"),
+    Transition(FLYING, {_C.DISARM, _C.SEEN}, _S.DISARMED, "disarmed", unless={_C.AIRBORNE}),
+    Transition({_S.ARMED}, {_C.IDLE}, _S.DISARMED, "on the floor for long"),
+    Transition({_S.ARMED, _S.HOLD}, {_C.GONE}, _S.CUT, "commands gone", unless={_C.AIRBORNE}),
+    Transition(FLYING, {_C.SHUTDOWN, _C.GROUNDED}, _S.CUT, "shutting down"),
+    Transition({_S.LAND, _S.DESCEND}, {_C.TOUCHDOWN}, _S.CUT, "landed"),
+    Transition({_S.LAND}, {_C.RUNAWAY}, _S.CUT, "far outside the fence"),
     *_down({_S.ARMED, _S.HOLD}, {_C.SHUTDOWN}, "shutting down"),
     *_down({_S.ARMED, _S.HOLD}, {_C.DESCEND_CAUSE}, "raw poses"),
     *_down({_S.ARMED, _S.HOLD}, {_C.SILENT}, "commands silent"),
     *_down({_S.ARMED, _S.HOLD}, set(), "transmitter not ready", unless={_C.READY}),
     *_down({_S.HOLD}, {_C.HOLD_OVER}, "hold lasted too long"),
-    _row({_S.ARMED}, {_C.HOLD_CAUSE}, _S.HOLD, "raw poses"),
-    _row({_S.ARMED}, set(), _S.HOLD, "commands late", unless={_C.FRESH, _C.BRIDGING}),
-    _row(
+    Transition({_S.ARMED}, {_C.HOLD_CAUSE}, _S.HOLD, "raw poses"),
+    Transition({_S.ARMED}, set(), _S.HOLD, "commands late", unless={_C.FRESH, _C.BRIDGING}),
+    Transition(
         {_S.HOLD, _S.LAND, _S.DESCEND},
         {_C.FRESH, _C.READY},
         _S.ARMED,
         "commands fresh again",
         unless={_C.SHUTDOWN, *CAUSES},
     ),
-    _row({_S.DESCEND}, {_C.AIRBORNE}, _S.LAND, "own pose seen", unless={_C.LANDING_OVER}),
-    _row({_S.DESCEND}, {_C.DESCENT_OVER}, _S.CUT, "descent over", unless={_C.AIRBORNE}),
-    _row({_S.LAND}, set(), _S.DESCEND, "own pose not seen", unless={_C.SEEN}),
-    _row({_S.LAND}, {_C.LANDING_OVER}, _S.DESCEND, "landing lasted too long"),
+    Transition({_S.DESCEND}, {_C.AIRBORNE}, _S.LAND, "own pose seen", unless={_C.LANDING_OVER}),
+    Transition({_S.DESCEND}, {_C.DESCENT_OVER}, _S.CUT, "descent over", unless={_C.AIRBORNE}),
+    Transition({_S.LAND}, set(), _S.DESCEND, "own pose not seen", unless={_C.SEEN}),
+    Transition({_S.LAND}, {_C.LANDING_OVER}, _S.DESCEND, "landing lasted too long"),
     *_down({_S.DISARMED}, {_C.TAKE_OVER}, "taken over", unless={_C.LINK_LOST}),
-    _row(
+    Transition(
         {_S.DISARMED, _S.CUT},
         {_C.ARM, _C.READY, _C.FRESH, _C.LOW_COMMANDED},
         _S.ARMED,
