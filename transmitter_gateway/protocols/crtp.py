@@ -7,7 +7,7 @@ import re
 import struct
 from collections.abc import Iterable
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError, ProtocolError
 from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
@@ -26,15 +26,7 @@ ANSWERED = 0x80
 _SET_POINT = struct.Struct("<fffH")
 _LINK_BITS = 0x0C
 _STATE_ANSWER = bytes((ANSWERED | STATE_BITS,))
-_STATE_FLAGS = {
-    "can_be_armed": 0,
-    "armed": 1,
-    "arms_itself": 2,
-    "flying": 4,
-    "tumbled": 5,
-    "locked": 6,
-    "crashed": 7,
-}
+_STATE_BITS = (0, 1, 2, 4, 5, 6, 7)  # of the fields of `SupervisorState`
 
 
 class Packet(Struct, frozen=True):
@@ -86,7 +78,7 @@ class SupervisorState(Struct, frozen=True):
 
     def packet(self) -> Packet:
         """Encode as the answer to `STATE_REQUEST`."""
-        bits = sum(getattr(self, name) << bit for name, bit in _STATE_FLAGS.items())
+        bits = sum(flag << bit for flag, bit in zip(structs.astuple(self), _STATE_BITS, strict=True))
         return Packet(SUPERVISOR, STATE_CHANNEL, _STATE_ANSWER + bits.to_bytes(2, "little"))
 
     @staticmethod
@@ -98,7 +90,7 @@ class SupervisorState(Struct, frozen=True):
         if len(data) != 3:
             raise FrameDecodeError(f"crtp: state of {len(data)} bytes, 3 are needed")
         bits = int.from_bytes(data[1:], "little")
-        return SupervisorState(**{name: bool(bits >> bit & 1) for name, bit in _STATE_FLAGS.items()})
+        return SupervisorState(*(bool(bits >> bit & 1) for bit in _STATE_BITS))
 
 
 STATE_REQUEST = Packet(SUPERVISOR, STATE_CHANNEL, bytes((STATE_BITS,)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 from msgspec import Struct
 
@@ -49,13 +49,6 @@ FLAGS = {
     "mapping_off": (26, 0x01),
 }
 """Byte and bit of each flag of a frame."""
-
-T = TypeVar("T")
-
-
-def with_kill_channel(values: Sequence[T], value: T) -> list[T]:
-    """Values of all channels, with another one for channel 14."""
-    return [*values[:KILL_CHANNEL], value, *values[KILL_CHANNEL + 1 :]]
 
 
 def count_of(pulse_us: float) -> int:
@@ -221,8 +214,9 @@ class MultiProtocol(OneWayRadio):
     def check(self, pulses_us: Sequence[float]) -> list[float]:
         """See `RadioProtocol.check`; with DSM channel 14, which kills, rests in its centre."""
         pulses = super().check(pulses_us)
-        rests = self._radio.taer and len(pulses_us) <= KILL_CHANNEL
-        return with_kill_channel(pulses, CENTER_US) if rests else pulses
+        if self._radio.taer and len(pulses_us) <= KILL_CHANNEL:
+            pulses[KILL_CHANNEL] = CENTER_US
+        return pulses
 
     def _frame(self, pulses_us: list[float], flags: FrameFlags) -> bytes:
         """Build a frame; with DSM channel 14 is -100 % for kill only."""
@@ -230,7 +224,7 @@ class MultiProtocol(OneWayRadio):
         if not self._radio.taer:
             counts[:3] = counts[1], counts[2], counts[0]
         elif flags.kill:
-            counts = with_kill_channel(counts, KILL_COUNT)
+            counts[KILL_CHANNEL] = KILL_COUNT
         return MultiFrame(
             counts=tuple(counts),
             protocol=self._radio.number,

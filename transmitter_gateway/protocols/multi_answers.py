@@ -50,15 +50,6 @@ class MultiStatus:
         return bool(self.flags & INPUT_PRESENT)
 
     @property
-    def refuses(self) -> bool:
-        """True when the build does not have the protocol.
-
-        EU builds report a valid protocol in the first 0.5 s after each initialisation; only the name of its
-        sub-protocol shows that it will be refused.
-        """
-        return not self.flags & PROTOCOL_VALID or self.sub_protocol.startswith(REFUSED_NAME)
-
-    @property
     def binding(self) -> bool:
         """True while the module sends bind packets or listens for the receiver's answer."""
         return bool(self.flags & BINDING)
@@ -68,7 +59,9 @@ class MultiStatus:
             return "is not in serial mode: set its dial to 0"
         if not self.has_input:
             return "receives no valid frames"
-        if self.refuses:
+        # EU builds report a valid protocol in the first 0.5 s after each initialisation; only the name of its
+        # sub-protocol shows that it will be refused.
+        if not self.flags & PROTOCOL_VALID or self.sub_protocol.startswith(REFUSED_NAME):
             return f"refuses the protocol {radio} (EU builds refuse DSM2)"
         if self.protocol != radio:
             return f"runs protocol {self.protocol!r}, not {radio}"
