@@ -8,14 +8,7 @@ from rcopterx.bus.requests import Reply
 from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
 from rcopterx.bus.subscription import Subscription
-from rcopterx.transmitter_gateway.inputs import (
-    NAMES,
-    Action,
-    ActionRequest,
-    CommandInput,
-    LinkState,
-    State,
-)
+from rcopterx.transmitter_gateway.inputs import NAMES, Action, ActionRequest, CommandInput, LinkState, State
 from rcopterx.transmitter_gateway.port import WriteOutcome
 from rcopterx.transmitter_gateway.transmitter import Transmitter, Write
 

@@ -7,9 +7,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from pymavlink.quaternion import QuaternionBase
 
 from rcopterx.transmitter_gateway.protocols.base import FrameFlags
-from rcopterx.transmitter_gateway.protocols.mavlink import (
-    MavlinkProtocol,
-)
+from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import MavlinkSettings
 
 DISARMED, ARMED = 1100.0, 1900.0

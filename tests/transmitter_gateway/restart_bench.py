@@ -8,14 +8,7 @@ from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
 from rcopterx.transmitter_gateway.calibration import Calibration
-from rcopterx.transmitter_gateway.inputs import (
-    Action,
-    ActionRequest,
-    Answer,
-    CommandInput,
-    PoseInput,
-    State,
-)
+from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, Answer, CommandInput, PoseInput, State
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings

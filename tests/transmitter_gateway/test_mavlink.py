@@ -10,15 +10,9 @@ from mavlink_peer import ARMED, HOVER, IDLE, LOW, Peer, pulses
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError, ProtocolError
-from rcopterx.transmitter_gateway.protocols.mavlink import (
-    LARGEST_LEAD_RAD,
-    MavlinkProtocol,
-    set_point_of,
-)
+from rcopterx.transmitter_gateway.protocols.mavlink import LARGEST_LEAD_RAD, MavlinkProtocol, set_point_of
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import MavlinkSettings
-from rcopterx.transmitter_gateway.protocols.mavlink_state import (
-    SILENT_S,
-)
+from rcopterx.transmitter_gateway.protocols.mavlink_state import SILENT_S
 
 
 @given(pulses, pulses, pulses, st.floats(1200.0, 1900.0), st.floats(-3.0, 3.0))

@@ -23,13 +23,8 @@ from mavlink_peer import (
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.transmitter_gateway.protocols.base import FrameFlags
-from rcopterx.transmitter_gateway.protocols.mavlink import (
-    FORCE,
-    set_point_of,
-)
-from rcopterx.transmitter_gateway.protocols.mavlink_state import (
-    SETTLING_S,
-)
+from rcopterx.transmitter_gateway.protocols.mavlink import FORCE, set_point_of
+from rcopterx.transmitter_gateway.protocols.mavlink_state import SETTLING_S
 from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
 

@@ -10,13 +10,8 @@ from mavlink_peer import ARDUPILOT, HOVER, IDLE, PX4, Peer
 from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mavlink
 
-from rcopterx.transmitter_gateway.protocols.mavlink import (
-    MavlinkProtocol,
-)
-from rcopterx.transmitter_gateway.protocols.mavlink_state import (
-    HEARTBEAT_GONE_S,
-    SILENT_S,
-)
+from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
+from rcopterx.transmitter_gateway.protocols.mavlink_state import HEARTBEAT_GONE_S, SILENT_S
 
 
 @pytest.mark.parametrize(

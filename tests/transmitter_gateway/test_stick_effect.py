@@ -4,9 +4,7 @@ import math
 
 import pytest
 
-from rcopterx.transmitter_gateway.landing import (
-    StickEffect,
-)
+from rcopterx.transmitter_gateway.landing import StickEffect
 
 STEP_S = 0.02
 

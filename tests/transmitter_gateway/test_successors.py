@@ -6,11 +6,7 @@ import pytest
 from restart_bench import LINE, Restart
 
 from rcopterx.simulator.radio_receiver import ReceiverState
-from rcopterx.transmitter_gateway.inputs import (
-    Action,
-    CommandInput,
-    State,
-)
+from rcopterx.transmitter_gateway.inputs import Action, CommandInput, State
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 
 

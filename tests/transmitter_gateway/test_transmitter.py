@@ -11,13 +11,7 @@ from rcopterx.transmitter_gateway.calibration import (
     SwitchChannel,
     ThrottleCalibration,
 )
-from rcopterx.transmitter_gateway.inputs import (
-    Action,
-    CommandInput,
-    LinkState,
-    PoseInput,
-    State,
-)
+from rcopterx.transmitter_gateway.inputs import Action, CommandInput, LinkState, PoseInput, State
 from rcopterx.transmitter_gateway.port import WriteOutcome
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 

@@ -14,16 +14,8 @@ from rcopterx.transmitter_gateway.calibration import (
     ChannelCalibration,
     ThrottleCalibration,
 )
-from rcopterx.transmitter_gateway.inputs import (
-    Action,
-    Answer,
-    LinkState,
-)
-from rcopterx.transmitter_gateway.protocols.base import (
-    ProtocolError,
-    PulseRangeError,
-    RadioProtocol,
-)
+from rcopterx.transmitter_gateway.inputs import Action, Answer, LinkState
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError, PulseRangeError, RadioProtocol
 from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
 from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol

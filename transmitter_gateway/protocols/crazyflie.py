@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rcopterx.transmitter_gateway.protocols import crtp
-from rcopterx.transmitter_gateway.protocols.base import (
-    FrameDecodeError,
-    SerialLine,
-)
+from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError, SerialLine
 from rcopterx.transmitter_gateway.protocols.crazyflie_battery import LOG, BatteryLog
 from rcopterx.transmitter_gateway.protocols.set_points import FullStick, SetPoint, SetPointRadio
 

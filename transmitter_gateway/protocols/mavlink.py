@@ -9,10 +9,7 @@ from typing import Any, ClassVar
 from pymavlink.dialects.v20 import common as mavlink
 from pymavlink.quaternion import QuaternionBase
 
-from rcopterx.transmitter_gateway.protocols.base import (
-    FrameDecodeError,
-    SerialLine,
-)
+from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError, SerialLine
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import LINE, MODES, MavlinkSettings
 from rcopterx.transmitter_gateway.protocols.mavlink_state import AutopilotState
 from rcopterx.transmitter_gateway.protocols.set_points import SetPoint, SetPointRadio

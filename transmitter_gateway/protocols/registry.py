@@ -5,20 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rcopterx.transmitter_gateway.protocols import (
-    crazyflie,
-    dsm2_serial,
-    dsmp,
-    mavlink_settings,
-    multi,
-    ppm,
-)
-from rcopterx.transmitter_gateway.protocols.base import (
-    ProtocolError,
-    RadioProtocol,
-    SerialLine,
-    check_choice,
-)
+from rcopterx.transmitter_gateway.protocols import crazyflie, dsm2_serial, dsmp, mavlink_settings, multi, ppm
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol, SerialLine, check_choice
 
 
 def _mavlink(settings: mavlink_settings.MavlinkSettings | None, line: SerialLine) -> RadioProtocol:
