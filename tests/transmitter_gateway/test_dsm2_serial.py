@@ -13,12 +13,12 @@ from rcopterx.transmitter_gateway.protocols.base import (
     ten_bit_count,
     ten_bit_pulse_us,
 )
-from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings, encode_counts
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings
 
 MIDDLE = [512] * 6
 LOW = [169, 512, 512, 512, 512, 512]
 
-# Frames of EdgeTX, `pulses/dsm2.cpp`: settings, flags, pulse widths (None: counts only), counts, frame
+# Frames of EdgeTX, `pulses/dsm2.cpp`: settings, flags, pulse widths, counts, frame
 GOLDEN = {
     "S1": (Dsm2Settings(3), FrameFlags(), [1100], LOW, "10 03 00 A9 06 00 0A 00 0E 00 12 00 16 00"),
     "S2": (
@@ -72,13 +72,6 @@ GOLDEN = {
 def test_pulse_widths_encode_to_the_golden_frames(name: str) -> None:
     settings, flags, pulses, _, frame = GOLDEN[name]
     assert Dsm2SerialProtocol(settings).encode(pulses, flags, disarmed=True) == bytes.fromhex(frame)
-
-
-@pytest.mark.parametrize("name", GOLDEN)
-def test_counts_encode_to_the_golden_frames(name: str) -> None:
-    _, _, _, counts, hexadecimal = GOLDEN[name]
-    frame = bytes.fromhex(hexadecimal)
-    assert encode_counts(frame[0], frame[1], counts) == frame
 
 
 @pytest.mark.parametrize("name", GOLDEN)

@@ -238,9 +238,16 @@ def test_module_that_is_not_ready_lands_a_vehicle_that_is_seen() -> None:
     assert bench.run(0.1).state is State.ARMED
 
 
+def fenced(maximum_jump_m: float | None = None) -> Bench:
+    """Flying in a box that is 1 m wide, and cut 1 m outside."""
+    fence = Fence((-0.5, -0.5, -1.0), (0.5, 0.5, 2.0), cut_m=1.0)
+    return seen_flying(
+        ArbiterLimits(surveillance=SurveillanceLimits(fence=fence, maximum_jump_m=maximum_jump_m))
+    )
+
+
 def test_vehicle_outside_the_fence_lands_and_is_not_given_back_there() -> None:
-    fence = Fence((-0.5, -0.5, -1.0), (0.5, 0.5, 2.0))
-    bench = seen_flying(ArbiterLimits(surveillance=SurveillanceLimits(fence=fence, maximum_jump_m=None)))
+    bench = fenced()
     bench.position = (0.65, 0.0, 1.0)
     bench.run(1.0)
     assert (bench.state, bench.reason) == (State.LAND, "raw poses: outside the fence in x")
@@ -248,8 +255,7 @@ def test_vehicle_outside_the_fence_lands_and_is_not_given_back_there() -> None:
 
 def runaway(x_m: float) -> Bench:
     """A vehicle that drifts out of its volume, whatever its commands, up to a place."""
-    fence = Fence((-0.5, -0.5, -1.0), (0.5, 0.5, 2.0), cut_m=1.0)
-    bench = seen_flying(ArbiterLimits(surveillance=SurveillanceLimits(fence=fence, maximum_jump_m=None)))
+    bench = fenced()
     for n in range(1, 101):
         bench.position = (x_m * n / 100, 0.0, 1.0)
         bench.run(0.02)
@@ -265,8 +271,7 @@ def test_vehicle_that_does_not_obey_is_cut_far_outside_the_fence(x_m: float, sta
 
 
 def test_vehicle_that_obeys_is_braked_wherever_it_is() -> None:
-    fence = Fence((-0.5, -0.5, -1.0), (0.5, 0.5, 2.0), cut_m=1.0)
-    bench = seen_flying(ArbiterLimits(surveillance=SurveillanceLimits(fence=fence, maximum_jump_m=None)))
+    bench = fenced()
     for n in range(30):
         bench.position = (1.6 + 0.01 * n, 0.0, 1.0)
         bench.run(0.02)
@@ -274,8 +279,7 @@ def test_vehicle_that_obeys_is_braked_wherever_it_is() -> None:
 
 
 def test_vehicle_that_is_not_believed_is_not_cut_for_where_it_seems_to_be() -> None:
-    fence = Fence((-0.5, -0.5, -1.0), (0.5, 0.5, 2.0), cut_m=1.0)
-    bench = seen_flying(ArbiterLimits(surveillance=SurveillanceLimits(fence=fence)))
+    bench = fenced(maximum_jump_m=0.1)
     bench.position = (5.0, 0.0, 1.0)
     bench.run(0.5)
     assert bench.state is State.DESCEND

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -31,14 +30,6 @@ class Dsm2Settings:
         base.check_choice("dsm2_serial.family", self.family, FAMILIES)
 
 
-def encode_counts(header: int, model: int, counts: Sequence[int]) -> bytes:
-    """Frame of six 10-bit values, each tagged with its channel index."""
-    frame = bytearray((header, model))
-    for index, count in enumerate(counts):
-        frame += ((index << 10) | count).to_bytes(2, "big")
-    return bytes(frame)
-
-
 class Dsm2SerialProtocol(base.OneWayRadio):
     """Driver of a bare radio board.
 
@@ -59,13 +50,15 @@ class Dsm2SerialProtocol(base.OneWayRadio):
         self.keepalive_s = PERIOD_S
 
     def _frame(self, pulses_us: list[float], flags: base.FrameFlags) -> bytes:
-        """Build a frame; bind and range check exclude each other."""
+        """Build a frame of 10-bit values, each with its index; bind and range check exclude each other."""
         if flags.bind and flags.range_check:
             raise base.ProtocolError("dsm2_serial: bind and range check cannot be asked for together")
         header = FAMILIES[self.settings.family]
         header |= (BIND if flags.bind else 0) | (RANGE_CHECK if flags.range_check else 0)
-        counts = [base.ten_bit_count(pulse) for pulse in pulses_us]
-        return encode_counts(header, self.settings.model, counts)
+        frame = bytearray((header, self.settings.model))
+        for index, pulse_us in enumerate(pulses_us):
+            frame += (index << 10 | base.ten_bit_count(pulse_us)).to_bytes(2, "big")
+        return bytes(frame)
 
     def decode(self, frame: bytes) -> base.DecodedFrame:
         """Read a channel frame back; raises `FrameDecodeError` if it is no complete one."""
