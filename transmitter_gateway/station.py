@@ -3,18 +3,27 @@
 from collections.abc import Callable
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import Applied, Command, CommandTiming, Kill, Lease, LeaseBid, TransmitterStatus
+from rcopterx.bus.messages import Applied, Command, Kill, Lease, LeaseBid, TransmitterStatus
 from rcopterx.bus.requests import Reply
 from rcopterx.bus.rounding import PULSE_BITS, all_rounded
 from rcopterx.bus.session import Incoming, Session
-from rcopterx.bus.subscription import Subscription
-from rcopterx.transmitter_gateway.inputs import NAMES, Action, ActionRequest, CommandInput, LinkState, State
+from rcopterx.bus.subscription import Received, Subscription
+from rcopterx.transmitter_gateway.inputs import (
+    NAMES,
+    Action,
+    ActionRequest,
+    Cause,
+    CommandInput,
+    LinkState,
+    State,
+)
 from rcopterx.transmitter_gateway.port import WriteOutcome
 from rcopterx.transmitter_gateway.transmitter import Transmitter, Write
 
 COMMANDS_KEPT = 256  # a flood of wrong commands must not push out the right ones between them
 COMMANDS_AT_ONCE = 8  # so that a flood for one vehicle keeps no other one waiting
 BIDS_KEPT = 16
+NO_CAUSE = Cause(0, 0, 0, 0)  # of outputs that no command is behind
 VERBS = ["arm", "disarm", "kill", "reset"]  # the actions of their names
 
 
@@ -34,10 +43,8 @@ class Station:
         )
         self._published_lease = 0
         self._reported_state = State.DISARMED
-        self._written_command: tuple[int, int, int] | None = None
-        self._accepted_s: float | None = None
-        self._timing: CommandTiming | None = None
-        self._last_sequence = 0
+        self._written_cause = NO_CAUSE
+        self._accepted: Received[Command] | None = None
         session.serve(self.vehicle, VERBS)
 
     def take_commands(self, clock: Callable[[], float]) -> None:
@@ -55,8 +62,7 @@ class Station:
             )
             now_s = clock()
             if self.transmitter.on_command(command, now_s).accepted:
-                self._accepted_s, self._timing = received.arrived_s, message.timing
-                self._last_sequence = message.sequence
+                self._accepted = received
                 self._tick(now_s)
 
     @property
@@ -106,23 +112,23 @@ class Station:
         incoming.answer(Reply(accepted=answer.accepted, reason=answer.reason))
 
     def _applied(self, write: Write) -> Applied:
-        cause = write.output.cause
-        identity = None if cause is None else (cause.lease, cause.epoch, cause.sequence)
-        fresh = identity is not None and identity != self._written_command and not write.output.bridging_step
-        self._written_command = identity
+        cause = write.output.cause or NO_CAUSE
+        fresh = cause not in (NO_CAUSE, self._written_cause) and not write.output.bridging_step
+        self._written_cause = cause
+        accepted = self._accepted if fresh else None
         return Applied(
             state=NAMES[write.output.state],
             input=write.output.u,
             pulse_width_us=all_rounded(write.pulses_us, PULSE_BITS),
-            epoch=0 if cause is None else cause.epoch,
-            frame=0 if cause is None else cause.frame,
-            sequence=0 if cause is None else cause.sequence,
+            epoch=cause.epoch,
+            frame=cause.frame,
+            sequence=cause.sequence,
             lease=self.transmitter.arbiter.leases.commanding,
             fresh=fresh,
-            command_arrived_s=self._accepted_s if fresh else None,
+            command_arrived_s=None if accepted is None else accepted.arrived_s,
             written_s=write.time_s,
             host=self._session.address.host or None,
-            timing=self._timing if fresh else None,
+            timing=None if accepted is None else accepted.message.timing,
         )
 
     def report(self, now_s: float) -> None:
@@ -131,7 +137,7 @@ class Station:
         link = transmitter.link(now_s)
         self._reported_state = arbiter.state
         rejected = {f"command.{kind}": count for kind, count in self._commands.rejected.items()}
-        accepted_s = self._accepted_s
+        accepted = self._accepted
         self._session.publish(
             channels.TRANSMITTER_STATUS,
             self.vehicle,
@@ -142,8 +148,8 @@ class Station:
                 module=transmitter.module_text(now_s)[:400],
                 ready=link is LinkState.READY,
                 lease=arbiter.leases.commanding,
-                command_age_s=None if accepted_s is None else max(0.0, now_s - accepted_s),
-                last_sequence=self._last_sequence,
+                command_age_s=None if accepted is None else max(0.0, now_s - accepted.arrived_s),
+                last_sequence=0 if accepted is None else accepted.message.sequence,
                 bridging=transmitter.output.bridging_step > 0,
                 counters=transmitter.counters(),
                 rejected=rejected,
