@@ -122,23 +122,11 @@ class Model:
     uncertainty: Uncertainty = UNIDENTIFIED
     """How far the true vehicle may be from these numbers."""
 
-    def __hash__(self) -> int:
-        # Models are keys of prepared data, several times in each control period.
-        return self._hash
-
-    @cached_property
-    def _hash(self) -> int:
-        return hash(tuple(getattr(self, field.name) for field in fields(self)))
-
     def within(self, low_m: Three, high_m: Three) -> "Model":
         """Return the same model with other bounds of the position."""
         return replace(
             self, state_min=(*low_m, *self.state_min[3:]), state_max=(*high_m, *self.state_max[3:])
         )
-
-    def __getstate__(self) -> dict[str, object]:
-        """Fields only: hashes of strings differ from process to process."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def __post_init__(self) -> None:
         for field in fields(self):
