@@ -100,8 +100,7 @@ def path_problem(
     for horizontal in (rate, acceleration):
         horizontal[:, :2] = in_frames(samples[:, YAW], horizontal[:, :2])
     allowed = np.minimum(-np.array(model.state_min)[3:7], np.array(model.state_max)[3:7])
-    up, down = model.u_max - model.hover_input, model.hover_input - model.u_min
-    reach = np.abs(model.b) * np.minimum(up, down)
+    reach = model.b * model.stick_room
     for what, used, slower in (
         (("speed forward", "speed sideways", "climb", "yaw rate"), np.abs(rate) / allowed, 1.0),
         (("pitch", "roll", "thrust", "yaw input"), np.abs(acceleration - model.k * rate) / reach, 0.5),

@@ -23,11 +23,9 @@ class ReferenceSource(Protocol):
 
     def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
         """Return the reference at `stages` instants from `time_s` on, `period_s` apart."""
-        ...
 
     def finished(self, time_s: float) -> bool:
         """Return whether the reference is constant from `time_s` on."""
-        ...
 
 
 class SetPointReference(Struct, frozen=True):
