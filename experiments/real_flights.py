@@ -14,8 +14,8 @@ from scipy.signal import savgol_filter
 
 from rcopterx.control.identification.fit import Identification, identify
 from rcopterx.control.identification.flight_csv import CommandScale, is_csv, read_flight
+from rcopterx.control.identification.motions import SETTLE_S
 from rcopterx.control.identification.recording import FlightRecording, RecordingError
-from rcopterx.control.identification.residuals import SETTLE_S
 from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Measurement
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.plugins import ESTIMATORS

@@ -16,28 +16,27 @@ from typing import Final
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from rcopterx.control.identification.motions import Motion, Offsets, heading, horizontal, vertical
+from rcopterx.control.identification.motions import (
+    SETTLE_S,
+    Candidate,
+    Motion,
+    Offsets,
+    heading,
+    horizontal,
+    vertical,
+)
 from rcopterx.control.identification.parameters import (
     DAMPING,
     FREQUENCY,
     PITCH_GAIN,
     ROLL_GAIN,
     THRUST_GAIN,
-    Candidate,
     Parameter,
     heading_parameters,
     horizontal_parameters,
     vertical_parameters,
 )
 from rcopterx.control.identification.recording import FlightRecording
-from rcopterx.control.identification.residuals import (
-    SETTLE_S,
-    axis_innovations,
-    far_axis_errors,
-    far_plane_errors,
-    plane_innovations,
-    settled,
-)
 from rcopterx.vehicles.model import DAMPING_FACTOR, IDENTIFIED, Model, Uncertainty, damping_range
 from rcopterx.vehicles.state import U_THRUST, Array
 from rcopterx.vehicles.tuples import Two
@@ -59,7 +58,6 @@ _THREE_DEVIATIONS: Final = 3.0
 
 _ESSENTIAL: Final = frozenset(parameter.name for parameter in (PITCH_GAIN, ROLL_GAIN, THRUST_GAIN, FREQUENCY))
 
-Residuals = Callable[[Motion], list[Array]]
 Flights = Sequence[FlightRecording]
 MotionOf = Callable[[Candidate, FlightRecording], Motion]
 
@@ -114,8 +112,8 @@ def identify(recording: FlightRecording, model: Model, *more: FlightRecording) -
     candidate = start
     for fit in (
         _horizontal_fit(candidate, with_tilt, logged),
-        _Fit(vertical_parameters(logged), _vertical, far_axis_errors if logged else axis_innovations),
-        _Fit(heading_parameters(model), _heading, far_axis_errors),
+        _Fit(vertical_parameters(logged), vertical, logged),
+        _Fit(heading_parameters(model), heading, far=True),
     ):
         fits.append(fit.run(candidate, fitted))
         candidate = fits[-1].candidate
@@ -164,24 +162,24 @@ def prediction_errors(candidate: Candidate, flights: Flights) -> PredictionError
     def rms(motion_of: MotionOf) -> float:
         motions = [motion_of(candidate, flight) for flight in flights]
         errors = np.concatenate(
-            [each.errors_ahead(round(AHEAD_S / each.period_s))[settled(each) :] for each in motions]
+            [each.errors_ahead(round(AHEAD_S / each.period_s))[each.settled :] for each in motions]
         )
         return float(np.sqrt(np.mean(np.abs(errors) ** 2)))
 
-    return PredictionErrors(rms(_horizontal) / math.sqrt(2.0), rms(_vertical), rms(_heading))
+    return PredictionErrors(rms(horizontal) / math.sqrt(2.0), rms(vertical), rms(heading))
 
 
 def predicted_ahead(candidate: Candidate, recording: FlightRecording) -> Array:
     """Return poses predicted one second ahead, shape (K, 4): x, y, z [m], yaw [rad]; NaN at first."""
     periods = round(AHEAD_S / recording.period_s)
     measured = np.column_stack((recording.position_m, recording.yaw_rad))[periods:]
-    plane = _horizontal(candidate, recording).errors_ahead(periods)
+    plane = horizontal(candidate, recording).errors_ahead(periods)
     errors = np.column_stack(
         (
             plane.real,
             plane.imag,
-            _vertical(candidate, recording).errors_ahead(periods).real,
-            _heading(candidate, recording).errors_ahead(periods).real,
+            vertical(candidate, recording).errors_ahead(periods).real,
+            heading(candidate, recording).errors_ahead(periods).real,
         )
     )
     return np.vstack((np.full((periods, 4), np.nan), measured - errors))
@@ -224,13 +222,13 @@ class _Fit:
 
     parameters: tuple[Parameter, ...]
     motion: MotionOf
-    residuals: Residuals
+    far: bool  # whether errors further ahead are made small instead of the innovations
     begin_at: Sequence[Array] = ()
 
     def run(self, start: Candidate, flights: Flights) -> _Found:
         position = np.zeros(len(self.parameters))
-        scales = self._scales(start, flights)
         if self.begin_at:
+            scales = self._scales(start, flights)
             costs = [np.sum(self._all(start, flights, scales, at) ** 2) for at in self.begin_at]
             position = self.begin_at[int(np.argmin(costs))]
         for _ in range(2):
@@ -257,8 +255,14 @@ class _Fit:
         return candidate
 
     def _errors(self, candidate: Candidate, flights: Flights) -> list[Array]:
-        of_flights = [self.residuals(self.motion(candidate, flight)) for flight in flights]
-        return [np.concatenate(parts) for parts in zip(*of_flights, strict=True)]
+        motions = [self.motion(candidate, flight) for flight in flights]
+        errors = [each.far_errors() if self.far else each.settled_innovations() for each in motions]
+        # Height and heading are real.
+        parts = (np.real, np.imag) if self.motion is horizontal else (np.real,)
+        return [
+            np.concatenate([part(of_flight) for of_flight in kind for part in parts])
+            for kind in zip(*errors, strict=True)
+        ]
 
     def _scales(self, candidate: Candidate, flights: Flights) -> list[float]:
         """Deviation of each kind of errors, from their median so that outliers do not count."""
@@ -270,25 +274,13 @@ class _Fit:
         return np.concatenate((*weighted, position))
 
 
-def _horizontal(candidate: Candidate, flight: FlightRecording) -> Motion:
-    return horizontal(candidate.model, flight, candidate.offsets)
-
-
-def _vertical(candidate: Candidate, flight: FlightRecording) -> Motion:
-    return vertical(candidate.model, flight, candidate.offsets)
-
-
-def _heading(candidate: Candidate, flight: FlightRecording) -> Motion:
-    return heading(candidate.model, flight)
-
-
 def _horizontal_fit(start: Candidate, with_tilt: bool, logged: bool) -> _Fit:
     parameters = horizontal_parameters(start.model, with_tilt)
     begin_at: list[Array] = []
     if FREQUENCY in parameters:
         place = np.array([parameter is FREQUENCY for parameter in parameters], dtype=float)
         begin_at = [spreads * place for spreads in _START_FREQUENCIES]
-    return _Fit(parameters, _horizontal, far_plane_errors if logged else plane_innovations, begin_at)
+    return _Fit(parameters, horizontal, logged, begin_at)
 
 
 def _finished(model: Model, before: Model, numbers: Sequence[FittedParameter], hover: float) -> Model:

@@ -5,7 +5,7 @@ A stationary Kalman predictor covers a whole flight at once. The horizontal moti
 Height and heading are real systems.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -35,6 +35,9 @@ class LinearSystem:
 
 
 EVERY_ROW: Final = slice(None)
+SETTLE_S: Final = 2.0  # errors count from here on: predictors start without knowledge of the wind
+_FAR_AHEAD_S: Final = (0.2, 1.0)
+_FAR_EVERY_S: Final = 0.3
 
 
 class Motion:
@@ -87,6 +90,20 @@ class Motion:
         """Return the errors of the first measurement in predictions of `ahead`, shape (K - periods,)."""
         return self._measured[periods:, 0][rows] - self.ahead(periods, rows)[:, 0]
 
+    @property
+    def settled(self) -> int:
+        """Row from which on errors count."""
+        return round(SETTLE_S / self.period_s)
+
+    def settled_innovations(self) -> list[Complex]:
+        """Return the innovations of each measurement that count."""
+        return list(self.innovations()[self.settled :].T)
+
+    def far_errors(self) -> list[Complex]:
+        """Return errors further ahead that count, thinned out; equally many of each distance."""
+        rows = slice(self.settled, None, round(_FAR_EVERY_S / self.period_s))
+        return [self.errors_ahead(round(ahead_s / self.period_s), rows) for ahead_s in _FAR_AHEAD_S]
+
     def _push(self) -> Complex:
         """Contribution of the inputs to the state in every period, shape (K, n)."""
         before = np.full(self._whole_periods + 1, self._inputs[0])
@@ -121,8 +138,17 @@ class Offsets:
     per_volt: float = 0.0
 
 
-def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Motion:
+@dataclass(frozen=True)
+class Candidate:
+    """Model and offsets that a fit supposes."""
+
+    model: Model
+    offsets: Offsets = field(default_factory=Offsets)
+
+
+def horizontal(candidate: Candidate, recording: FlightRecording) -> Motion:
     """Return the horizontal motion; measured are the position and, where available, the tilt."""
+    model, offsets = candidate.model, candidate.offsets
     # A stick acts on the heading that the vehicle has by then, half a period later on average.
     time_s = recording.period_s * np.arange(len(recording.yaw_rad))
     acts_s = time_s + model.delay_s + 0.5 * recording.period_s
@@ -139,19 +165,21 @@ def horizontal(model: Model, recording: FlightRecording, offsets: Offsets) -> Mo
     return Motion(system, recording.period_s, model.delay_s, demand, np.column_stack(measured))
 
 
-def vertical(model: Model, recording: FlightRecording, offsets: Offsets) -> Motion:
+def vertical(candidate: Candidate, recording: FlightRecording) -> Motion:
     """Return the motion in height; a battery that was measured takes part of the thrust as it runs down."""
+    model = candidate.model
     system = _single_axis(model, U_THRUST, POSITION_NOISE_M, VERTICAL_WIND_M_S2, _VERTICAL_DRIFT)
     thrust = recording.inputs[:, U_THRUST]
     if (volts := recording.battery_v) is not None:
         # Every climb makes the voltage sag; the trend over the flight is the charge.
         trend = np.polynomial.Polynomial.fit(range(len(volts)), volts, 1)(np.arange(len(volts)))
-        thrust = thrust * (1.0 + offsets.per_volt * (trend - trend.mean()))
+        thrust = thrust * (1.0 + candidate.offsets.per_volt * (trend - trend.mean()))
     return _of_single_axis(model, recording, system, thrust, recording.position_m[:, Z])
 
 
-def heading(model: Model, recording: FlightRecording) -> Motion:
+def heading(candidate: Candidate, recording: FlightRecording) -> Motion:
     """Return the motion of the heading; thrust not yet followed by the rotors counts as yaw stick, too."""
+    model = candidate.model
     system = _single_axis(model, U_YAW, YAW_NOISE_RAD, YAW_WIND_RAD_S2, _YAW_DRIFT)
     stick = recording.inputs[:, U_YAW]
     if model.thrust_coupling:

@@ -1,21 +1,13 @@
 """Parameters of a fit with their prior spreads."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any, Final
 
-from rcopterx.control.identification.motions import Offsets
+from rcopterx.control.identification.motions import Candidate
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """Model and offsets that a fit supposes."""
-
-    model: Model
-    offsets: Offsets = field(default_factory=Offsets)
 
 
 @dataclass(frozen=True)

@@ -232,7 +232,7 @@ def _draw(recording: "FlightRecording", known: "Model", found: "Identification",
     import numpy as np
 
     from rcopterx.control.identification.fit import AHEAD_S, predicted_ahead
-    from rcopterx.control.identification.parameters import Candidate
+    from rcopterx.control.identification.motions import Candidate
 
     shown = slice(-round(PICTURED_S / recording.period_s), None)
     curves = (
