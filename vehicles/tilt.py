@@ -83,11 +83,9 @@ class TiltModel:
                 raise ValueError(f"{field.name}: must be finite, got {value}")
             if field.name not in ("upper_phase_rad", "lower_phase_rad") and value < 0.0:
                 raise ValueError(f"{field.name}: must not be below 0, got {value}")
-        for name in ("frequency_rad_s", "damping_ratio", "servo_lag_s"):
+        for name in ("frequency_rad_s", "damping_ratio", "servo_lag_s", "bar_time_constant_s"):
             if getattr(self, name) == 0.0:
                 raise ValueError(f"{name}: must be above 0, got 0")
-        if self.bar_time_constant_s == 0.0:
-            raise ValueError("bar_time_constant_s: must be above 0, got 0")
         if self.upper_share >= 1.0:
             raise ValueError(f"upper_share: must be below 1, got {self.upper_share}")
 
