@@ -20,7 +20,7 @@ from scipy.linalg import expm
 from rcopterx.compiling.compiled import ANY_VECTOR, MATRIX, compiled
 from rcopterx.control.estimators.base import body_motion, inertial_rates
 from rcopterx.control.estimators.kalman_equations import predict_covariance, update
-from rcopterx.control.estimators.settings import ExtendedKalmanSettings, model_noise
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings, noise_of
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.linear import cached_by_period
 from rcopterx.control.models.prediction import predict
@@ -96,18 +96,13 @@ class LagFilter:
     """State x, shape (16,), and covariance P, shape (16, 16), of one vehicle."""
 
     def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
-        noise = model_noise(model)
-        densities = (
-            [0.0] * 4,
-            settings.velocity_noise or noise.velocity,
-            settings.actuator_noise or noise.actuator,
-            settings.disturbance_noise,
-        )
+        noise = noise_of(model, settings)
+        densities = [0.0] * 4, noise.velocity_noise, noise.actuator_noise, settings.disturbance_noise
         self._model = model
         self._densities = np.diag(np.square(np.concatenate(densities)))
         self._prepared = cached_by_period(self._prepare)
         self._limit = np.full(SIZE, np.inf)
-        self._limit[DISTURBANCE] = settings.disturbance_limit or noise.disturbance_limit
+        self._limit[DISTURBANCE] = noise.disturbance_limit
         self.x: Array = np.zeros(SIZE)
         self.x[ACTUATOR] = model.hover_input
 

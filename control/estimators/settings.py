@@ -6,8 +6,7 @@ with a tilt model of which only the type is known has much process noise in rate
 filter follows the measurements.
 """
 
-from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import msgspec
 
@@ -59,34 +58,34 @@ class ExtendedKalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
     model's uncertainty."""
 
 
-@dataclass(frozen=True, slots=True)
-class ModelNoise:
-    """Defaults of the settings of the extended Kalman filter; body x, body y, z, yaw."""
+class Noise(NamedTuple):
+    """Settings of `ExtendedKalmanSettings` that depend on the model where they are left out."""
 
-    velocity: Four
-    """Random-walk density of velocities and yaw rate [m/s, rad/s per root second]."""
-    actuator: Four
-    """Random-walk density of the actuator states [1 per root second]."""
+    velocity_noise: Four
+    actuator_noise: Four
     disturbance_limit: Four
-    """Limits of the disturbances [m/s^2, rad/s^2]; that of the height covers errors of the thrust gain."""
-    tilt: float
-    """Random-walk density of the tilt rate [rad/s per root second]."""
-    wind: float
-    """Standard deviation of the wind's acceleration [m/s^2]; more than that of real wind, so that the filter
-    takes what the model does not explain for wind at once."""
+    tilt_density: float
+    wind_rms_m_s2: float
 
 
-def model_noise(model: Model, measured_tilt: bool = True) -> ModelNoise:
-    """Return the noise for the uncertainty of a model; without a tilt model that of an identified one."""
+def noise_of(model: Model, settings: ExtendedKalmanSettings) -> Noise:
+    """Return the noise of a model by its uncertainty; without a tilt model that of an identified one.
+
+    The wind is more than real wind, so that the filter takes what the model does not explain for wind at
+    once. The limit of the disturbance of the height covers errors of the thrust gain.
+    """
     graded = model.uncertainty.graded
     if model.tilt is None:
-        return ModelNoise(
+        noise = Noise(
             (0.1, 0.1, 0.1, 0.5), (0.02, 0.02, 0.03, 0.01), (2.0, 2.0, 2.5, 15.0), graded(2.1, 10.0), 0.5
         )
-    return ModelNoise(
-        velocity=(graded(0.01, 0.05), graded(0.01, 0.05), 0.06, graded(0.05, 1.5)),
-        actuator=(0.02, 0.02, 0.06, graded(0.05, 0.2)),
-        disturbance_limit=(2.0, 2.0, graded(2.5, 5.0), 15.0),
-        tilt=graded(2.1, 10.0),
-        wind=graded(0.5, 3.0) if measured_tilt else graded(0.25, 1.5),
-    )
+    else:
+        noise = Noise(
+            velocity_noise=(graded(0.01, 0.05), graded(0.01, 0.05), 0.06, graded(0.05, 1.5)),
+            actuator_noise=(0.02, 0.02, 0.06, graded(0.05, 0.2)),
+            disturbance_limit=(2.0, 2.0, graded(2.5, 5.0), 15.0),
+            tilt_density=graded(2.1, 10.0),
+            wind_rms_m_s2=graded(0.5, 3.0) if settings.measured_tilt else graded(0.25, 1.5),
+        )
+    given = {name: value for name in Noise._fields if (value := getattr(settings, name)) is not None}
+    return noise._replace(**given)

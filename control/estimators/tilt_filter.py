@@ -12,13 +12,12 @@ from typing import Final
 import numpy as np
 
 from rcopterx.control.estimators.kalman_equations import predict_covariance, update
-from rcopterx.control.estimators.settings import ExtendedKalmanSettings, model_noise
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings, noise_of
 from rcopterx.control.interfaces import TiltEstimate
 from rcopterx.control.models.lateral import (
     POSITION,
     VELOCITY,
     WIND_CORRELATION_S,
-    LateralStep,
     lateral_system,
     predict_lateral,
 )
@@ -51,7 +50,6 @@ class TiltFilter:
 
     def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
         self._model, self._settings = model, settings
-        self._prepared = cached_by_period(self._prepare)
         self._layout = system = lateral_system(model, _ANY_PERIOD_S)
         self._trim = system.trim
         self._offset = slice(system.trim.stop, system.trim.stop + 2)
@@ -66,11 +64,6 @@ class TiltFilter:
         self.x: Array = np.zeros(size)
         self.P: Array = np.zeros((size, size))
         self._forget_body()
-
-    def _prepare(self, period_s: float) -> tuple[LateralStep, Array]:
-        """Return the parameters of a period, and the covariance Q that it adds."""
-        step = lateral_system(self._model, period_s).step
-        return step, process_noise(self._model, self._settings, period_s)
 
     @property
     def position_m(self) -> Array:
@@ -140,15 +133,14 @@ class TiltFilter:
     def rest(self, stick: Array, period_s: float) -> None:
         """Predict by one period on the floor, where only the servo moves."""
         servo, target = self._layout.servo, stick + self.x[self._trim]
-        step, _ = self._prepared(period_s)
+        step = lateral_system(self._model, period_s).step
         pole = step.transition[step.servo, step.servo]
         self.x[servo] = target + pole * (self.x[servo] - target)
 
     def predict(self, stick: Array, yaw_rad: float, period_s: float) -> None:
         """Predict by one period at a heading: P = F P F' + Q."""
-        step, Q = self._prepared(period_s)
-        self.x, F = predict_lateral(step, self.x, stick, yaw_rad)
-        self.P = predict_covariance(self.P, F, Q)
+        self.x, F = predict_lateral(lateral_system(self._model, period_s).step, self.x, stick, yaw_rad)
+        self.P = predict_covariance(self.P, F, process_noise(self._model, self._settings, period_s))
 
     def correct(self, position_m: Array, tilt: Array | None, yaw_rad: float) -> None:
         """Correct by a measured position and tilt, inertial frame, shape (2,).
@@ -180,12 +172,12 @@ class TiltFilter:
 @cached_by_period
 def process_noise(model: Model, settings: ExtendedKalmanSettings, period_s: float) -> Array:
     """Return the covariance Q that a period adds, shape (n, n): Van Loan's integral plus random walks."""
-    noise, system = model_noise(model, settings.measured_tilt), lateral_system(model, period_s)
+    noise, system = noise_of(model, settings), lateral_system(model, period_s)
     size = system.size
     density = np.zeros(size)
-    density[VELOCITY] = (settings.velocity_noise or noise.velocity)[0] ** 2
-    density[system.tilt_rate] = (settings.tilt_density or noise.tilt) ** 2
-    density[system.wind] = 2.0 * (settings.wind_rms_m_s2 or noise.wind) ** 2 / WIND_CORRELATION_S
+    density[VELOCITY] = noise.velocity_noise[0] ** 2
+    density[system.tilt_rate] = noise.tilt_density**2
+    density[system.wind] = 2.0 * noise.wind_rms_m_s2**2 / WIND_CORRELATION_S
     Q = np.zeros((size + 4, size + 4))
     Q[:size, :size] = noise_over(system.continuous, density, period_s)
     trim, offset = slice(size, size + 2), slice(size + 2, size + 4)

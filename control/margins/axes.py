@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.estimators.settings import ExtendedKalmanSettings, model_noise
+from rcopterx.control.estimators.settings import ExtendedKalmanSettings, noise_of
 from rcopterx.control.estimators.tilt_filter import process_noise
 from rcopterx.control.margins.loop import Dynamics, FeedbackLoop
 from rcopterx.control.models.lags import LagDynamics, behind_lag
@@ -127,12 +127,8 @@ def _filtered_lag(
         a, b = step(frequency, time_s)
         return a[:3, :3], b[:3]
 
-    expected = model_noise(model)
-    drifts = (
-        estimator.velocity_noise or expected.velocity,
-        estimator.actuator_noise or expected.actuator,
-        estimator.disturbance_noise,
-    )
+    expected = noise_of(model, estimator)
+    drifts = expected.velocity_noise, expected.actuator_noise, estimator.disturbance_noise
     densities = [0.0, *(drift[axis] for drift in drifts)]
     noise = estimator.yaw_noise_rad if axis == U_YAW else estimator.position_noise_m
     measured = np.array([[1.0, 0.0, 0.0, 0.0]])
