@@ -10,7 +10,6 @@ from rcopterx.agents.following.leader_changes import LeaderChanges
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader
 from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.following.traffic import Traffic
-from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.load.load_relief import LoadRelief
 from rcopterx.agents.load.pacing import Pacing
 from rcopterx.agents.observation import Observation
@@ -24,6 +23,7 @@ from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus import channels
 from rcopterx.bus.stepping import StepBus
+from rcopterx.bus.subscription import Inbox
 
 TUNED: Final = "tuned"  # event of the thread that prepares another controller
 TRAJECTORY_CHECKED: Final = "trajectory_checked"  # event of the thread that checks a trajectory
@@ -73,8 +73,9 @@ class AgentParts:
         self.traffic = Traffic(
             vehicle, settings.separation, partial(bus.subscribe, channels.PLAN, waking=False)
         )
-        room = Room(settings.volume_min_m, settings.volume_max_m, settings.minimum_distance_m)
-        self.changes = LeaderChanges(vehicle, settings.vehicles, room, pilot, self.plans, self.peers, clock)
+        self.changes = LeaderChanges(
+            vehicle, settings.vehicles, settings.room, pilot, self.plans, self.peers, clock
+        )
         self.lost = LostLeaders(vehicle, settings.succession, pilot, self.plans, self.peers, clock)
         # Controllers
         self.tuning = Tuning(settings.configuration, pilot, settings.period_s, partial(bus.note, TUNED))
@@ -84,10 +85,10 @@ class AgentParts:
         self.external = ExternalControl(vehicle, pilot, external_inputs, publish_task)
         wake = partial(bus.note, TRAJECTORY_CHECKED)
         self.requests = RequestHandler(
-            settings, pilot, room, self.changes, self.peers, self.tuning, self.external, wake
+            settings, pilot, self.changes, self.peers, self.tuning, self.external, wake
         )
         # Processes
-        launcher = bus.subscribe(channels.LAUNCHER, host, waking=False) if host else None
+        launcher = bus.subscribe(channels.LAUNCHER, host, waking=False) if host else Inbox(channels.LAUNCHER)
         processor_clock = settings.bus.clock.scaled(time.process_time)
         self.relief = LoadRelief(bus, settings.period_s, self.pacing, self.traffic, launcher, processor_clock)
         self.handover = Handover(bus, settings, self.lease, pilot, self.tuning)

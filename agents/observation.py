@@ -1,6 +1,7 @@
 """Observation of a vehicle: poses, frames without a pose, and the inputs that its transmitter applied."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -16,33 +17,25 @@ from rcopterx.control.interfaces import Measurement
 OF_ANOTHER_AGENT: Final = -1  # sequence of no command of this agent
 
 
+@dataclass
 class Observation:
     """Gives the messages of the gateways about one vehicle to its pilot; `clock` is monotonic [s]."""
 
-    def __init__(
-        self,
-        pilot: Pilot,
-        pacing: Pacing,
-        poses: Inbox[Pose],
-        applied: Inbox[Applied],
-        lease: ControlLease,
-        clock: Callable[[], float],
-    ) -> None:
-        self._pilot = pilot
-        self._pacing = pacing
-        self.poses = poses
-        self.applied = applied
-        self._lease = lease
-        self._clock = clock
-        self.seen: Received[Pose] | None = None  # newest pose that the pilot accepted; None before the first
+    pilot: Pilot
+    pacing: Pacing
+    poses: Inbox[Pose]
+    applied: Inbox[Applied]
+    lease: ControlLease
+    clock: Callable[[], float]
+    seen: Received[Pose] | None = None  # newest pose that the pilot accepted; None before the first
 
     def take_applied(self) -> bool:
         """Process the inputs written to the radio; return whether the vehicle is found in flight."""
-        pilot, lease, guidance = self._pilot, self._lease, self._pilot.guidance
+        pilot, lease, guidance = self.pilot, self.lease, self.pilot.guidance
         was_flying = guidance.rotor_on
         for received in self.applied.drain():
             applied = received.message
-            lease.note_applied(applied.lease, self._clock())
+            lease.note_applied(applied.lease, self.clock())
             if not lease.held:
                 pilot.watch(applied.state, np.array(applied.input))
                 continue
@@ -55,7 +48,7 @@ class Observation:
 
         Poses that waited during a pause update the estimate only: commands computed from the past do not act.
         """
-        pilot, pacing = self._pilot, self._pacing
+        pilot, pacing = self.pilot, self.pacing
         for received in self.poses.drain():
             pose = received.message
             if pilot.observe(_stamped(pose)):

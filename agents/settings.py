@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
+from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.formation.succession import Succession
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.tuples import Three
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,7 @@ class AgentSettings:
     vehicle: str
     vehicles: tuple[str, ...]  # names of all vehicles of the fleet
     model: Model
-    volume_min_m: Three
-    volume_max_m: Three  # flight volume, inertial frame; set points outside are refused
+    room: Room  # set points outside, and offsets that bring vehicles too close, are refused
     configuration: Configuration = field(default_factory=Configuration)  # controller and estimator at start
     period_s: float = 0.02
     following: tuple[LeaderLink, ...] = ()
@@ -30,7 +29,6 @@ class AgentSettings:
     realtime_priority: int = 0
     leader_wait_s: float = 0.003  # wait for the leaders' plans of the same frame, per level above
     deviation_share: float = 0.25  # share of a leader's deviation from its nominal trajectory that it copies
-    minimum_distance_m: float | None = 0.3  # offsets that bring vehicles closer are refused
     succession: Succession = field(default_factory=Succession)
     separation: SeparationEllipsoid | None = field(default_factory=SeparationEllipsoid)
     """Ellipsoid around a vehicle that others do not enter; None for no avoidance."""

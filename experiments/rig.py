@@ -20,6 +20,7 @@ from rcopterx.agents.cooperation import Sent, Unpacked
 from rcopterx.agents.estimation import OCCLUDED, StampedMeasurement
 from rcopterx.agents.following.leader_plans import link_message, target_link
 from rcopterx.agents.formation.law import LeaderPlan
+from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.formation.profile_limits import profile_limits_of
 from rcopterx.agents.guards.step_guard import hovering_input
 from rcopterx.agents.pilot import ControlOutput, Pilot
@@ -202,8 +203,7 @@ class Rig:
             vehicle=vehicle.name,
             vehicles=tuple(self._vehicles),
             model=vehicle.model,
-            volume_min_m=(-ROOM_M, -ROOM_M, 0.0),
-            volume_max_m=(ROOM_M, ROOM_M, ROOM_M),
+            room=Room((-ROOM_M, -ROOM_M, 0.0), (ROOM_M, ROOM_M, ROOM_M)),
             configuration=Configuration(
                 vehicle.controller,
                 vehicle.estimator,

@@ -238,12 +238,6 @@ class Guidance:
         if self.phase is Phase.FLYING:
             self._begin_transitions(plans, estimate, time_s, transition_s)
 
-    def take_lead(self, position_m: Array, yaw_rad: float) -> None:
-        """Follow no leader from now on; the vehicle's place is given."""
-        self.assigned = ()
-        self.followed = ()
-        self.source = SetPointReference(position_m, yaw_rad)
-
     def follow_instead(self, links: Sequence[FollowedLeader]) -> None:
         """Follow others, or none and hold the place, while the assigned leaders are lost, or these again."""
         self.followed = tuple(links)

@@ -32,27 +32,20 @@ class _Waiting:
     answered: bool = False
 
 
+@dataclass
 class LeaderChanges:
     """Changes of the leaders of one vehicle; `clock` is monotonic [s]."""
 
-    def __init__(
-        self,
-        vehicle: str,
-        vehicles: Sequence[str],
-        room: Room,
-        pilot: Pilot,
-        plans: LeaderPlans,
-        peers: PeerStatuses,
-        clock: Callable[[], float],
-    ) -> None:
-        self._vehicle = vehicle
-        self._vehicles = vehicles
-        self._room = room
-        self._pilot = pilot
-        self._plans = plans
-        self._peers = peers
-        self._clock = clock
-        self._regrouping = Regrouping(clock)
+    vehicle: str
+    vehicles: Sequence[str]
+    room: Room
+    pilot: Pilot
+    plans: LeaderPlans
+    peers: PeerStatuses
+    clock: Callable[[], float]
+
+    def __post_init__(self) -> None:
+        self._regrouping = Regrouping(self.clock)
         self._events: Counter[str] = Counter()
         self._waiting: list[_Waiting] = []
         self.cycles_from = (0, 0)  # epoch and frame from which on an ancestor of this name means a cycle
@@ -73,7 +66,7 @@ class LeaderChanges:
         if refusal is not None:
             incoming.answer(reply_of(refusal))
             return
-        waiting = _Waiting(incoming, request, self._clock() + FIRST_PLAN_LIMIT_S)
+        waiting = _Waiting(incoming, request, self.clock() + FIRST_PLAN_LIMIT_S)
         if isinstance(request, Follow):
             self._discard_promises()
             reply = self._foreseen(request.following)
@@ -88,7 +81,7 @@ class LeaderChanges:
 
     def commit(self, request: CommitLeaders) -> str | None:
         """Apply the prepared leaders at a future frame; return the reason of a refusal, or None."""
-        return self._regrouping.commit(request, self._pilot.clock)
+        return self._regrouping.commit(request, self.pilot.clock)
 
     def withdraw(self, request: WithdrawLeaders) -> None:
         """Discard the prepared leaders."""
@@ -106,7 +99,7 @@ class LeaderChanges:
     def lead(self) -> None:
         """Follow no leader."""
         self._discard_promises()
-        self._pilot.guidance.lead(self._pilot.estimate)
+        self.pilot.guidance.lead(self.pilot.estimate)
         self.update_subscriptions()
 
     def decide(self) -> bool:
@@ -116,8 +109,8 @@ class LeaderChanges:
         undecided, self._waiting = self._waiting, []
         for waiting in undecided:
             names = [link.leader for link in waiting.request.following]
-            missing = [name for name in names if self._plans.fresh(name, self._clock()) is None]
-            if missing and self._clock() < waiting.deadline_s:
+            missing = [name for name in names if self.plans.fresh(name, self.clock()) is None]
+            if missing and self.clock() < waiting.deadline_s:
                 self._waiting.append(waiting)
                 continue
             if missing:
@@ -133,7 +126,7 @@ class LeaderChanges:
 
     def apply_prepared(self) -> None:
         """Apply the prepared leaders if their frame has come."""
-        pilot = self._pilot
+        pilot = self.pilot
         change = self._regrouping.due(pilot.clock)
         if change is None:
             return
@@ -146,17 +139,18 @@ class LeaderChanges:
         if change.set_point is None:
             # For a moment the plans of the new leaders still name the ancestors that are given up now.
             clock = pilot.clock
-            self.cycles_from = (clock.epoch, clock.current_frame + len(self._vehicles) + 1)
+            self.cycles_from = (clock.epoch, clock.current_frame + len(self.vehicles) + 1)
             self._follow(change.following, None)
         else:
-            pilot.guidance.take_lead(np.array(change.set_point.position_m), change.set_point.yaw_rad)
+            pilot.guidance.lead(pilot.estimate)
+            pilot.guidance.go_to(np.array(change.set_point.position_m), change.set_point.yaw_rad)
         self.update_subscriptions()
 
     def update_subscriptions(self) -> None:
         """Subscribe to present and assigned leaders, and to those that requests wait for."""
-        guidance = self._pilot.guidance
+        guidance = self.pilot.guidance
         followed = {link.leader for link in (*guidance.followed, *guidance.assigned)}
-        self._plans.subscribe_to(
+        self.plans.subscribe_to(
             followed.union(
                 self._regrouping.leaders,
                 *({link.leader for link in waiting.request.following} for waiting in self._waiting),
@@ -167,104 +161,104 @@ class LeaderChanges:
         """Return why leaders are impossible whatever they do; None if they are possible."""
         names = [link.leader for link in request.following]
         for name in names:
-            if name == self._vehicle:
+            if name == self.vehicle:
                 return f"{name} cannot follow itself"
-            if name not in self._vehicles:
-                return f"unknown vehicle {name!r}, known are {', '.join(self._vehicles)}"
+            if name not in self.vehicles:
+                return f"unknown vehicle {name!r}, known are {', '.join(self.vehicles)}"
         if len(set(names)) != len(names):
             return "a leader is named twice"
         if isinstance(request, Follow):
             return None
-        if self._pilot.guidance.phase is not Phase.FLYING:
-            return f"leaders change together only in flight, the phase is {self._pilot.guidance.phase}"
+        if self.pilot.guidance.phase is not Phase.FLYING:
+            return f"leaders change together only in flight, the phase is {self.pilot.guidance.phase}"
         if bool(names) == (request.set_point is not None):
             return "set_point: needed exactly where following is empty"
         if request.set_point is not None:
-            problem = self._room.outside(np.array(request.set_point.position_m))
+            problem = self.room.outside(np.array(request.set_point.position_m))
             if problem is not None:
                 return problem
         return self._regrouping.busy(request.operation)
 
     def _absence(self, name: str) -> str:
-        status = self._peers.statuses().get(name)
+        status = self.peers.statuses().get(name)
         if status is None:
             return f"no plan from {name}: its agent sends nothing"
         return f"no plan from {name}: its phase is {status.phase}"
 
     def _foreseen(self, following: tuple[LeaderLink, ...]) -> Reply | None:
         """Return the reply by the statuses of the leaders; None if only their plans can decide."""
-        now_s = self._clock()
-        missing = [link.leader for link in following if self._plans.fresh(link.leader, now_s) is None]
-        recent = self._peers.statuses(RECENT_STATUS_S)
+        now_s = self.clock()
+        missing = [link.leader for link in following if self.plans.fresh(link.leader, now_s) is None]
+        recent = self.peers.statuses(RECENT_STATUS_S)
         flying = all(name in recent and recent[name].phase == Phase.FLYING for name in missing)
-        if not (missing and flying and self._pilot.guidance.rotor_on):
+        if not (missing and flying and self.pilot.guidance.rotor_on):
             return None
-        links, _ = formation_of(self._peers.statuses(), flying=(self._vehicle,))
-        after = {**links, self._vehicle: following}
-        if line_between(after, self._vehicle, self._vehicle):
+        links, _ = formation_of(self.peers.statuses(), flying=(self.vehicle,))
+        after = {**links, self.vehicle: following}
+        if line_between(after, self.vehicle, self.vehicle):
             # They may have changed leaders since.
             return None
         problem = self._follow_problem(following)
-        return reply_of(problem, self._in_words(following, ancestors(after, self._vehicle)))
+        return reply_of(problem, self._in_words(following, ancestors(after, self.vehicle)))
 
     def _decide(self, request: Follow | PrepareLeaders) -> Reply:
         """Grant or refuse a request for which the plans of all leaders have arrived."""
         following = request.following
-        refusal = self._grounded(following) if self._pilot.guidance.rotor_on else None
+        refusal = self._grounded(following) if self.pilot.guidance.rotor_on else None
         if refusal is not None:
             return reply_of(refusal)
         if isinstance(request, PrepareLeaders):
             self._regrouping.prepare(request)
-            return reply_of(None, f"{self._vehicle} is ready")
+            return reply_of(None, f"{self.vehicle} is ready")
         refusal = self._follow_problem(following)
         if refusal is not None:
             return reply_of(refusal)
         self._follow(following, request.transition_s)
-        line = self._plans.ancestors(link.leader for link in following)
+        line = self.plans.ancestors(link.leader for link in following)
         return reply_of(None, self._in_words(following, line))
 
     def _grounded(self, following: Sequence[LeaderLink]) -> str | None:
         """Return which of the leaders is not in free flight; None for none."""
         for link in following:
-            plan = self._plans.newest(link.leader)
+            plan = self.plans.newest(link.leader)
             if plan is None or (plan.airborne and plan.followable):
                 continue
-            status = self._peers.statuses().get(link.leader)
+            status = self.peers.statuses().get(link.leader)
             phase = "on the floor" if not plan.airborne else "not in free flight"
             return f"{link.leader} is {phase}" + (f", its phase is {status.phase}" if status else "")
         return None
 
     def _follow_problem(self, following: tuple[LeaderLink, ...]) -> str | None:
         for link in following:
-            line = self._plans.cycle_through(link.leader)
+            line = self.plans.cycle_through(link.leader)
             if line is not None:
-                return f"a cycle: {in_words((self._vehicle, *line))}"
-        problem = offset_problem(self._vehicle, following, self._room)
-        if problem is not None or not self._pilot.guidance.rotor_on:
+                return f"a cycle: {in_words((self.vehicle, *line))}"
+        problem = offset_problem(self.vehicle, following, self.room)
+        if problem is not None or not self.pilot.guidance.rotor_on:
             return problem
-        links, heads = formation_of(self._peers.statuses(), flying=(self._vehicle,))
+        links, heads = formation_of(self.peers.statuses(), flying=(self.vehicle,))
         for link in following:
-            plan = self._plans.newest(link.leader)
+            plan = self.plans.newest(link.leader)
             if link.leader not in links and plan is not None:
                 # Its plan has arrived, its status has not: the end of the plan is its place.
                 heads[link.leader] = plan.trajectory.to_numpy()[-1, :4].copy()
                 links = {**links, link.leader: ()}
-        return place_problem(self._vehicle, following, links, heads, self._room)
+        return place_problem(self.vehicle, following, links, heads, self.room)
 
     def _follow(self, following: Sequence[LeaderLink], transition_s: float | None) -> None:
-        pilot = self._pilot
+        pilot = self.pilot
         links = [followed_leader(link) for link in following]
-        plans = self._plans.plans(pilot.clock, self.cycles_from)
+        plans = self.plans.plans(pilot.clock, self.cycles_from)
         pilot.guidance.follow(links, plans, pilot.estimate, pilot.clock.time_s, transition_s)
 
     def _in_words(self, following: Sequence[LeaderLink], line: Sequence[str]) -> str:
         """Describe the leaders, and theirs after them in a line."""
         names = [link.leader for link in following]
         if len(names) == 1:
-            return in_words((self._vehicle, *line))
+            return in_words((self.vehicle, *line))
         further = [name for name in line if name not in names]
         end = f", who follow {', '.join(further)}" if further else ""
-        return f"{self._vehicle} follows {', '.join(names)}{end}"
+        return f"{self.vehicle} follows {', '.join(names)}{end}"
 
 
 def reply_of(refusal: str | None, accepted: str = "") -> Reply:

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -116,22 +117,20 @@ class LeaderPlans:
         return max(known) if known and len(known) == len(ages) else None
 
 
+@dataclass
 class PeerStatuses:
     """Newest statuses of the other vehicles; `clock` is monotonic [s]."""
 
-    def __init__(
-        self, vehicle: str, inboxes: Mapping[str, Inbox[AgentStatus]], clock: Callable[[], float]
-    ) -> None:
-        self._vehicle = vehicle
-        self._inboxes = inboxes
-        self._clock = clock
+    vehicle: str
+    inboxes: Mapping[str, Inbox[AgentStatus]]
+    clock: Callable[[], float]
 
     def statuses(self, within_s: float = math.inf) -> dict[str, AgentStatus]:
         """Statuses of the vehicles that are not silent and not older than `within_s`."""
-        now_s = self._clock()
+        now_s = self.clock()
         found = {}
-        for name, inbox in tuple(self._inboxes.items()):
-            received = None if name == self._vehicle else inbox.latest()
+        for name, inbox in tuple(self.inboxes.items()):
+            received = None if name == self.vehicle else inbox.latest()
             if received is not None:
                 limit_s = min(within_s, inbox.channel.stale_after_s)
                 if now_s - received.arrived_s <= limit_s:

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from rcopterx.agents.flight.guidance import PLAN_LIMIT_S
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader, target_link
@@ -23,47 +24,41 @@ from rcopterx.bus.messages import LeaderLink
 LATE_AFTER_S = 0.1  # age from which the newest plan counts as the last one
 
 
+@dataclass
 class LostLeaders:
     """Follows, uses the last plan, holds, leads or lands, by the plans of the leaders and the fleet file."""
 
-    def __init__(
-        self,
-        vehicle: str,
-        succession: Succession,
-        pilot: Pilot,
-        plans: LeaderPlans,
-        peers: PeerStatuses,
-        clock: Callable[[], float],
-    ) -> None:
+    vehicle: str
+    succession: Succession
+    pilot: Pilot
+    plans: LeaderPlans
+    peers: PeerStatuses
+    clock: Callable[[], float]
+
+    def __post_init__(self) -> None:
         self.following_mode = FollowingMode.FOLLOW
         self.events: Counter[str] = Counter()
-        self._vehicle = vehicle
-        self._succession = succession
-        self._pilot = pilot
-        self._plans = plans
-        self._peers = peers
-        self._clock = clock
         self._here_s: float | None = None
         self._assigned: tuple[FollowedLeader, ...] = ()
         self._successor: str | None = None
 
     def expect(self) -> None:
         """Assume that the leaders are here now: an agent that restarts waits for them again."""
-        self._assigned, self._here_s = self._pilot.guidance.assigned, self._clock()
+        self._assigned, self._here_s = self.pilot.guidance.assigned, self.clock()
 
     def update(self, plans: Mapping[str, LeaderPlan]) -> bool:
         """Update the following mode by the leaders' newest plans; return whether the leaders change."""
-        guidance = self._pilot.guidance
+        guidance = self.pilot.guidance
         if guidance.assigned is not self._assigned or guidance.phase is not Phase.FLYING:
             self._assigned, self._here_s = guidance.assigned, None
             self.following_mode, self._successor = FollowingMode.FOLLOW, None
         if not guidance.assigned or guidance.phase is not Phase.FLYING:
             return False
         finding = self._finding(plans)
-        policy, successor = self._succession.policy, None
+        policy, successor = self.succession.policy, None
         if finding is Finding.LOST and policy == Policy.PROMOTE:
             successor = self._find_successor()
-        mode = following_mode(finding, policy, self._vehicle, successor)
+        mode = following_mode(finding, policy, self.vehicle, successor)
         if (mode, successor) == (self.following_mode, self._successor):
             return False
         before = self.following_mode
@@ -73,7 +68,7 @@ class LostLeaders:
         return self._take(mode, successor, before)
 
     def _finding(self, plans: Mapping[str, LeaderPlan]) -> Finding:
-        now_s, ahead_s = self._clock(), math.inf
+        now_s, ahead_s = self.clock(), math.inf
         for link in self._assigned:
             plan = plans.get(link.leader)
             if plan is not None and plan.followable:
@@ -81,41 +76,41 @@ class LostLeaders:
         if ahead_s <= LATE_AFTER_S:
             self._here_s = now_s
             return Finding.HERE
-        if ahead_s + self._pilot.model.delay_s <= PLAN_LIMIT_S:
+        if ahead_s + self.pilot.model.delay_s <= PLAN_LIMIT_S:
             return Finding.LATE
-        if self._here_s is None or now_s - self._here_s <= self._succession.after_s:
+        if self._here_s is None or now_s - self._here_s <= self.succession.after_s:
             return Finding.GONE
         return Finding.LOST
 
     def _links(self) -> dict[str, tuple[LeaderLink, ...]]:
-        links = {name: status.assigned for name, status in self._peers.statuses().items()}
+        links = {name: status.assigned for name, status in self.peers.statuses().items()}
         own = tuple(map(target_link, self._assigned))
-        return {**links, self._vehicle: own}
+        return {**links, self.vehicle: own}
 
     def _find_successor(self) -> str | None:
         lost = self._assigned[0].leader
-        ready = {self._vehicle} | {
+        ready = {self.vehicle} | {
             name
-            for name, status in self._peers.statuses().items()
-            if status.phase == Phase.FLYING and name in self._succession.promotable
+            for name, status in self.peers.statuses().items()
+            if status.phase == Phase.FLYING and name in self.succession.promotable
         }
-        return successor_of(lost, self._links(), ready, self._succession.orders.get(lost, ()))
+        return successor_of(lost, self._links(), ready, self.succession.orders.get(lost, ()))
 
     def _take(self, mode: FollowingMode, successor: str | None, before: FollowingMode) -> bool:
-        guidance = self._pilot.guidance
+        guidance = self.pilot.guidance
         if mode is FollowingMode.LEAD:
             guidance.follow_instead(())
             return True
         if mode is FollowingMode.FOLLOW_SUCCESSOR and successor is not None:
             lost = self._assigned[0].leader
-            plan = self._plans.newest(lost)
+            plan = self.plans.newest(lost)
             yaw_rad = 0.0 if plan is None else float(plan.trajectory.to_numpy()[0, 3])
-            link = link_to_successor(self._vehicle, successor, lost, self._links(), yaw_rad)
+            link = link_to_successor(self.vehicle, successor, lost, self._links(), yaw_rad)
             if link is not None:
                 guidance.follow_instead((followed_leader(link),))
             return True
         if mode is FollowingMode.LAND:
-            guidance.land(self._pilot.estimate, self._pilot.clock.time_s)
+            guidance.land(self.pilot.estimate, self.pilot.clock.time_s)
             return False
         if before in (FollowingMode.LEAD, FollowingMode.FOLLOW_SUCCESSOR):
             guidance.follow_instead(guidance.assigned)

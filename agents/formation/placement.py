@@ -19,7 +19,7 @@ class Room:
 
     min_m: Three
     max_m: Three  # flight volume, inertial frame
-    minimum_distance_m: float | None  # smallest distance between two vehicles; None for no limit
+    minimum_distance_m: float | None = 0.3  # smallest distance between two vehicles; None for no limit
 
     def outside(self, place: Array) -> str | None:
         """Describe how a place, x y z first, or the first of several leaves the volume; None if none does."""

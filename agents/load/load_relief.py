@@ -6,12 +6,12 @@ on: until an overload is detected in flight, it starves what has no real-time pr
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 from rcopterx.agents.following.traffic import MOST, Traffic
 from rcopterx.agents.load.overload import Overload, Relief, planned_relief
 from rcopterx.agents.load.pacing import Pacing
-from rcopterx.bus.channels import LAUNCHER
 from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox, Received
@@ -22,31 +22,28 @@ TOO_SLOW: Final = "this computer is too slow for its fleet"
 _EVENTS: Final = {relief: f"relief_{int(relief)}" for relief in Relief}
 
 
+@dataclass
 class LoadRelief:
     """Watches how late one agent's commands are, and reduces the work of its parts.
 
     Decisions by measured times take effect by an event on the bus, so that a replay does the same.
     """
 
-    def __init__(
-        self,
-        bus: StepBus,
-        period_s: float,
-        pacing: Pacing,
-        traffic: Traffic,
-        launcher: Inbox[LauncherStatus] | None,
-        processor_clock: Callable[[], float],
-    ) -> None:
-        self._bus, self._pacing, self._traffic = bus, pacing, traffic
-        self.overload = Overload(period_s)
-        self._processor_clock = processor_clock
-        self._used_s, self._since_s = processor_clock(), bus.clock()
-        self._seen = 0, 0
-        self._launcher = Inbox(LAUNCHER) if launcher is None else launcher
-        self._launcher_status: Received[LauncherStatus] | None = None
-        self._planned = self._noted = Relief.NONE
+    bus: StepBus
+    period_s: float
+    pacing: Pacing
+    traffic: Traffic
+    launcher: Inbox[LauncherStatus]
+    processor_clock: Callable[[], float]
+
+    def __post_init__(self) -> None:
+        self.overload = Overload(self.period_s)
         self.relief = Relief.NONE  # what is left out at present
         self.events: dict[str, int] = {}
+        self._planned = self._noted = Relief.NONE
+        self._launcher_status: Received[LauncherStatus] | None = None
+        self._used_s, self._since_s = self.processor_clock(), self.bus.clock()
+        self._seen = 0, 0
 
     @property
     def remark(self) -> str:
@@ -58,7 +55,7 @@ class LoadRelief:
 
     def watch(self, late_s: float, flying: bool) -> None:
         """Process a control period, whose command left `late_s` after its pose was due."""
-        pacing, (missed_before, overtaken_before) = self._pacing, self._seen
+        pacing, (missed_before, overtaken_before) = self.pacing, self._seen
         self._seen = pacing.missed_ticks, pacing.overtaken_ticks
         # Periods missed for want of poses count once, those missed for want of time count all.
         missed = max(pacing.missed_ticks > missed_before, pacing.overtaken_ticks - overtaken_before)
@@ -66,7 +63,7 @@ class LoadRelief:
             self._pace(flying)
         overload = self.overload
         if overload.observe(late_s, missed) if flying else overload.stand(late_s):
-            self._bus.note(_EVENTS[overload.relief])
+            self.bus.note(_EVENTS[overload.relief])
 
     def update(self) -> bool:
         """Apply the decisions made before this step; return whether there were any."""
@@ -78,7 +75,7 @@ class LoadRelief:
 
     def _plan(self) -> bool:
         """Plan by the newest status of the launcher; return whether the plan changes."""
-        received = self._launcher.latest()
+        received = self.launcher.latest()
         if received is None or received is self._launcher_status:
             return False
         self._launcher_status = received
@@ -92,7 +89,7 @@ class LoadRelief:
 
     def _take_decision(self) -> bool:
         for relief, event in _EVENTS.items():
-            if event in self._bus.events:
+            if event in self.bus.events:
                 self._noted = relief
                 return True
         return False
@@ -102,17 +99,17 @@ class LoadRelief:
             name = f"left_out_{relief.name.lower()}"
             self.events[name] = self.events.get(name, 0) + 1
         self.relief = relief
-        self._bus.publish_steps(relief < Relief.REPORTS)
-        self._traffic.most = NEAREST if relief >= Relief.REPORTS else MOST
+        self.bus.publish_steps(relief < Relief.REPORTS)
+        self.traffic.most = NEAREST if relief >= Relief.REPORTS else MOST
         self._pace(flying=False)
 
     def _pace(self, flying: bool) -> None:
         # On the floor no planned inputs bridge a period that is left out, and arming needs fresh commands.
-        self._pacing.every = self.relief.every if flying else min(FLOOR_EVERY, self.relief.every)
+        self.pacing.every = self.relief.every if flying else min(FLOOR_EVERY, self.relief.every)
 
     def processor_share(self) -> float:
         """Share of one processor that this process has used since the last call."""
-        used_s, now_s = self._processor_clock(), self._bus.clock()
+        used_s, now_s = self.processor_clock(), self.bus.clock()
         share = (used_s - self._used_s) / (now_s - self._since_s) if now_s > self._since_s else 0.0
         self._used_s, self._since_s = used_s, now_s
         return max(0.0, share)

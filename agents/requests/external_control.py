@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
@@ -13,27 +14,23 @@ from rcopterx.control.controllers.external import ExternalController
 from rcopterx.vehicles.state import Array, four
 
 
+@dataclass
 class ExternalControl:
     """The external program that flies a vehicle, if any; `publish` sends it its tasks."""
 
-    def __init__(
-        self,
-        vehicle: str,
-        pilot: Pilot,
-        answers: Inbox[ExternalInput],
-        publish: Callable[[ControlTask], None],
-    ) -> None:
-        self.client = ""
+    vehicle: str
+    pilot: Pilot
+    answers: Inbox[ExternalInput]
+    publish: Callable[[ControlTask], None]
+    client: str = ""  # name of the program; empty without one
+
+    def __post_init__(self) -> None:
         self.events: Counter[str] = Counter()
-        self._vehicle = vehicle
-        self._pilot = pilot
-        self.answers = answers
-        self._publish = publish
         self._controller: ExternalController | None = None
 
     def take(self, request: TakeControl) -> str | None:
         """Give control to a client; return the reason of a refusal, or None."""
-        phase = self._pilot.guidance.phase
+        phase = self.pilot.guidance.phase
         if phase is not Phase.FLYING:
             return f"a vehicle is handed over in flight, the phase is {phase}"
         if self.client not in ("", request.source):
@@ -41,8 +38,8 @@ class ExternalControl:
         self._return_control()
         self.answers.drain()
         self.client = request.source
-        self._controller = ExternalController(self._pilot.controller, self._pilot.model, request.patience_s)
-        self._pilot.use_controller(self._controller)
+        self._controller = ExternalController(self.pilot.controller, self.pilot.model, request.patience_s)
+        self.pilot.use_controller(self._controller)
         return None
 
     def release(self, source: str) -> str | None:
@@ -58,7 +55,7 @@ class ExternalControl:
         for received in self.answers.drain():
             message = received.message
             if controller is None or message.source != self.client:
-                self.answers.reject("source", f"{message.source} does not control {self._vehicle}")
+                self.answers.reject("source", f"{message.source} does not control {self.vehicle}")
                 continue
             problem = controller.answer(message.number, message.inputs.to_numpy())
             if problem is not None:
@@ -72,19 +69,19 @@ class ExternalControl:
 
     def _end_of_control(self, controller: ExternalController) -> str | None:
         """Return the event that ends the control of the client; None if it flies on."""
-        if self._pilot.step_guard.given_up:
+        if self.pilot.step_guard.given_up:
             return "external_unsafe"
         if controller.silent:
             return "external_silent"
-        return None if self._pilot.guidance.phase is Phase.FLYING else "external_ended"
+        return None if self.pilot.guidance.phase is Phase.FLYING else "external_ended"
 
     def after_control(self) -> None:
         """Publish the next task."""
         if self._controller is None or self._controller.task is None:
             return
-        task, model, clock = self._controller.task, self._pilot.model, self._pilot.clock
+        task, model, clock = self._controller.task, self.pilot.model, self.pilot.clock
         estimate = task.estimate
-        self._publish(
+        self.publish(
             ControlTask(
                 epoch=clock.epoch,
                 frame=clock.current_frame,
@@ -105,7 +102,7 @@ class ExternalControl:
 
     def _return_control(self) -> None:
         if self._controller is not None:
-            self._pilot.use_controller(self._controller.own)
+            self.pilot.use_controller(self._controller.own)
         self._controller, self.client = None, ""
 
 

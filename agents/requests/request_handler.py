@@ -2,6 +2,7 @@
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
@@ -48,32 +49,30 @@ FormationCheck = Callable[[Array], str | None]
 """Returns why followers cannot come along on a way, shape (k, 4 or more); None if they can."""
 
 
+@dataclass
 class TrajectoryRequests:
     """At most one trajectory that is being checked; `refusal` is why none is taken now, if so."""
 
-    def __init__(
-        self,
-        settings: AgentSettings,
-        pilot: Pilot,
-        refusal: Callable[[], str | None],
-        formation_check: Callable[[], FormationCheck],
-        wake: Callable[[], None],
-    ) -> None:
-        self._settings, self._pilot = settings, pilot
-        self._refusal, self._formation_check = refusal, formation_check
-        self._work: WorkAhead[str | None] = WorkAhead("trajectory", wake)
+    room: Room
+    pilot: Pilot
+    refusal: Callable[[], str | None]
+    formation_check: Callable[[], FormationCheck]
+    wake: Callable[[], None]
+
+    def __post_init__(self) -> None:
+        self._work: WorkAhead[str | None] = WorkAhead("trajectory", self.wake)
         self._incoming: Incoming | None = None
         self._path: FlightPath | None = None
 
     def begin(self, incoming: Incoming, request: Fly) -> None:
         """Begin to check a trajectory, or refuse it."""
-        problem = self._refusal()
+        problem = self.refusal()
         if problem is None and self._work.busy:
             problem = "another trajectory is being checked"
         if problem is not None:
             incoming.answer(reply_of(problem))
             return
-        path, formation = FlightPath(request.knots.to_numpy()), self._formation_check()
+        path, formation = FlightPath(request.knots.to_numpy()), self.formation_check()
         self._incoming, self._path = incoming, path
         self._work.begin(lambda: self._problem(path, path.duration_s, formation))
 
@@ -94,15 +93,15 @@ class TrajectoryRequests:
         if result is None or incoming is None or path is None:
             return False
         self._incoming = self._path = None
-        problem = result[0] or self._refusal()
+        problem = result[0] or self.refusal()
         if problem is not None:
             incoming.answer(reply_of(problem))
             return True
-        guidance, time_s = self._pilot.guidance, self._pilot.clock.time_s
+        guidance, time_s = self.pilot.guidance, self.pilot.clock.time_s
         present = guidance.source.sample(time_s, 1.0, 1).samples[0]
         run_in_s = run_in_time_s(path, present)
         whole = begun_from(path, present, run_in_s)
-        problem = self._problem(whole, run_in_s, self._formation_check())
+        problem = self._problem(whole, run_in_s, self.formation_check())
         if problem is None:
             guidance.fly(whole, time_s)
         else:
@@ -116,10 +115,9 @@ class TrajectoryRequests:
 
     def _problem(self, path: FlightPath, until_s: float, formation: FormationCheck) -> str | None:
         """Return why the first part of a path cannot be flown; None if it can."""
-        settings = self._settings
-        return path_problem(
-            path, self._pilot.model, settings.volume_min_m, settings.volume_max_m, until_s
-        ) or formation(path.sample(np.arange(0.0, until_s + CHECKED_EVERY_S, CHECKED_EVERY_S)))
+        room = self.room
+        problem = path_problem(path, self.pilot.model, room.min_m, room.max_m, until_s)
+        return problem or formation(path.sample(np.arange(0.0, until_s + CHECKED_EVERY_S, CHECKED_EVERY_S)))
 
 
 MOST_IN_A_STEP: Final = 2  # requests that are handled in one step; control comes in between
@@ -129,30 +127,23 @@ _NEEDS_POSE = (TakeOff, Land, GoTo, Fly, Excite)
 _CHANGES_REFERENCE = (TakeOff, Land, GoTo, Lead, Excite, CommitLeaders)
 
 
+@dataclass
 class RequestHandler:
     """Requests of one agent."""
 
-    def __init__(
-        self,
-        settings: AgentSettings,
-        pilot: Pilot,
-        room: Room,
-        changes: LeaderChanges,
-        peers: PeerStatuses,
-        tuning: Tuning,
-        external: ExternalControl,
-        wake: Callable[[], None] = lambda: None,
-    ) -> None:
-        self._settings = settings
-        self._pilot = pilot
-        self._tuning = tuning
-        self._external = external
+    settings: AgentSettings
+    pilot: Pilot
+    changes: LeaderChanges
+    peers: PeerStatuses
+    tuning: Tuning
+    external: ExternalControl
+    wake: Callable[[], None] = lambda: None  # called from the thread that checks trajectories
+
+    def __post_init__(self) -> None:
         self._tuned_by: Incoming | None = None
-        self._room = room
-        self._changes = changes
-        self._peers = peers
+        self._room = self.settings.room
         self.trajectories = TrajectoryRequests(
-            settings, pilot, self._no_trajectory, self._formation_check, wake
+            self._room, self.pilot, self._no_trajectory, self._formation_check, self.wake
         )
         """The trajectory that is being checked."""
         self._at_once: dict[type[Request], Callable[[Any], Reply]] = {
@@ -162,13 +153,13 @@ class RequestHandler:
             Lead: self._lead,
             Excite: self._excite,
             TakeControl: self._take_control,
-            ReleaseControl: lambda request: reply_of(self._external.release(request.source)),
-            CommitLeaders: lambda request: reply_of(self._changes.commit(request)),
+            ReleaseControl: lambda request: reply_of(self.external.release(request.source)),
+            CommitLeaders: lambda request: reply_of(self.changes.commit(request)),
             WithdrawLeaders: self._withdraw,
         }
         self._later: dict[type[Request], Callable[[Incoming, Any], None]] = {
-            Follow: self._changes.wait,
-            PrepareLeaders: self._changes.wait,
+            Follow: self.changes.wait,
+            PrepareLeaders: self.changes.wait,
             Tune: self._tune,
             Fly: self.trajectories.begin,
         }
@@ -192,7 +183,7 @@ class RequestHandler:
         """Reply to a request, now or as soon as its preconditions are known."""
         request = incoming.request
         kind = type(request)
-        if kind in _NEEDS_POSE and not self._pilot.ready:
+        if kind in _NEEDS_POSE and not self.pilot.ready:
             incoming.answer(reply_of("the motion capture has not seen the vehicle"))
         elif kind in self._later:
             self._later[kind](incoming, request)
@@ -206,7 +197,7 @@ class RequestHandler:
 
     def finish_tuning(self) -> bool:
         """Apply a prepared change and reply to its request; return whether there was one."""
-        outcome = self._tuning.finish()
+        outcome = self.tuning.finish()
         if outcome is None:
             return False
         if self._tuned_by is not None:
@@ -216,7 +207,7 @@ class RequestHandler:
         return True
 
     def _tune(self, incoming: Incoming, request: Tune) -> None:
-        present = self._tuning.configuration
+        present = self.tuning.configuration
         # Tuning ends the effect of the guard against oscillation.
         wanted = without_guard(present).changed(
             request.controller,
@@ -226,87 +217,87 @@ class RequestHandler:
             request.model,
         )
         refusal = None
-        if self._tuning.busy:
+        if self.tuning.busy:
             refusal = "another change is being prepared"
-        elif self._external.client:
-            refusal = f"{self._external.client} flies it from outside"
+        elif self.external.client:
+            refusal = f"{self.external.client} flies it from outside"
         elif wanted == present:
             refusal = f"nothing changes: it flies with {present.controller} and {present.estimator} like this"
         if refusal is not None:
             incoming.answer(reply_of(refusal))
         else:
-            self._tuning.begin(wanted)
+            self.tuning.begin(wanted)
             self._tuned_by = incoming
 
     def _take_off(self, request: TakeOff) -> Reply:
-        guidance = self._pilot.guidance
+        guidance = self.pilot.guidance
         if guidance.takes_off_to(request.height_m):
             return reply_of(None)  # The sender repeats a request whose reply was lost.
-        floor_m = float(self._pilot.estimate.motion[2])
-        top_m = self._settings.volume_max_m[2]
+        floor_m = float(self.pilot.estimate.motion[2])
+        top_m = self._room.max_m[2]
         if floor_m + request.height_m > top_m:
             return reply_of(
                 f"height_m: {request.height_m:g} m is above the flight volume, which ends at {top_m:g} m"
             )
         problem = guidance.take_off_problem() or take_off_problem(
-            self._settings.vehicle,
-            self._pilot.estimate.motion[:3],
+            self.settings.vehicle,
+            self.pilot.estimate.motion[:3],
             request.height_m,
             tuple(target_link(link) for link in guidance.assigned),
-            self._peers.statuses(),
+            self.peers.statuses(),
             self._room,
         )
-        return reply_of(problem or self._pilot.take_off(request.height_m))
+        return reply_of(problem or self.pilot.take_off(request.height_m))
 
     def _land(self, _: Land) -> Reply:
-        return reply_of(self._pilot.guidance.land(self._pilot.estimate, self._pilot.clock.time_s))
+        return reply_of(self.pilot.guidance.land(self.pilot.estimate, self.pilot.clock.time_s))
 
     def _go_to(self, request: GoTo) -> Reply:
         position_m, yaw_rad = np.array(request.set_point.position_m), request.set_point.yaw_rad
         problem = (
-            self._changes.promised()
+            self.changes.promised()
             or self._room.outside(position_m)
             or self._formation_check()(np.array([[*position_m, yaw_rad]]))
         )
         if problem is not None:
             return reply_of(problem)
-        vehicle, models = self._settings.vehicle, self._settings.models
-        limits = profile_limits_of(self._formation()[0], {vehicle: self._pilot.model, **models}, vehicle)
-        return reply_of(self._pilot.guidance.go_to(position_m, yaw_rad, self._pilot.clock.time_s, limits))
+        vehicle, models = self.settings.vehicle, self.settings.models
+        limits = profile_limits_of(self._formation()[0], {vehicle: self.pilot.model, **models}, vehicle)
+        return reply_of(self.pilot.guidance.go_to(position_m, yaw_rad, self.pilot.clock.time_s, limits))
 
     def _no_trajectory(self) -> str | None:
-        return self._changes.promised() or self._pilot.guidance.flight_problem()
+        return self.changes.promised() or self.pilot.guidance.flight_problem()
 
     def _formation(self) -> tuple[FormationGraph, dict[str, Array]]:
         """Return links and heads of the formation by the statuses of the others."""
-        return formation_of(self._peers.statuses(), flying=(self._settings.vehicle,))
+        return formation_of(self.peers.statuses(), flying=(self.settings.vehicle,))
 
     def _formation_check(self) -> FormationCheck:
         """Return the check of a way for the present followers and for vehicles that are not avoided."""
-        own = self._settings.vehicle
+        own = self.settings.vehicle
         links, heads = self._formation()
         others = {}
-        if self._settings.separation is None or not isinstance(self._pilot.controller, AvoidsObstacles):
+        if self.settings.separation is None or not isinstance(self.pilot.controller, AvoidsObstacles):
             moved = {own, *followers(links, own)}
             others = {name: at for name, at in places(links, heads).items() if name not in moved}
         return partial(move_problem, own, links=links, room=self._room, unrelated=others)
 
     def _lead(self, _: Lead) -> Reply:
-        self._changes.lead()
-        return reply_of(None, f"{self._settings.vehicle} follows nobody")
+        self.changes.lead()
+        return reply_of(None, f"{self.settings.vehicle} follows nobody")
 
     def _withdraw(self, request: WithdrawLeaders) -> Reply:
-        self._changes.withdraw(request)
+        self.changes.withdraw(request)
         return reply_of(None)
 
     def _excite(self, request: Excite) -> Reply:
-        exciter, guidance, clock = self._pilot.exciter, self._pilot.guidance, self._pilot.clock
+        exciter, guidance, clock = self.pilot.exciter, self.pilot.guidance, self.pilot.clock
         if request.duration_s == 0.0:
             exciter.end("ended by request")
             return reply_of(None)
-        problem = guidance.flight_problem() or self._changes.promised()
-        if self._external.client:
-            problem = f"{self._external.client} flies it from outside"
+        problem = guidance.flight_problem() or self.changes.promised()
+        if self.external.client:
+            problem = f"{self.external.client} flies it from outside"
         if guidance.path_left_s(clock.time_s) > 0.0:
             problem = "it flies a trajectory"
         place_m, _ = guidance.set_point()
@@ -323,7 +314,7 @@ class RequestHandler:
         return reply_of(None, accepted)
 
     def _take_control(self, request: TakeControl) -> Reply:
-        if self._tuning.busy:
+        if self.tuning.busy:
             return reply_of("another controller is being prepared")
-        refusal = self._external.take(request)
-        return reply_of(refusal, f"{request.source} flies {self._settings.vehicle}")
+        refusal = self.external.take(request)
+        return reply_of(refusal, f"{request.source} flies {self.settings.vehicle}")

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
+from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.formation.succession import Succession
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.process import run_agent
@@ -86,8 +87,9 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
         vehicle=name,
         vehicles=tuple(fleet.vehicles),
         model=models[name],
-        volume_min_m=fleet.volume.min_m,
-        volume_max_m=fleet.volume.max_m,
+        room=Room(
+            fleet.volume.min_m, fleet.volume.max_m, limits_of(fleet, name).surveillance.minimum_distance_m
+        ),
         configuration=Configuration(
             control.controller,
             control.estimator,
@@ -100,7 +102,6 @@ def agent_settings(fleet: FleetFile, name: str, host: str | None = None) -> Agen
         following=links[name],
         models=models,
         succession=succession_of(fleet, name),
-        minimum_distance_m=limits_of(fleet, name).surveillance.minimum_distance_m,
         separation=SeparationEllipsoid(avoidance.horizontal_m, avoidance.vertical_m)
         if avoidance.enabled
         else None,

@@ -9,6 +9,7 @@ from support.waiting import FakeClock, wait_for
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_plans import followed_leader
+from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.process import Agent
 from rcopterx.agents.settings import AgentSettings
@@ -29,8 +30,7 @@ def settings_of(address: BusAddress, following: tuple[LeaderLink, ...] = ()) -> 
         vehicle="h9",
         vehicles=("h1", "h9"),
         model=COAXIAL_LAG,
-        volume_min_m=(-1.2, -1.2, 0.0),
-        volume_max_m=(1.2, 1.2, 2.0),
+        room=Room((-1.2, -1.2, 0.0), (1.2, 1.2, 2.0)),
         following=following,
     )
 

@@ -32,8 +32,7 @@ SETTINGS = AgentSettings(
     vehicle="h9",
     vehicles=("h1", "h2", "h9"),
     model=COAXIAL_LAG,
-    volume_min_m=(-1.2, -1.2, 0.0),
-    volume_max_m=(1.2, 1.2, 2.0),
+    room=Room((-1.2, -1.2, 0.0), (1.2, 1.2, 2.0)),
 )
 
 UP = (0.1, 0.2, 1.0)
@@ -72,11 +71,10 @@ class HandlerBench:
         peers = PeerStatuses("h9", self.statuses, self.clock)
         self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02)
         external = ExternalControl("h9", self.pilot, Inbox(channels.EXTERNAL_INPUT), lambda task: None)
-        room = Room(SETTINGS.volume_min_m, SETTINGS.volume_max_m, SETTINGS.minimum_distance_m)
         self.changes = LeaderChanges(
-            "h9", SETTINGS.vehicles, room, self.pilot, self.leaders, peers, self.clock
+            "h9", SETTINGS.vehicles, SETTINGS.room, self.pilot, self.leaders, peers, self.clock
         )
-        self.handler = RequestHandler(SETTINGS, self.pilot, room, self.changes, peers, self.tuning, external)
+        self.handler = RequestHandler(SETTINGS, self.pilot, self.changes, peers, self.tuning, external)
         self.frame = 10
 
     def see(self, position_m: tuple[float, float, float] = UP) -> None:

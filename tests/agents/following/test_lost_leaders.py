@@ -17,25 +17,16 @@ from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.formation.succession import FollowingMode
 from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.pilot import Pilot
-from rcopterx.agents.settings import AgentSettings, Succession
+from rcopterx.agents.settings import Succession
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint
-from rcopterx.bus.session import BusAddress
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.interfaces import Measurement
 
 PERIOD_S = 0.02
 OWN = LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0))
 FELLOW = LeaderLink(leader="h1", offset_m=(0.5, 0.5, 0.0))
-SETTINGS = AgentSettings(
-    bus=BusAddress((), "lab"),
-    vehicle="h9",
-    vehicles=("h1", "h2", "h9"),
-    model=COAXIAL_LAG,
-    volume_min_m=(-2, -2, 0),
-    volume_max_m=(2, 2, 2),
-)
 
 
 @dataclass

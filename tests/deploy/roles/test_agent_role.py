@@ -23,7 +23,7 @@ def test_agents_get_their_leaders_and_the_models_of_all_vehicles() -> None:
     assert leader.following == ()
     assert [(link.leader, link.offset_m) for link in follower.following] == [("h1", (-0.4, 0.5, 0.0))]
     assert leader.vehicles == tuple(leader.models) == ("h1", "h2")
-    assert leader.volume_max_m == fleet.volume.max_m
+    assert leader.room.max_m == fleet.volume.max_m
 
 
 def test_avoidance_is_on_unless_the_file_says_otherwise() -> None:
