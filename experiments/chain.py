@@ -135,7 +135,7 @@ def fly_helicopters(
     names = [f"h{number}" for number in range(1, length + 1)]
     links: FormationGraph = {HEAD: ()}
     links |= {name: (_behind(leader, -APART_M, 0.0, "inertial"),) for leader, name in pairwise(names)}
-    scheme = replace(CASCADE.knowing(knowledge), horizon=QUICK_HORIZON if quick else DEEP_HORIZON)
+    scheme = replace(CASCADE, knowledge=knowledge, horizon=QUICK_HORIZON if quick else DEEP_HORIZON)
     x, y, z, yaw = DEEP_START
     low_m, high_m = (x - ROOM_M, y - ROOM_M, 0.0), (x + ROOM_M, y + ROOM_M, 2.0 * z)
     rig = Rig(

@@ -4,7 +4,7 @@ The sequence of `formation`, flown with the default configuration; every seed dr
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
@@ -35,7 +35,7 @@ def fly_fleet(
 ) -> Flown:
     """Fly the whole sequence with one fleet."""
     slots = sequence(quick)
-    vehicles = formation(CASCADE.knowing(knowledge), conditions, seed)
+    vehicles = formation(replace(CASCADE, knowledge=knowledge), conditions, seed)
     record = Rig(vehicles, conditions, seed, GUARDED).fly((len(slots) + 2) * SLOT_S, events(slots), progress)
     errors_m = record.formation_error_m(SETTLED_S)
     ends_m = [float(record[name].formation_error_m()[-1]) for name in FOLLOWERS]

@@ -53,12 +53,6 @@ class Scheme:
             as_published=self.controller == "paper",
         )
 
-    def knowing(self, knowledge: Knowledge) -> "Scheme":
-        """The same scheme with other knowledge of the vehicle."""
-        return replace(
-            self, name=f"{self.name}_{knowledge}", title=f"{self.title}, {knowledge}", knowledge=knowledge
-        )
-
 
 KUNZ: Final = Scheme(
     "kunz_2013",

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -149,3 +149,11 @@ class FaultFlight:
     def launched(self) -> bool:
         """Whether it needs a fleet that the same program has started."""
         return any(fault.launched for fault in self.faults)
+
+    @contextmanager
+    def injected(self, bench: Bench) -> Iterator[None]:
+        """Inject the faults until the context is left."""
+        with ExitStack() as stack:
+            for fault in self.faults:
+                stack.enter_context(fault.active(bench))
+            yield

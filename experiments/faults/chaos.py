@@ -3,18 +3,15 @@
 import random
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from rcopterx.experiments.faults.bench import FaultFlight
 from rcopterx.experiments.faults.flying import FaultRange
 from rcopterx.experiments.faults.load import loaded
-from rcopterx.experiments.faults.observation import broken_in, seen_of
 from rcopterx.experiments.faults.promise import Seen
 from rcopterx.experiments.faults.table import FAULT_FLIGHTS
-from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
-from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
+from rcopterx.ground_station.scripting.waiting import NotReachedError
 from rcopterx.ground_station.terminal.scenario import FaultRefusedError
 
 PAUSE_S: Final = (2.0, 4.0)  # from the beginning of one fault to that of the next one, at least and at most
@@ -48,26 +45,17 @@ class Chaos:
 
     def fly(self) -> dict[str, Any]:
         """Fly until the time is over or a vehicle touches the floor; returns the report."""
-        place, problem = self.place, None
-        place.hover()
-        places_m = place.start()
-        started_s = self._clock()
-        try:
-            with loaded(self.busy, place.bench.say):
-                self._fly(started_s)
-            place.wait_until_flown()
-        except StoppedError:
-            raise
-        except FLIGHT_ERRORS as error:
-            problem = "; ".join(lines_of(error))
-            place.bench.say(f"ended early: {problem}")
-        recording = place.stop()
-        if problem is None and (broken := broken_in(recording)):
-            problem = "; ".join(broken)
-        return chaos_report(self, seen_of(recording, places_m), problem, self._clock() - started_s)
+        flown = self.place.observe(self._fly)
+        problem = flown.problem or "; ".join(flown.broken) or None
+        return chaos_report(self, flown.seen, problem, flown.seconds)
 
-    def _fly(self, started_s: float) -> None:
-        due_s = started_s
+    def _fly(self) -> None:
+        with loaded(self.busy, self.place.bench.say):
+            self._inject_faults(self._clock())
+        self.place.wait_until_flown()
+
+    def _inject_faults(self, started_s: float) -> None:
+        bench, due_s = self.place.bench, started_s
         for pause_s, row in chances(self.seed):
             due_s = max(due_s + pause_s, self._clock())
             if due_s - started_s > self.seconds:
@@ -75,15 +63,14 @@ class Chaos:
                 return
             self._wait_aloft(due_s)
             at_s = round(self._clock() - started_s, 1)
-            self.place.bench.say(f"{at_s:.1f} s: {row.name}")
+            bench.say(f"{at_s:.1f} s: {row.name}")
             try:
-                with ExitStack() as stack:
-                    for fault in row.faults:
-                        stack.enter_context(fault.active(self.place.bench))
+                with row.injected(bench):
+                    pass
                 self.happened.append((at_s, row.name))
             except (NotReachedError, FaultRefusedError) as error:
                 self.missed[row.name] += 1
-                self.place.bench.say(f"not possible now: {error}")
+                bench.say(f"not possible now: {error}")
 
     def _wait_aloft(self, until_s: float) -> None:
         """Wait, and check that no vehicle touches the floor meanwhile."""

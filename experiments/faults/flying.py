@@ -2,9 +2,9 @@
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import replace
-from typing import Final
+from functools import partial
+from typing import Final, NamedTuple
 
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LaboratoryVehicle
@@ -13,10 +13,10 @@ from rcopterx.deploy.watchdog.watchdog import AGAIN_S
 from rcopterx.experiments import steps
 from rcopterx.experiments.faults.bench import Bench, FaultFlight
 from rcopterx.experiments.faults.observation import WATCHED, broken_in, seen_of
-from rcopterx.experiments.faults.promise import Promise
+from rcopterx.experiments.faults.promise import Promise, Seen
 from rcopterx.experiments.faults.reports import Report, not_flown, report_of
 from rcopterx.experiments.paper_sequence import leader_of
-from rcopterx.ground_station.report.recorder import Recorder, Recording
+from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError
 from rcopterx.ground_station.terminal.scenario import FaultRefusedError
@@ -32,6 +32,15 @@ LANDED_S: Final = 30.0
 RECOVERED_S: Final = max(STABLE_AFTER_S, AGAIN_S)
 """Time after the last start of a process until the next fault."""
 CALM_S: Final = 60.0  # limit for processes and spares to be ready, on a busy computer as well
+
+
+class Observed(NamedTuple):
+    """What was seen of a flight."""
+
+    seen: dict[str, Seen]
+    problem: str | None  # what ended it early
+    broken: list[str]  # promises of every flight that it breaks
+    seconds: float  # recorded time
 
 
 class FaultRange:
@@ -51,47 +60,42 @@ class FaultRange:
 
     def fly(self, row: FaultFlight) -> Report:
         """Fly a row; returns the report, also of one that ended early or that the laboratory refused."""
-        started_s = self.fleet.session.clock()
-        places_m: dict[str, Three] = {}
-        problem = None
         try:
-            if row.on_floor:
-                self.stand()
-            else:
-                self.hover()
-            places_m = self.start()
-            self._fly(row)
-        except StoppedError:
-            raise
+            flown = self.observe(partial(self._fly, row), row.on_floor)
         except FaultRefusedError as error:
-            self.stop()
             return not_flown(row, str(error))
+        return report_of(row, flown.seen, flown.problem, flown.seconds, flown.broken)
+
+    def observe(self, fly: Callable[[], None], on_floor: bool = False) -> Observed:
+        """Have all vehicles hover, or stand on the floor, and record while a function flies them."""
+        clock, problem = self.fleet.session.clock, None
+        places_m: dict[str, Three] = {}
+        began_s = clock()
+        try:
+            if on_floor:
+                self._stand()
+            else:
+                self._hover()
+            places_m = {name: self.truth(name).position_m for name in self._names}
+            self._recorder.start()
+            began_s = clock()
+            self.bench.wait(BEFORE_S)
+            fly()
+        except (StoppedError, FaultRefusedError):
+            raise
         except FLIGHT_ERRORS as error:
             problem = "; ".join(lines_of(error))
             self.bench.say(f"ended early: {problem}")
-        seconds = self.fleet.session.clock() - started_s
-        recording = self.stop()
-        return report_of(row, seen_of(recording, places_m), problem, seconds, broken_in(recording))
-
-    def start(self) -> dict[str, Three]:
-        """Start recording; returns the place of each vehicle [m]."""
-        places_m = {name: self.truth(name).position_m for name in self._names}
-        self._recorder.start()
-        self.bench.wait(BEFORE_S)
-        return places_m
-
-    def stop(self) -> Recording:
-        """Stop recording."""
-        return self._recorder.stop()
+        finally:
+            seconds, recording = clock() - began_s, self._recorder.stop()
+        return Observed(seen_of(recording, places_m), problem, broken_in(recording), seconds)
 
     def on_floor(self) -> list[str]:
         """Vehicles on the floor."""
         return [name for name in self._names if self.truth(name).on_floor]
 
     def _fly(self, row: FaultFlight) -> None:
-        with ExitStack() as stack:
-            for fault in row.faults:
-                stack.enter_context(fault.active(self.bench))
+        with row.injected(self.bench):
             if row.on_floor:
                 take_off = steps.refused("take-off", lambda fleet: fleet.take_off(height_m=HOME_M[2]))
                 take_off(self.fleet, self.bench.say, self.bench.wait)
@@ -118,7 +122,7 @@ class FaultRange:
             raise NotReachedError(f"{name}: there is no simulated laboratory")
         return received.message.vehicles[name]
 
-    def hover(self) -> None:
+    def _hover(self) -> None:
         """Have all vehicles hover in formation, at rest, and wait for spare processes."""
         fleet, bench = self.fleet, self.bench
         if not all(fleet.state_of(name).phase == "flying" for name in self._names):
@@ -130,7 +134,7 @@ class FaultRange:
         fleet.wait_for_formation(tolerance_m=AT_HOME_M)
         bench.wait(REST_S)
 
-    def stand(self) -> None:
+    def _stand(self) -> None:
         """Have all vehicles stand on the floor."""
         self.fleet.land()
         self.fleet.wait_ready()

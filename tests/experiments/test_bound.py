@@ -73,7 +73,7 @@ def test_the_simulated_helicopter_flies_at_the_bound_with_its_regulator() -> Non
 
 @pytest.mark.parametrize("seed", [100, 101])
 def test_no_exactly_known_vehicle_flies_better_than_the_bound_for_more_stick(seed: int) -> None:
-    vehicle = CASCADE.knowing("exact").vehicle("h1", Pose((0.0, 0.0, 1.0)), HELICOPTERS, seed)
+    vehicle = replace(CASCADE, knowledge="exact").vehicle("h1", Pose((0.0, 0.0, 1.0)), HELICOPTERS, seed)
     flown = Rig([vehicle], HELICOPTERS, seed).fly(15.0)["h1"]
     assert rms(flown.inputs[flown.time_s >= 5.0, :U_THRUST]) < STICKS[0] < STICKS[1] == COAXIAL.input_max[0]
     assert 1e3 * rms(flown.reference_error(5.0)[:, :2]) > hover_mm(STICKS[0], HELICOPTERS, seed)

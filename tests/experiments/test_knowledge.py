@@ -126,7 +126,7 @@ def test_first_order_plants_are_known_by_their_nominal_parameters_only() -> None
 
 
 def test_knowledge_of_the_pilot_does_not_change_the_plant() -> None:
-    schemes = (CASCADE, CASCADE.knowing("exact"))
+    schemes = (CASCADE, replace(CASCADE, knowledge="exact"))
     states = []
     for scheme in schemes:
         vehicle = replace(scheme, horizon=10).vehicle("h1", Pose((0.0, 0.0, 1.0)), HELICOPTERS, 3)

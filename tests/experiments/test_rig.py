@@ -239,7 +239,7 @@ def test_simple_controller_hovers_helicopters_without_losing_them(conditions: Co
 def test_a_known_helicopter_is_within_five_centimetres_of_a_higher_place_after_1_1_s() -> None:
     """A step of 0.6 m with a climb of 0.8 m, without gusts; the climb alone takes 1.04 s."""
     calm = replace(HELICOPTER, turbulence_rms=(0.0,) * 4)
-    vehicle = CASCADE.knowing("exact").vehicle("h1", Pose((0.0, 0.0, 1.0)), calm, 0)
+    vehicle = replace(CASCADE, knowledge="exact").vehicle("h1", Pose((0.0, 0.0, 1.0)), calm, 0)
     record = flown([vehicle], [GoTo(8.0, "h1", (0.6, 0.0, 1.8), 0.0)], 12.0, calm)["h1"]
     far = np.linalg.norm(record.motion[:, :3] - (0.6, 0.0, 1.8), axis=1) > 0.05
     assert record.time_s[far].max() < 8.0 + 1.1
