@@ -18,7 +18,7 @@ from rcopterx.experiments.events import Event, Follow, GoTo
 from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.knowledge import COAXIAL_LAG
 from rcopterx.experiments.record import FlightRecord, rms_and_max_mm
-from rcopterx.experiments.rig import SETTLED_S, Progress, Rig, RigVehicle
+from rcopterx.experiments.rig import PERIOD_S, SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, PAPER, Scheme
 from rcopterx.simulator.conditions import Conditions
@@ -162,7 +162,7 @@ def tracks_of(record: FlightRecord) -> Array:
         np.stack((record[name].motion[:, :4], place), axis=1)
         for name, place in zip((LEADER, *FOLLOWERS), wanted, strict=True)
     ]
-    return np.stack(pairs, axis=1)[:: round(DRAWN_S / 0.02)]
+    return np.stack(pairs, axis=1)[:: round(DRAWN_S / PERIOD_S)]
 
 
 def bound_excess(record: FlightRecord) -> Array:
@@ -195,9 +195,6 @@ def figures_of(flights: Sequence[Flown]) -> dict[str, Any]:
     errors = np.concatenate([flight.errors_m for flight in flights])
     excess = np.max([flight.excess for flight in flights], axis=0)
     between = rms_and_max_mm(np.concatenate([flight.gap_errors_m for flight in flights]), digits=3)
-    fallbacks: Counter[str] = Counter()
-    for flight in flights:
-        fallbacks.update(flight.fallbacks)
     return {
         **rms_and_max_mm(errors, digits=3),
         **{f"between_followers_{name}": value for name, value in between.items()},
@@ -206,7 +203,7 @@ def figures_of(flights: Sequence[Flown]) -> dict[str, Any]:
             "velocity_m_s": round(float(excess[3:6].max()), 4),
             "yaw_rate_rad_s": round(float(excess[6]), 4),
         },
-        "fallbacks": dict(fallbacks),
+        "fallbacks": dict(sum((Counter(flight.fallbacks) for flight in flights), Counter[str]())),
     }
 
 

@@ -72,10 +72,7 @@ class FlightRecord(dict[str, VehicleRecord]):
 
     def fallbacks(self) -> Counter[str]:
         """Fallbacks of all vehicles together."""
-        total: Counter[str] = Counter()
-        for vehicle in self.values():
-            total.update(vehicle.fallbacks)
-        return total
+        return sum((Counter(vehicle.fallbacks) for vehicle in self.values()), Counter[str]())
 
 
 def rms(values: Array) -> float:

@@ -14,7 +14,9 @@ from rcopterx.experiments.faults.orders import give_order
 
 FLYING_ROLES: Final = ("agent", "tracker", "transmitters")  # roles whose messages control the vehicles
 OLD_CHANNELS: Final[tuple[Channel[Any], ...]] = (channels.POSE, channels.COMMAND, channels.PLAN)
+SECONDS: Final = 2.0  # for which each fault lasts
 PERIOD_S: Final = 0.02
+FLOOD_HZ: Final = 200.0
 SEED: Final = 1
 NONSENSE_BYTES: Final = 400
 
@@ -28,35 +30,31 @@ class Impaired(PassingFault):
 
     how: str
     figure: float
-    seconds: float = 2.0
 
     def _happen(self, bench: Bench) -> None:
-        bench.say(f"bus: {self.how} {self.figure:g} for {self.seconds:g} s")
-        children = bench.supervisor.children.values()
-        for number, name in enumerate(
-            child.spec.name for child in children if child.spec.role in FLYING_ROLES
-        ):
+        bench.say(f"bus: {self.how} {self.figure:g} for {SECONDS:g} s")
+        children = bench.supervisor.children
+        names = [name for name, child in children.items() if child.spec.role in FLYING_ROLES]
+        for number, name in enumerate(names):
             give_order(
                 bench.pid(name),
                 "impair",
-                seconds=bench.real_s(self.seconds),
+                seconds=bench.real_s(SECONDS),
                 speed=bench.fleet.file.clock.speed,
                 seed=number,
                 **{self.how: self.figure},
             )
-        bench.wait(self.seconds)
+        bench.wait(SECONDS)
 
 
-@dataclass(frozen=True)
 class OldMessages(PassingFault):
     """Old poses, commands and plans are sent again, with this epoch and the one before."""
 
     launched = False
-    seconds: float = 2.0
 
     def _happen(self, bench: Bench) -> None:
         session = bench.fleet.session
-        bench.say(f"bus: old messages again for {self.seconds:g} s")
+        bench.say(f"bus: old messages again for {SECONDS:g} s")
         inboxes = [
             (channel, name, session.subscribe(channel, name, waking=False))
             for channel in OLD_CHANNELS
@@ -75,35 +73,30 @@ class OldMessages(PassingFault):
                 session.publish(channel, name, message)
                 session.publish(channel, name, replace(message, epoch=max(0, message.epoch - 1)))
 
-        _repeat(bench, send, PERIOD_S, self.seconds)
+        _repeat(bench, send, PERIOD_S)
 
 
-@dataclass(frozen=True)
 class Flood(PassingFault):
     """Random bytes are sent as poses, commands and plans, at a rate on each key."""
 
     launched = False
-    rate_hz: float = 200.0
-    seconds: float = 2.0
 
     def _happen(self, bench: Bench) -> None:
         session, chance = bench.fleet.session, random.Random(SEED)
-        bench.say(
-            f"bus: {self.rate_hz:g} messages of random bytes per second on every key for {self.seconds:g} s"
-        )
+        bench.say(f"bus: {FLOOD_HZ:g} messages of random bytes per second on every key for {SECONDS:g} s")
 
         def send() -> None:
             for channel in OLD_CHANNELS:
                 for name in bench.fleet.file.vehicles:
                     session.republish(name, channel.topic, chance.randbytes(NONSENSE_BYTES))
 
-        _repeat(bench, send, 1.0 / self.rate_hz, self.seconds)
+        _repeat(bench, send, 1.0 / FLOOD_HZ)
 
 
-def _repeat(bench: Bench, send: Callable[[], None], period_s: float, seconds: float) -> None:
-    """Send periodically for a time."""
+def _repeat(bench: Bench, send: Callable[[], None], period_s: float) -> None:
+    """Send periodically."""
     clock = bench.fleet.session.clock
-    until_s = clock() + seconds
+    until_s = clock() + SECONDS
     while clock() < until_s:
         send()
         bench.wait(period_s)
