@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations, groupby
 from typing import Any, Final
 
@@ -34,75 +35,72 @@ class Check:
         return {"name": self.name, "passed": bool(passed), "figure": figure}
 
 
-def _every_vehicle_ticked(_: FlightFigures, vehicles: Tables) -> Result:
+@partial(Check, "every vehicle ticked")
+def _ticked(_: FlightFigures, vehicles: Tables) -> Result:
     least = min(table["ticks"] for table in vehicles.values())
     return least >= 1, least
 
 
+@partial(Check, "no control period was missed")
 def _no_period_missed(_: FlightFigures, vehicles: Tables) -> Result:
     total = sum(table["missed_ticks"] for table in vehicles.values())
     return total == 0, total
 
 
+@partial(Check, "no vehicle touched the floor")
 def _not_on_floor(figures: FlightFigures, vehicles: Tables) -> Result:
     touched = [name for name in vehicles if any(truth.on_floor for truth in figures.truth(name))]
     return not touched, touched
 
 
+@partial(Check, "no vehicle left the flight volume")
 def _inside_volume(figures: FlightFigures, vehicles: Tables) -> Result:
     outside = [name for name in vehicles if any(truth.outside for truth in figures.truth(name))]
     return not outside, outside
 
 
-def _in_time(figures: FlightFigures, _: Tables) -> Result:
+@partial(Check, f"frame to radio, p99 within a control period of {PERIOD_MS:g} ms")
+def in_time(figures: FlightFigures, _: Tables) -> Result:
+    """Commands reach the radio before the next frame."""
     times = percentiles(figures.frame_to_radio_ms())
     return (times is not None and times["p99"] <= PERIOD_MS), times and times["p99"]
 
 
-def _distance_kept(figures: FlightFigures, vehicles: Tables) -> Result:
+@partial(Check, f"distance at least {LEAST_M:g} m")
+def distance_kept(figures: FlightFigures, vehicles: Tables) -> Result:
+    """No two vehicles came nearer than this."""
     gaps_m = [figures.distances_m(first, second) for first, second in combinations(vehicles, 2)]
     least = min((float(gaps.min()) for gaps in gaps_m if len(gaps)), default=math.inf)
     return least >= LEAST_M, None if least == math.inf else round(least, 3)
 
 
-def _avoided(_: FlightFigures, vehicles: Tables) -> Result:
+@partial(Check, "plans were held off each other")
+def avoided(_: FlightFigures, vehicles: Tables) -> Result:
+    """Some vehicle avoided another one."""
     ticks = {name: table["avoiding_ticks"] for name, table in vehicles.items()}
     return sum(ticks.values()) > 0, ticks
 
 
-def _touched_down_gently(figures: FlightFigures, vehicles: Tables) -> Result:
-    """Judge the speed of the last touchdown of every vehicle with known true states."""
+@partial(Check, f"all stand on the floor, touched down at {TOUCHDOWN_M_S:g} m/s at most")
+def touched_down_gently(figures: FlightFigures, vehicles: Tables) -> Result:
+    """Speed of the last touchdown of every vehicle with known true states."""
     last = [states[-1] for name in vehicles if (states := figures.truth(name))]
     speeds = [state.touchdown_speed_m_s for state in last]
     stands = all(state.on_floor for state in last)
     return stands and max(speeds, default=0.0) <= TOUCHDOWN_M_S, [round(speed, 3) for speed in speeds]
 
 
-def _transmitters_undisturbed(_: FlightFigures, vehicles: Tables) -> Result:
+@partial(Check, "no transmitter gateway had to take over")
+def transmitters_undisturbed(_: FlightFigures, vehicles: Tables) -> Result:
+    """No transmitter gateway flew a vehicle by itself."""
     events = {name: table["safety"] for name, table in vehicles.items() if table["safety"]}
     return not events, events
 
 
-_TICKED: Final = Check("every vehicle ticked", _every_vehicle_ticked)
-CONTROLLED: Final = (_TICKED, Check("no control period was missed", _no_period_missed))
-"""Every vehicle was controlled all the time."""
-_FLYING: Final = (
-    Check("no vehicle touched the floor", _not_on_floor),
-    Check("no vehicle left the flight volume", _inside_volume),
-)
-IN_THE_AIR: Final = (_TICKED, *_FLYING)  # no vehicle fell or flew away
-ALWAYS: Final = (*CONTROLLED, *_FLYING)  # checks of every manoeuvre without faults and landings
-IN_TIME: Final = Check(f"frame to radio, p99 within a control period of {PERIOD_MS:g} ms", _in_time)
-"""Commands reach the radio before the next frame."""
-DISTANCE_KEPT: Final = Check(f"distance at least {LEAST_M:g} m", _distance_kept)
-"""No two vehicles came nearer than this."""
-AVOIDED: Final = Check("plans were held off each other", _avoided)  # some vehicle avoided another one
-TOUCHED_DOWN_GENTLY: Final = Check(
-    f"all stand on the floor, touched down at {TOUCHDOWN_M_S:g} m/s at most", _touched_down_gently
-)
-TRANSMITTERS_UNDISTURBED: Final = Check("no transmitter gateway had to take over", _transmitters_undisturbed)
-"""No transmitter gateway flew a vehicle by itself."""
-
+CONTROLLED: Final = (_ticked, _no_period_missed)  # every vehicle was controlled all the time
+IN_THE_AIR: Final = (_ticked, _not_on_floor, _inside_volume)  # no vehicle fell or flew away
+ALWAYS: Final = (_ticked, _no_period_missed, _not_on_floor, _inside_volume)
+"""Checks of every manoeuvre without faults and landings."""
 
 USUAL_P99_MS: Final = {"pose_to_command_ms": 5.0, "frame_to_radio_ms": 12.0}
 """99th percentiles of the latencies on an idle computer, by their names in a report [ms]."""

@@ -12,20 +12,20 @@ from rcopterx.control.references.path_shapes import figure_eight
 from rcopterx.experiments import steps
 from rcopterx.experiments.checks import (
     ALWAYS,
-    AVOIDED,
     CONTROLLED,
-    DISTANCE_KEPT,
     IN_THE_AIR,
-    IN_TIME,
-    TOUCHED_DOWN_GENTLY,
-    TRANSMITTERS_UNDISTURBED,
     agents_started_again,
+    avoided,
     controllers_flown,
+    distance_kept,
     ends_at,
     followed,
     formation_held,
     heading_ends_at,
+    in_time,
     reached_height,
+    touched_down_gently,
+    transmitters_undisturbed,
 )
 from rcopterx.experiments.flight import Manoeuvre
 from rcopterx.experiments.paper_sequence import (
@@ -85,21 +85,21 @@ ROWS: Final = (
         "Set points, a yaw step of 540 degrees and changes of distance, as in the paper's Fig. 3",
         (len(PAPER_SET_POINTS) + 2) * PAPER_PERIOD_S,
         fly_paper_formation,
-        (*ALWAYS, IN_TIME),
+        (*ALWAYS, in_time),
     ),
     Manoeuvre(
         "hover",
         "Hover in formation for ten seconds",
         10.0,
         pause(10.0),
-        (*ALWAYS, IN_TIME),
+        (*ALWAYS, in_time),
     ),
     Manoeuvre(
         "take-off-and-land",
         "From the floor to one metre and back, rotors off",
         13.0,
         in_order(steps.take_off(), pause(2.0), steps.land(), pause(0.5)),
-        (*CONTROLLED, reached_height(1.0), TOUCHED_DOWN_GENTLY, DISTANCE_KEPT),
+        (*CONTROLLED, reached_height(1.0), touched_down_gently, distance_kept),
         from_floor=True,
     ),
     Manoeuvre(
@@ -110,7 +110,7 @@ ROWS: Final = (
             go_to((0.5, 0.0, 1.0)), go_to((0.5, 0.4, 1.0)), go_to((0.5, 0.4, 1.4)),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
-        (*ALWAYS, formation_held(), ends_at("h1", (0.0, 0.0, 1.0)), TRANSMITTERS_UNDISTURBED),
+        (*ALWAYS, formation_held(), ends_at("h1", (0.0, 0.0, 1.0)), transmitters_undisturbed),
     ),
     Manoeuvre(
         "yaw-steps",
@@ -120,7 +120,7 @@ ROWS: Final = (
             go_to((0.0, 0.0, 1.0), 90), go_to((0.0, 0.0, 1.0), -90), go_to((0.0, 0.0, 1.0), 180),
             steps.formed(), pause(1.0),
         ),
-        (*ALWAYS, formation_held(), heading_ends_at("h1", 180), TRANSMITTERS_UNDISTURBED),
+        (*ALWAYS, formation_held(), heading_ends_at("h1", 180), transmitters_undisturbed),
     ),
     Manoeuvre(
         "formation-changes",
@@ -133,7 +133,7 @@ ROWS: Final = (
             _place(LEFT, RIGHT),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
-        (*ALWAYS, formation_held(), DISTANCE_KEPT, ends_at("h2", (*LEFT[:2], 1.0))),
+        (*ALWAYS, formation_held(), distance_kept, ends_at("h2", (*LEFT[:2], 1.0))),
     ),
     Manoeuvre(
         "smooth-transition",
@@ -154,7 +154,7 @@ ROWS: Final = (
             *(go_to((0.0, 0.0, 1.0), yaw_deg) for yaw_deg in (45, 90, 135, 180)),
             steps.formed(), pause(1.0),
         ),
-        (*ALWAYS, formation_held(100.0, 400.0), DISTANCE_KEPT, ends_at("h2", (0.4, -0.5, 1.0), 0.15)),
+        (*ALWAYS, formation_held(100.0, 400.0), distance_kept, ends_at("h2", (0.4, -0.5, 1.0), 0.15)),
     ),
     Manoeuvre(
         "leader-change",
@@ -165,7 +165,7 @@ ROWS: Final = (
             go_to((-0.2, 0.6, 1.2), name="h2"), steps.formed(), pause(1.0),
         ),
         (
-            *ALWAYS, formation_held(), followed("h2"), followed("h1", "h2"), TRANSMITTERS_UNDISTURBED,
+            *ALWAYS, formation_held(), followed("h2"), followed("h1", "h2"), transmitters_undisturbed,
             ends_at("h1", (0.2, 0.1, 1.2)),
         ),
     ),
@@ -177,7 +177,7 @@ ROWS: Final = (
             steps.promote("h2"), steps.formed(), pause(1.0), steps.promote("h1"), steps.formed(), pause(1.0),
             go_to((0.3, 0.0, 1.0)), steps.formed(),
         ),
-        (*ALWAYS, formation_held(), followed("h1"), followed("h2", "h1"), TRANSMITTERS_UNDISTURBED),
+        (*ALWAYS, formation_held(), followed("h1"), followed("h2", "h1"), transmitters_undisturbed),
     ),
     Manoeuvre(
         "chain",
@@ -187,7 +187,7 @@ ROWS: Final = (
             go_to((0.3, 0.0, 1.0)), go_to((0.3, 0.2, 1.3)), go_to((0.0, 0.0, 1.0)),
             steps.formed(), pause(1.0),
         ),
-        (*ALWAYS, formation_held(), followed("h5", "h4"), DISTANCE_KEPT),
+        (*ALWAYS, formation_held(), followed("h5", "h4"), distance_kept),
         fleet="quintet",
     ),
     Manoeuvre(
@@ -199,7 +199,7 @@ ROWS: Final = (
             steps.promote("q1"), steps.formed(),
             go_to((-0.3, 0.5, 1.2), name="q1"), steps.formed(), pause(1.0),
         ),
-        (*ALWAYS, formation_held(), followed("q1"), followed("h1", "q1"), DISTANCE_KEPT),
+        (*ALWAYS, formation_held(), followed("q1"), followed("h1", "q1"), distance_kept),
         fleet="mixed",
     ),
     Manoeuvre(
@@ -224,7 +224,7 @@ ROWS: Final = (
             steps.lead("h3"), go_to((-0.8, -0.8, 1.3), name="h3"), go_to((0.3, 0.0, 1.0)),
             steps.follow("h3", "h1", RIGHT), steps.formed(), pause(1.0),
         ),
-        (*ALWAYS, formation_held(), followed("h3", "h1"), DISTANCE_KEPT),
+        (*ALWAYS, formation_held(), followed("h3", "h1"), distance_kept),
     ),
     Manoeuvre(
         "land-and-return",
@@ -264,7 +264,7 @@ ROWS: Final = (
         ),
         (
             *IN_THE_AIR, controllers_flown("h2", "cascade", "lqr", "pid", "cascade"),
-            formation_held(100.0, 250.0), TRANSMITTERS_UNDISTURBED, ends_at("h2", (*LEFT[:2], 1.0)),
+            formation_held(100.0, 250.0), transmitters_undisturbed, ends_at("h2", (*LEFT[:2], 1.0)),
         ),
     ),
     Manoeuvre(
@@ -280,7 +280,7 @@ ROWS: Final = (
             steps.tune("h1", lambda vehicle: vehicle.tune(horizon=50)),
             go_to((0.0, 0.0, 1.0)), steps.formed(), pause(1.0),
         ),
-        (*IN_THE_AIR, formation_held(), TRANSMITTERS_UNDISTURBED, ends_at("h2", (*LEFT[:2], 1.0))),
+        (*IN_THE_AIR, formation_held(), transmitters_undisturbed, ends_at("h2", (*LEFT[:2], 1.0))),
     ),
     Manoeuvre(
         "figure-eight",
@@ -291,7 +291,7 @@ ROWS: Final = (
             steps.formed(), pause(1.0),
         ),
         (
-            *IN_THE_AIR, formation_held(), TRANSMITTERS_UNDISTURBED, ends_at("h1", (0.0, 0.0, 1.1)),
+            *IN_THE_AIR, formation_held(), transmitters_undisturbed, ends_at("h1", (0.0, 0.0, 1.1)),
             ends_at("h2", (*LEFT[:2], 1.1)),
         ),
     ),
@@ -300,7 +300,7 @@ ROWS: Final = (
         "The leader's sticks move a little for 40 s, and its model is fitted to the flight",
         50.0,
         in_order(steps.identify("h1", 40.0), steps.formed(), pause(1.0)),
-        (*IN_THE_AIR, TRANSMITTERS_UNDISTURBED, ends_at("h1", (0.0, 0.0, 1.0))),
+        (*IN_THE_AIR, transmitters_undisturbed, ends_at("h1", (0.0, 0.0, 1.0))),
     ),
     Manoeuvre(
         "place-swapping",
@@ -313,7 +313,7 @@ ROWS: Final = (
             steps.go_together(on_circle(72.0)), pause(1.0),
         ),
         (
-            *CONTROLLED, DISTANCE_KEPT, AVOIDED, TRANSMITTERS_UNDISTURBED,
+            *CONTROLLED, distance_kept, avoided, transmitters_undisturbed,
             *(ends_at(name, place) for name, place in on_circle(72.0).items()),
         ),
         fleet="quintet",
@@ -331,7 +331,7 @@ ROWS: Final = (
             steps.refused("a take-off in flight", lambda fleet: fleet["h1"].take_off()),
             pause(2.0),
         ),
-        (*ALWAYS, formation_held(), TRANSMITTERS_UNDISTURBED, ends_at("h2", (*LEFT[:2], 1.0))),
+        (*ALWAYS, formation_held(), transmitters_undisturbed, ends_at("h2", (*LEFT[:2], 1.0))),
     ),
 )  # fmt: skip
 

@@ -17,7 +17,7 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.requests import GoTo
 from rcopterx.bus.session import BusAddress, RawMessage, Session
-from rcopterx.experiments.checks import ALWAYS, IN_TIME, Check, remarks_on_latency
+from rcopterx.experiments.checks import ALWAYS, Check, in_time, remarks_on_latency
 from rcopterx.experiments.flight import (
     Flown,
     Manoeuvre,
@@ -98,7 +98,7 @@ def test_each_fault_fails_its_own_check(flown: Recording, table: dict[str, int],
     [(Figures([30.0], [3.0, 19.9]), True), (Figures([1.0], [30.0]), False), (Figures([1.0]), False)],
 )
 def test_frames_must_reach_the_radio_within_a_control_period(figures: Figures, passed: bool) -> None:
-    result = IN_TIME.run(figures, {})  # type: ignore[arg-type]  # only latencies
+    result = in_time.run(figures, {})  # type: ignore[arg-type]  # only latencies
     assert result["passed"] == passed
     assert result["name"] == "frame to radio, p99 within a control period of 20 ms"
 

@@ -124,9 +124,9 @@ def test_formation_without_followers_is_not_held() -> None:
 
 def test_the_smallest_distance_counts() -> None:
     flight = Flight()
-    assert flight.judged(checks.DISTANCE_KEPT) == (True, 0.5)
+    assert flight.judged(checks.distance_kept) == (True, 0.5)
     flight.positions["h2"][3] = (-0.2, 0.0, 1.0)
-    assert flight.judged(checks.DISTANCE_KEPT) == (False, 0.2)
+    assert flight.judged(checks.distance_kept) == (False, 0.2)
 
 
 def test_the_last_place_and_heading_count() -> None:
@@ -153,11 +153,11 @@ def test_the_last_leaders_count() -> None:
 
 def test_touching_down_needs_the_floor_and_little_speed() -> None:
     flight = Flight()
-    assert not flight.judged(checks.TOUCHED_DOWN_GENTLY)[0]
+    assert not flight.judged(checks.touched_down_gently)[0]
     flight.on_floor = True
-    assert flight.judged(checks.TOUCHED_DOWN_GENTLY) == (True, [0.3, 0.3])
+    assert flight.judged(checks.touched_down_gently) == (True, [0.3, 0.3])
     flight.touchdown_speed_m_s = 1.4
-    assert not flight.judged(checks.TOUCHED_DOWN_GENTLY)[0]
+    assert not flight.judged(checks.touched_down_gently)[0]
 
 
 def test_the_greatest_height_counts() -> None:
@@ -168,7 +168,7 @@ def test_the_greatest_height_counts() -> None:
 
 
 def test_an_arbiter_that_flew_by_itself_is_a_disturbance() -> None:
-    check = checks.TRANSMITTERS_UNDISTURBED
+    check = checks.transmitters_undisturbed
     tables: dict[str, Any] = {"h1": {"safety": []}}
     assert check.run(Flight(), tables)["passed"]  # type: ignore[arg-type]  # looks at the tables only
     tables["h1"]["safety"].append("hold: late")
