@@ -124,7 +124,7 @@ class Proxqp(SparseSolver):
     package = "proxsuite"
 
     def _run(self, qp: SparseQP, p: OptimalControlProblem, first: bool) -> tuple[Array, int, bool]:
-        proxqp: Any = import_module("proxsuite").proxqp
+        proxqp = self._module.proxqp
         constraints, (low, high), n = qp.constraints(p).tocsr(), qp.bounds(p), qp.equalities
         upper = qp.hessian(p)
         numbers = {

@@ -12,13 +12,11 @@ def save_figure(draw: Callable[[Any], None], path: Path) -> None:
     know. Raises `OSError`: the file cannot be written.
     """
     import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     # Fixed identifiers keep a figure under version control the same as long as its data are.
     mpl.rcParams["svg.hashsalt"] = "rcopterx"
     figure = Figure()
-    FigureCanvasAgg(figure)
     draw(figure)
     figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
 

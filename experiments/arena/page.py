@@ -1,20 +1,19 @@
 """The page of the arena: who is best at which task, and for each task a table and the ways from above."""
 
 from collections.abc import Mapping
-from functools import partial
 from html import escape
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
 
 from rcopterx.experiments.arena.flying import Flown
 from rcopterx.experiments.arena.tasks import TASKS
-from rcopterx.experiments.figures import finish_figure, save_figure
+from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.pages import link, write_page
 from rcopterx.experiments.runner import Result
-from rcopterx.ground_station.report.document import Html, table
+from rcopterx.ground_station.report.document import table
+from rcopterx.ground_station.report.picture import svg_of
 
 Rows = Mapping[str, Mapping[str, Any]]  # figures by scheme
 HEAD: Final = (
@@ -76,21 +75,12 @@ def _section(task: str, rows: Rows, result: Result[Flown]) -> str:
     heading = f'<section id="{escape(task)}"><h2>{escape(task)}</h2><p>{escape(TASKS[task].title)}.</p>'
     flights = {scheme: result.flown[f"{task} / {scheme}"] for scheme in rows}
     first = {scheme: next(iter(by_seed.values())) for scheme, by_seed in flights.items()}
-    return "\n".join((heading, table(HEAD, lines), _picture(first), "</section>"))
+    picture = svg_of(task, (3.2 * len(first), 3.4), _draw_ways, first)
+    return "\n".join((heading, table(HEAD, lines), picture, "</section>"))
 
 
-def _picture(flights: Mapping[str, Flown]) -> Html:
-    """Ways of the first seed, as a drawing inside the page."""
-    with TemporaryDirectory() as directory:
-        path = Path(directory) / "ways.svg"
-        save_figure(partial(draw_ways, flights), path)
-        text = path.read_text("utf-8")
-    return Html(text[text.index("<svg") :])
-
-
-def draw_ways(flights: Mapping[str, Flown], figure: Any) -> None:
+def _draw_ways(figure: Any, flights: Mapping[str, Flown]) -> None:
     """Draw the ways of all vehicles from above, a panel for each scheme."""
-    figure.set_size_inches(3.2 * len(flights), 3.4)
     panels = figure.subplots(1, len(flights), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (scheme, flown) in zip(panels, flights.items(), strict=True):
         for x, y in np.moveaxis(flown.tracks_m, 2, 1):

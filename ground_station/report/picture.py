@@ -22,7 +22,7 @@ COORDINATES: Final = {
 PLANS: Final = 12  # plans drawn of each vehicle
 
 
-def _svg_of(name: str, size: tuple[float, float], draw: Callable[..., None], *data: Any) -> str:
+def svg_of(name: str, size: tuple[float, float], draw: Callable[..., None], *data: Any) -> str:
     """Picture as an SVG element, `size` in inches; `draw` is called with an empty figure and the data."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
@@ -42,7 +42,7 @@ def flight_svg(name: str, names: Sequence[str], figures: FlightFigures, events: 
 
     `name` is unique on the page. Events are thin lines at their times, alarming ones in red.
     """
-    return _svg_of(name, FLIGHT_SIZE, _draw_flight, names, figures, events)
+    return svg_of(name, FLIGHT_SIZE, _draw_flight, names, figures, events)
 
 
 def _draw_flight(figure: Any, names: Sequence[str], figures: FlightFigures, events: Sequence[Event]) -> None:
@@ -131,7 +131,7 @@ def formation_svg(name: str, names: Sequence[str], figures: FlightFigures) -> st
     if not pairs:
         return ""
     size = (11.0, 1.9 * (len(pairs) + 1) + 0.6)
-    return _svg_of(f"{name} formation", size, _draw_formation, pairs, figures)
+    return svg_of(f"{name} formation", size, _draw_formation, pairs, figures)
 
 
 def _draw_formation(figure: Any, pairs: Sequence[tuple[str, str]], figures: FlightFigures) -> None:
@@ -169,7 +169,7 @@ def latency_svg(name: str, vehicle: str, figures: FlightFigures, started_s: floa
     stages = [stage for stage in STAGES if rows and all(stage in times for _, times in rows)]
     if not stages:
         return ""
-    return _svg_of(f"{name} latency {vehicle}", (11.0, 2.6), _draw_stages, vehicle, stages, rows, started_s)
+    return svg_of(f"{name} latency {vehicle}", (11.0, 2.6), _draw_stages, vehicle, stages, rows, started_s)
 
 
 def _draw_stages(
