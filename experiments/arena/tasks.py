@@ -6,7 +6,7 @@ Headings stay zero and offsets are those of the inertial frame. Vehicles hover a
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Any, Final
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.references.path_shapes import figure_eight
@@ -125,8 +125,9 @@ def _row() -> list[Event]:
     return [*there, *back]
 
 
-def _links(name: str, title: str, quality: LinkQuality) -> Task:
-    return replace(FIVE, name=name, title=f"5 vehicles, {title}", options=RigOptions(quality))
+def _five(name: str, what: str, **changes: Any) -> Task:
+    """A task of five vehicles, two set points of the head unless the events change."""
+    return replace(FIVE, name=name, title=f"5 vehicles{what}", **changes)
 
 
 _ROWS: Final = (
@@ -137,13 +138,7 @@ _ROWS: Final = (
         events=(*PAPER, *_slots(FAR, 9.0), *_slots(LINE, 21.0)),
         duration_s=29.0,
     ),
-    replace(
-        FIVE,
-        name="geometry",
-        title="5 vehicles change to a row and back",
-        events=tuple(_row()),
-        duration_s=14.0,
-    ),
+    _five("geometry", " change to a row and back", events=tuple(_row()), duration_s=14.0),
     replace(
         THREE,
         name="leader",
@@ -151,33 +146,34 @@ _ROWS: Final = (
         events=tuple(_led_by_second()),
         duration_s=14.0,
     ),
-    replace(
-        FIVE,
-        name="figure_eight",
-        title="5 vehicles fly a figure-eight of 8 s",
+    _five(
+        "figure_eight",
+        " fly a figure-eight of 8 s",
         events=(Fly(SETTLED_S, HEAD, EIGHT_PATH),),
         duration_s=13.5,
     ),
     _crossing(8),
-    replace(FIVE, name="gusts", title="5 vehicles, turbulence three times as strong", turbulence=3.0),
+    _five("gusts", ", turbulence three times as strong", turbulence=3.0),
     *(
-        _links(f"loss_{percent}", f"{percent} % of the messages lost", LinkQuality(loss=percent / 100))
+        _five(
+            f"loss_{percent}",
+            f", {percent} % of the messages lost",
+            options=RigOptions(LinkQuality(loss=percent / 100)),
+        )
         for percent in (5, 20, 50)
     ),
     *(
-        _links(f"delay_{ms}", f"messages {ms} ms late", LinkQuality(delay_s=ms / 1000))
+        _five(f"delay_{ms}", f", messages {ms} ms late", options=RigOptions(LinkQuality(delay_s=ms / 1000)))
         for ms in (20, 60, 100)
     ),
-    replace(
-        FIVE,
-        name="killed",
-        title="5 vehicles, the agent of a leader among them does not run for a second",
+    _five(
+        "killed",
+        ", the agent of a leader among them does not run for a second",
         options=RigOptions(killed={"h2": (5.5, 6.5)}),
     ),
-    replace(
-        FIVE,
-        name="slow",
-        title="5 vehicles, the agent of a leader among them computes every third period only",
+    _five(
+        "slow",
+        ", the agent of a leader among them computes every third period only",
         options=RigOptions(slow={"h2": 3}),
     ),
     _task("hover", "3 vehicles hover", 3, (), 20.0),

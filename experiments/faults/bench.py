@@ -35,9 +35,7 @@ def copied_fleet(name: str, vehicles: int | None = None) -> Iterator[Path]:
     document = tomlkit.parse(path.read_text(encoding="utf-8"))
     for vehicle in list(document["vehicles"])[vehicles:] if vehicles else ():
         del document["vehicles"][vehicle]
-    simulator = document["simulator"]
-    overrides = dict(simulator.get("condition_overrides", {}))
-    simulator["condition_overrides"] = {**overrides, "battery_endurance_s": ENDURANCE_S}
+    document["simulator"].setdefault("condition_overrides", {})["battery_endurance_s"] = ENDURANCE_S
     with TemporaryDirectory(prefix="rcopterx-faults-") as directory:
         copy = Path(directory) / path.name
         copy.write_text(tomlkit.dumps(document), encoding="utf-8")
