@@ -17,7 +17,7 @@ from rcopterx.agents.formation.topology import places
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.events import Event, GoTo
 from rcopterx.experiments.figures import finish_figure
-from rcopterx.experiments.knowledge import Knowledge, beyond_equation_1
+from rcopterx.experiments.knowledge import COAXIAL_LAG, Knowledge, plant_type
 from rcopterx.experiments.record import rms, rms_and_max_mm
 from rcopterx.experiments.rig import ROOM_M, SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
@@ -160,7 +160,7 @@ def fly_helicopters(
 
 def cases(options: Options) -> Cases[Any]:
     """Every formation; chains of helicopters in their conditions."""
-    if not beyond_equation_1(options.conditions):
+    if plant_type(options.conditions) is COAXIAL_LAG:
         return {name: partial(fly_shape, links, options.quick) for name, links in SHAPES.items()}
     return {
         f"{length} vehicles / {knowledge} / copies {share:g}": partial(
@@ -209,7 +209,7 @@ def generation(links: FormationGraph, name: str) -> int:
 
 def draw_chain(result: Result[Any], figure: Any) -> None:
     """Draw errors against the generation, in chains of helicopters of the longest one."""
-    if beyond_equation_1(result.options.conditions):
+    if plant_type(result.options.conditions) is not COAXIAL_LAG:
         draw_depth(list(result.document.values())[-1], figure)
         return
     figure.set_size_inches(8, 4.5)

@@ -49,16 +49,15 @@ def fly(
     manoeuvre: Manoeuvre,
     fleet: Fleet,
     say: Say,
-    wait: Wait | None = None,
+    wait: Wait,
     stop: threading.Event | None = None,
 ) -> Flown:
     """Take off, fly and land; records the part in between.
 
-    `wait` waits in the time of the fleet, by default as `Fleet.wait`. Raises `StoppedError`: `stop` was set;
-    its owner lands the fleet.
+    `wait` waits in the time of the fleet. Raises `StoppedError`: `stop` was set; its owner lands the fleet.
     """
     recorder, clock, journal = Recorder(fleet.session), fleet.session.clock, list[tuple[float, str]]()
-    wait, stop = wait or fleet.wait, stop or threading.Event()
+    stop = stop or threading.Event()
     problem, began_s = None, clock()
 
     def note(text: str) -> None:

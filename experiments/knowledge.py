@@ -54,15 +54,13 @@ class NotIdentifiedError(ValueError):
 
 
 def plant_type(conditions: Conditions) -> Model:
-    """Vehicle type that experiments fly in these conditions."""
+    """Vehicle type that experiments fly in these conditions.
+
+    All but `COAXIAL_LAG` differ from equation (1), so that pilots may know more or less of them.
+    """
     if conditions.attitude_plant != "first_order":
         return CRAZYFLIE
     return COAXIAL if conditions.coaxial_plant != "first_order" else COAXIAL_LAG
-
-
-def beyond_equation_1(conditions: Conditions) -> bool:
-    """Whether vehicles differ from equation (1), so that pilots may know more or less of them."""
-    return plant_type(conditions) is not COAXIAL_LAG
 
 
 def known_model(

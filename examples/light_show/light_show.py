@@ -4,6 +4,7 @@ The whole show is shrunk into the flight volume: x and y by one factor, heights 
 """
 
 import argparse
+from itertools import combinations
 
 import numpy as np
 
@@ -40,14 +41,13 @@ def check_distances(drones):
         np.column_stack([np.interp(times_s, drone.times_s, column) for column in drone.positions_m.T])
         for drone in drones
     ]
-    for number, first in enumerate(courses):
-        for other, second in zip(drones[number + 1 :], courses[number + 1 :], strict=True):
-            distances = np.linalg.norm(first - second, axis=1)
-            if distances.min() < CLOSEST_M:
-                raise ShowError(
-                    f"{drones[number].name} and {other.name} are {distances.min():.2f} m from each other at "
-                    f"{times_s[distances.argmin()]:.1f} s; {CLOSEST_M} m are needed"
-                )
+    for (one, first), (other, second) in combinations(zip(drones, courses, strict=True), 2):
+        distances = np.linalg.norm(first - second, axis=1)
+        if distances.min() < CLOSEST_M:
+            raise ShowError(
+                f"{one.name} and {other.name} are {distances.min():.2f} m from each other at "
+                f"{times_s[distances.argmin()]:.1f} s; {CLOSEST_M} m are needed"
+            )
 
 
 def path_of(drone, begin_s, end_s, slower):
