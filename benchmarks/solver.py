@@ -31,7 +31,6 @@ from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan, S
 from rcopterx.control.solver.riccati import RiccatiSolver
 from rcopterx.fleet.vehicle_types import vehicle_type
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import Array
 
 COAXIAL: Final = vehicle_type("coaxial").model
 COAXIAL_LAG: Final = vehicle_type("coaxial_lag").model
@@ -147,9 +146,8 @@ def _timed(
     present: Mapping[str, Contestant], horizon: int, flights: Mapping[str, Sequence[Moment]]
 ) -> dict[str, dict[str, Any]]:
     """Step all contestants through their flights in turn, beginning with another one at every step."""
-    taken: dict[str, list[float]] = {name: [] for name in present}
-    hard: dict[str, list[bool]] = {name: [] for name in present}
-    early = dict.fromkeys(present, 0)
+    taken: dict[str, list[tuple[float, bool, bool]]] = {name: [] for name in present}
+    u_min, u_max = COAXIAL_LAG.u_min + ON_LIMIT, COAXIAL_LAG.u_max - ON_LIMIT
     flown = []
     for name, contestant in present.items():
         controller, flight = contestant.build(horizon), flights[contestant.model.kind]
@@ -166,18 +164,12 @@ def _timed(
                 reference = moment.reference(PERIOD_S, horizon)
                 begun = time.thread_time_ns()
                 step = controller.step(moment.estimate, reference, moment.last_input)
-                taken[name].append(1e-6 * (time.thread_time_ns() - begun))
-                early[name] += step.fallback is not None
-                u_min, u_max = COAXIAL_LAG.u_min + ON_LIMIT, COAXIAL_LAG.u_max - ON_LIMIT
-                hard[name].append(bool(((step.inputs <= u_min) | (step.inputs >= u_max)).any()))
+                time_ms = 1e-6 * (time.thread_time_ns() - begun)
+                hard = bool(((step.inputs <= u_min) | (step.inputs >= u_max)).any())
+                taken[name].append((time_ms, hard, step.fallback is not None))
     finally:
         gc.enable()
-    return {
-        name: _figures(np.array(times))
-        | _hard_figures(np.array(times)[np.array(hard[name])])
-        | {"early_stops": early[name]}
-        for name, times in taken.items()
-    }
+    return {name: _figures(steps) for name, steps in taken.items()}
 
 
 def _reset(controller: Controller, flight: Sequence[Moment]) -> Sequence[Moment]:
@@ -185,21 +177,20 @@ def _reset(controller: Controller, flight: Sequence[Moment]) -> Sequence[Moment]
     return flight
 
 
-def _figures(times_ms: Array) -> dict[str, Any]:
+def _figures(steps: Sequence[tuple[float, bool, bool]]) -> dict[str, Any]:
+    """Figures of control steps: time [ms], whether inputs are on their limits, whether a solver gave up."""
+    times_ms, hard, early = np.array(steps).T
+    hard_ms = times_ms[hard == 1.0]
+    p99_ms, p999_ms = np.percentile(times_ms, (99.0, 99.9))
     return {
         "mean_ms": round(float(times_ms.mean()), 4),
-        "p99_ms": round(float(np.percentile(times_ms, 99.0)), 4),
-        "p999_ms": round(float(np.percentile(times_ms, 99.9)), 4),
+        "p99_ms": round(float(p99_ms), 4),
+        "p999_ms": round(float(p999_ms), 4),
         "max_ms": round(float(times_ms.max()), 4),
-    }
-
-
-def _hard_figures(times_ms: Array) -> dict[str, Any]:
-    figures = _figures(times_ms) if len(times_ms) else {}
-    return {
-        "hard_steps": len(times_ms),
-        "hard_mean_ms": figures.get("mean_ms"),
-        "hard_max_ms": figures.get("max_ms"),
+        "hard_steps": len(hard_ms),
+        "hard_mean_ms": round(float(hard_ms.mean()), 4) if len(hard_ms) else None,
+        "hard_max_ms": round(float(hard_ms.max()), 4) if len(hard_ms) else None,
+        "early_stops": int(early.sum()),
     }
 
 
