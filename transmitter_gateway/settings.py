@@ -28,7 +28,6 @@ class GatewaySettings:
     """One gateway process with its transmitters."""
 
     bus: BusAddress
-    name: str
     transmitters: tuple[TransmitterSettings, ...]
     vehicles: tuple[str, ...]  # all whose poses matter
     states: Path  # directory of the pages with the states of its vehicles, for its successor

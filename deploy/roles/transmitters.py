@@ -26,7 +26,6 @@ def gateway_settings(fleet: FleetFile, gateway: str, directory: Path) -> Gateway
     """Return the settings of a transmitter gateway process."""
     return GatewaySettings(
         bus=bus_address(fleet, fleet.gateways[gateway].host, gateway),
-        name=gateway,
         transmitters=tuple(
             TransmitterSettings(
                 vehicle=name,

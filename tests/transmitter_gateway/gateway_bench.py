@@ -114,7 +114,6 @@ class Laboratory(Wakeup):
         }
         self.settings = GatewaySettings(
             self.bus.address,
-            "transmitters",
             tuple(
                 TransmitterSettings(
                     name,
