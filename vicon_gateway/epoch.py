@@ -29,14 +29,9 @@ class EpochCounter:
 
     def __init__(self) -> None:
         self.epochs = 0
-        self._epoch = 0
+        self.epoch = 0  # present one, 0 before the first frame
         self._foreign_epoch = 0
         self._last: CapturedFrame | None = None
-
-    @property
-    def epoch(self) -> int:
-        """Present epoch, 0 before the first frame."""
-        return self._epoch
 
     def leave_behind(self, epoch: int) -> None:
         """Take notice of an epoch that another gateway began; the next stamp has a newer one."""
@@ -56,13 +51,13 @@ class EpochCounter:
         if last is not None and frame.frame == last.frame and frame.subjects == last.subjects:
             return None  # a Tracker that hangs repeats its frame, to a new connection too
         self._last = frame
-        overtaken = self._foreign_epoch > self._epoch
+        overtaken = self._foreign_epoch > self.epoch
         if last is None or overtaken or not _continues(last, frame):
             self.epochs += 1
-            self._epoch = max(int(wall_clock_s * 1000.0), self._epoch + 1, self._foreign_epoch + 1)
+            self.epoch = max(int(wall_clock_s * 1000.0), self.epoch + 1, self._foreign_epoch + 1)
         elif frame.frame == last.frame:
             return None
-        return Stamp(self._epoch, frame.frame)
+        return Stamp(self.epoch, frame.frame)
 
 
 def _continues(last: CapturedFrame, frame: CapturedFrame) -> bool:
