@@ -94,7 +94,7 @@ class Arbiter:
     @property
     def hover_thrust(self) -> float:
         """Thrust at which the vehicle hovers, as far as the arbiter has learned it."""
-        return self._shaping.hover_thrust
+        return self._shaping.hover.value
 
     @property
     def grounded(self) -> bool:
@@ -266,7 +266,7 @@ class Arbiter:
         fence = self.limits.surveillance.fence
         if self.state not in ON_THE_WAY_DOWN:
             self._touchdown.release()
-        elif fence is not None and not self._shaping.obeyed and fence.left(motion.position_m):
+        elif fence is not None and not self._shaping.law.obeyed and fence.left(motion.position_m):
             found.add(Condition.RUNAWAY)
         elif self._touchdown.happened(motion, self._floor_m, now_s):
             found.add(Condition.TOUCHDOWN)
@@ -289,8 +289,6 @@ class Arbiter:
             self.state,
             self.reason,
             self._shaping.u,
-            throttle_low=self.state not in FLYING,
-            kill=self.state is State.KILLED,
             bridging_step=self._bridging_step,
             cause=None if acting is None else acting.command.cause,
         )

@@ -188,7 +188,7 @@ class Radios:
     def close(self) -> None:
         """Close ports and pages."""
         for transmitter in self.transmitters.values():
-            transmitter.close()
+            transmitter.port.close()
         for page in self._pages.values():
             page.close()
 

@@ -18,7 +18,10 @@ BRAKING = 0.2  # thrust per climb rate [s/m] by which a vehicle that is not seen
 
 
 class Shaping:
-    """Inputs of one vehicle from step to step; `u` are those applied now."""
+    """Inputs of one vehicle from step to step; `u` are those applied now.
+
+    `hover` learns the thrust of a hover, `law` holds and lands the vehicle.
+    """
 
     def __init__(
         self, limits: ArbiterLimits, u_hover: float, slew_per_s: Input, counters: Counter[str]
@@ -27,41 +30,31 @@ class Shaping:
         self._limits = limits
         self._u_hover, self._slew_per_s = u_hover, slew_per_s
         self._counters = counters
-        self._hover = HoverThrust(u_hover, limits.hover_correction, limits.landing.input_gain[2])
-        self._law = LandingLaw(limits.landing)
+        self.hover = HoverThrust(u_hover, limits.hover_correction, limits.landing.input_gain[2])
+        self.law = LandingLaw(limits.landing)
         self._moved_s = 4 * [-math.inf]
         self._braked = 0.0
         self._flew = False  # whether the vehicle was in the air when it was located last
-
-    @property
-    def hover_thrust(self) -> float:
-        """Thrust at which the vehicle hovers."""
-        return self._hover.value
-
-    @property
-    def obeyed(self) -> bool:
-        """Whether the vehicle obeys its sticks while it is held and landed."""
-        return self._law.obeyed
 
     def stop(self) -> None:
         """Apply nothing."""
         self.u = NEUTRAL
         self._braked = 0.0
         self._flew = False
-        self._law.renew()
-        self._hover.begin(self._u_hover, 0.0)
+        self.law.renew()
+        self.hover.begin(self._u_hover, 0.0)
 
     def take_over(self, u: Input, hover_thrust: float) -> None:
         """Continue from the inputs of an earlier process and the hover thrust that it learned."""
         self.u = u
-        self._hover.begin(hover_thrust, u[THRUST])
+        self.hover.begin(hover_thrust, u[THRUST])
 
     def play(self, target: Input, now_s: float, height_m: float | None) -> None:
         """Apply a command within slew rates over the time since the last move, which steps do not use up.
 
         A vehicle at a height above the floor, not None, keeps the thrust that it survives if it is repeated.
         """
-        self._law.renew()
+        self.law.renew()
         self._braked = 0.0
         if height_m is not None:
             target = self._survivable(target, height_m)
@@ -81,7 +74,7 @@ class Shaping:
     def _survivable(self, target: Input, height_m: float) -> Input:
         """Limit the thrust downwards; see `least_thrust_share`."""
         pitch, roll, thrust, yaw = target
-        least = self._hover.value * least_thrust_share(height_m, self._hover.climb_m_s)
+        least = self.hover.value * least_thrust_share(height_m, self.hover.climb_m_s)
         if thrust < least:
             self._counters["thrusts limited downwards"] += 1
         return (pitch, roll, max(thrust, least), yaw)
@@ -93,18 +86,18 @@ class Shaping:
         """
         if located:
             self._flew = climb_m_s is not None
-        self._hover.note(self.u[THRUST], elapsed_s, climb_m_s)
+        self.hover.note(self.u[THRUST], elapsed_s, climb_m_s)
 
     def hold(self, motion: Motion | None, elapsed_s: float) -> None:
         """Hold the place; without a motion level the vehicle and end its climb."""
         if motion is None:
-            self._level(self._hover.value, self._limits.descend_rate_per_s, elapsed_s)
+            self._level(self.hover.value, self._limits.descend_rate_per_s, elapsed_s)
         else:
             self._fly(motion, 0.0, elapsed_s)
 
     def land(self, motion: Motion, floor_m: float, landing_s: float, elapsed_s: float) -> None:
         """Descend straight to the floor; `landing_s` is the time since the landing began."""
-        limits, brakes = self._limits.landing, self._law.brakes
+        limits, brakes = self._limits.landing, self.law.brakes
         self._fly(motion, climb_rate_m_s(motion, floor_m, landing_s, limits, brakes=brakes), elapsed_s)
 
     def descend(self, elapsed_s: float, *, over: bool) -> None:
@@ -112,7 +105,7 @@ class Shaping:
         if over:
             self._level(0.0, FADE_PER_S, elapsed_s)
         else:
-            sinking = self._hover.below(self._limits.descend_below_hover)
+            sinking = self.hover.below(self._limits.descend_below_hover)
             self._level(sinking, self._limits.descend_rate_per_s, elapsed_s)
 
     def _level(self, thrust: float, rate_per_s: float, elapsed_s: float) -> None:
@@ -120,19 +113,19 @@ class Shaping:
 
         A thrust that was lower for a moment of its flight is raised to this one, else the vehicle would fall.
         """
-        self._law.release()
-        before = min(self.u[THRUST] + self._braked, self._hover.value)
+        self.law.release()
+        before = min(self.u[THRUST] + self._braked, self.hover.value)
         raised = before + (self._slew_per_s[THRUST] * elapsed_s if self._flew else 0.0)
         level = max(min(raised, thrust), before - rate_per_s * elapsed_s)
-        self._braked = BRAKING * self._hover.scale * max(self._hover.climb_m_s, 0.0)
+        self._braked = BRAKING * self.hover.scale * max(self.hover.climb_m_s, 0.0)
         self._braked = min(self._braked, (1.0 - LEAST_SHARE) * level)
         self.u = (0.0, 0.0, level - self._braked, 0.0)
 
     def _fly(self, motion: Motion, climb_m_s: float, elapsed_s: float) -> None:
         self._braked = 0.0
-        hover = self._hover.value
-        pitch, roll, thrust, yaw = self._law.step(motion, climb_m_s, hover, elapsed_s)
-        thrust = max(hover + self._hover.scale * (thrust - hover), LEAST_SHARE * hover)
+        hover = self.hover.value
+        pitch, roll, thrust, yaw = self.law.step(motion, climb_m_s, hover, elapsed_s)
+        thrust = max(hover + self.hover.scale * (thrust - hover), LEAST_SHARE * hover)
         pitch, roll, thrust, yaw = (
             min(max(value, lower), upper)
             for value, lower, upper in zip(

@@ -7,7 +7,7 @@ import math
 from msgspec import Struct
 
 from rcopterx.transmitter_gateway.calibration import Calibration
-from rcopterx.transmitter_gateway.inputs import FLYING, ArbiterOutput
+from rcopterx.transmitter_gateway.inputs import FLYING, ArbiterOutput, State
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.protocols.base import RadioProtocol
 
@@ -46,8 +46,8 @@ def channels_of(
         arming = before
     else:
         arming = Arming(True, now_s)
-    spins_up = not arming.on or now_s < arming.since_s + low_s
-    pulses_us = calibration.pulses_us(
-        output.u, throttle_low=output.throttle_low or spins_up, armed=arming.on, stopped=output.kill
-    )
-    return pulses_us, arming
+    throttle_low = not arming.on or now_s < arming.since_s + low_s
+    stopped = output.state is State.KILLED
+    return calibration.pulses_us(
+        output.u, throttle_low=throttle_low, armed=arming.on, stopped=stopped
+    ), arming

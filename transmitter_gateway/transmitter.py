@@ -309,10 +309,6 @@ class Transmitter:
         landed = self._shutdown and self.arbiter.state not in FLYING and not self.undecided
         return landed and (self._low_frames >= THROTTLE_LOW_FRAMES or not self.port.is_open)
 
-    def close(self) -> None:
-        """Close the port."""
-        self.port.close()
-
     def _due_s(self) -> float:
         if not self.port.is_open:
             return math.inf
@@ -329,7 +325,7 @@ class Transmitter:
         flags = FrameFlags(
             bind=disarmed and self._binding.active,
             range_check=disarmed and self._range_check and not self._binding.active,
-            kill=output.kill,
+            kill=output.state is State.KILLED,
             low_power=self._low_power,
         )
         frame = self.protocol.encode(pulses, flags, disarmed=disarmed)

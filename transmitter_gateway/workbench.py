@@ -43,7 +43,7 @@ class Workbench(AbstractContextManager["Workbench"]):
         self.transmitter.range_check(False)
         if self.transmitter.port.is_open:
             self.run(FAREWELL_S)
-        self.transmitter.close()
+        self.transmitter.port.close()
 
     def run(
         self,

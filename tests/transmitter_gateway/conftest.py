@@ -16,7 +16,7 @@ def restart(tmp_path: Path) -> Iterator[Restart]:
     """A gateway and its radio."""
     bench = Restart(tmp_path / "h1")
     yield bench
-    bench.transmitter.close()
+    bench.transmitter.port.close()
     bench.radio.close()
 
 

@@ -227,7 +227,7 @@ class Flight:
         if self._step % round(COMMAND_S / STEP_S) == 0 and self.commanding:
             self._command()
         output = self.arbiter.step(self.now_s)
-        self._last_u = (0.0, 0.0, 0.0, 0.0) if output.throttle_low else output.u
+        self._last_u = (0.0, 0.0, 0.0, 0.0) if output.state not in FLYING else output.u
         if not self.states or self.states[-1] is not output.state:
             self.states.append(output.state)
         self._check(believed)

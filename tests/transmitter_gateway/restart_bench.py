@@ -93,7 +93,7 @@ class Restart:
 
     def die(self, silence_s: float) -> None:
         """Kill the process; its successor starts after a silence."""
-        self.transmitter.close()
+        self.transmitter.port.close()
         end_s = self.now_s + silence_s
         while self.now_s < end_s - 1e-9:
             self.now_s += 0.02

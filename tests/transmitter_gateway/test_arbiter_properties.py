@@ -251,8 +251,6 @@ class ArbiterMachine(RuleBasedStateMachine):
             assert math.isfinite(value)
             assert lower <= value <= upper
         assert output.state in FLYING or output.u == (0, 0, 0, 0)
-        assert output.throttle_low == (output.state not in FLYING)
-        assert output.kill == (output.state is State.KILLED)
         if output.state is State.LAND or (output.state is State.HOLD and self.yaw_rad is not None):
             hover = U_HOVER, LIMITS.hover_correction + LIMITS.landing.thrust
             assert max(abs(output.u[0]), abs(output.u[1])) <= LIMITS.landing.cyclic

@@ -10,12 +10,7 @@ from rcopterx.transmitter_gateway.inputs import NEUTRAL, Action, Cause, Input, L
 def test_arbiter_starts_disarmed_with_neutral_output() -> None:
     bench = Bench()
     output = bench.run(1.0)
-    assert (output.state, output.u, output.throttle_low, output.kill) == (
-        State.DISARMED,
-        NEUTRAL,
-        True,
-        False,
-    )
+    assert (output.state, output.u) == (State.DISARMED, NEUTRAL)
     assert output.cause is None
 
 

@@ -7,7 +7,7 @@ import pytest
 from arbiter_bench import EDGE_S, HOVER, IDLE, PERIOD_S, U_HOVER, Bench, silent
 
 from rcopterx.transmitter_gateway.arbiter import Arbiter
-from rcopterx.transmitter_gateway.inputs import Action, LastApplied, LinkState, PoseInput, State
+from rcopterx.transmitter_gateway.inputs import NEUTRAL, Action, LastApplied, LinkState, PoseInput, State
 from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
 
 
@@ -151,7 +151,7 @@ def test_vehicle_that_touches_down_is_cut() -> None:
     assert bench.state is State.LAND
     bench.run(0.5, None)
     assert (bench.state, bench.reason) == (State.CUT, "landed")
-    assert bench.outputs[-1].throttle_low
+    assert bench.outputs[-1].u == NEUTRAL
 
 
 def test_vehicle_on_a_table_is_cut_when_it_does_not_sink_any_more() -> None:

@@ -53,7 +53,7 @@ def test_cut_begins_at_2_s_and_needs_a_new_arming() -> None:
     assert bench.state is State.CUT
     assert bench.reason == "descent over"
     output = bench.run(1.0, HOVER)
-    assert (output.state, output.u, output.throttle_low) == (State.CUT, NEUTRAL, True)
+    assert (output.state, output.u) == (State.CUT, NEUTRAL)
     assert not bench.arbiter.commanded
     assert bench.arm().accepted
 

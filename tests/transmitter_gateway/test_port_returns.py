@@ -152,7 +152,7 @@ def slow(tmp_path: Path) -> Iterator[Restart]:
     """A radio whose receiver needs as long as real ones to find a module that lost its power."""
     bench = Restart(tmp_path / "h1", connect_s=2.0)
     yield bench
-    bench.transmitter.close()
+    bench.transmitter.port.close()
     bench.radio.close()
 
 
@@ -236,5 +236,5 @@ def test_vehicle_is_flown_on_after_short_silences_and_gets_no_thrust_after_a_lon
                 break
         bench.run(1.0)
         assert bench.state in (State.ARMED, State.DISARMED)
-        bench.transmitter.close()
+        bench.transmitter.port.close()
         bench.radio.close()

@@ -101,7 +101,7 @@ def test_a_gateway_that_is_back_too_late_starts_disarmed(restart: Restart) -> No
 def test_a_port_that_cannot_be_opened_at_first_is_taken_over_when_it_can(restart: Restart) -> None:
     restart.fly()
     other = SerialPort(str(restart.path), LINE, call)
-    restart.transmitter.close()
+    restart.transmitter.port.close()
     assert other.service(restart.now_s)
     restart.throttle_us()
     restart.start()

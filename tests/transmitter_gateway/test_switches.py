@@ -13,7 +13,7 @@ from rcopterx.transmitter_gateway.calibration import (
     SwitchChannel,
     ThrottleCalibration,
 )
-from rcopterx.transmitter_gateway.inputs import FLYING, ArbiterOutput, State
+from rcopterx.transmitter_gateway.inputs import FLYING, NEUTRAL, ArbiterOutput, State
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.protocols.base import PulseRangeError
 from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
@@ -22,13 +22,11 @@ from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_c
 LOW_S = 0.1
 ARMING, EMERGENCY, THROTTLE = ArmingChannel(4, 1900, 1100, low_s=LOW_S), SwitchChannel(5, 2000, 1000), 0
 SWITCHED = Calibration(arming=ARMING, emergency=EMERGENCY)
-DISARMED = ArbiterOutput(State.DISARMED, "started", throttle_low=True)
+DISARMED = ArbiterOutput(State.DISARMED, "started")
 
 
 def output(state: State, thrust: float) -> ArbiterOutput:
-    flown = state in FLYING
-    u = (0.1, 0.0, thrust, 0.0) if flown else (0.0, 0.0, 0.0, 0.0)
-    return ArbiterOutput(state, "test", u, throttle_low=not flown, kill=state is State.KILLED)
+    return ArbiterOutput(state, "test", (0.1, 0.0, thrust, 0.0) if state in FLYING else NEUTRAL)
 
 
 frames = st.lists(
@@ -107,7 +105,7 @@ def test_without_an_arming_channel_the_arbiter_alone_decides(
     for number, (state, thrust, _) in enumerate(sequence):
         shaped = output(state, thrust)
         pulses, arming = channels_of(Calibration(), shaped, arming, 0.02 * number)
-        assert pulses == Calibration().pulses_us(shaped.u, throttle_low=shaped.throttle_low)
+        assert pulses == Calibration().pulses_us(shaped.u, throttle_low=state not in FLYING)
 
 
 def armed_and_raised(*states: State, pause_s: float = 0.0625) -> list[tuple[bool, bool]]:

@@ -50,7 +50,7 @@ class Bench:
         self.writes: list[Write] = []
 
     def close(self) -> None:
-        self.transmitter.close()
+        self.transmitter.port.close()
         self.radio.close()
 
     @property
