@@ -287,7 +287,6 @@ class Arbiter:
         self._shape(self._now_s, elapsed_s, acting)
         return ArbiterOutput(
             self.state,
-            self.reason,
             self._shaping.u,
             bridging_step=self._bridging_step,
             cause=None if acting is None else acting.command.cause,

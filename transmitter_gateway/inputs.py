@@ -113,7 +113,6 @@ class ArbiterOutput(Struct, frozen=True):
     """Decision of the arbiter: inputs after limits and slew, which count in states of `FLYING` only."""
 
     state: State
-    reason: str
     u: Input = NEUTRAL
     bridging_step: int = 0  # number of the planned input played because commands are late, else 0
     cause: Cause | None = None  # command behind `u`, None when it comes from the arbiter alone

@@ -68,7 +68,7 @@ class Transmitter:
         if settings.low_power and "low_power" not in protocol.offers:
             raise ProtocolError(f"{protocol.name}: low_power cannot be asked for")
         prepare_channels(protocol, calibration, settings.limits)
-        self.output = ArbiterOutput(State.DISARMED, "started")  # newest decision
+        self.output = ArbiterOutput(State.DISARMED)  # newest decision
         self._pending = self._due_now = False
         self._binding = Binding(at_power_up=protocol.binds_at_power_up)
         self._range_check = self._shutdown = self._ready = False

@@ -22,11 +22,11 @@ from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_c
 LOW_S = 0.1
 ARMING, EMERGENCY, THROTTLE = ArmingChannel(4, 1900, 1100, low_s=LOW_S), SwitchChannel(5, 2000, 1000), 0
 SWITCHED = Calibration(arming=ARMING, emergency=EMERGENCY)
-DISARMED = ArbiterOutput(State.DISARMED, "started")
+DISARMED = ArbiterOutput(State.DISARMED)
 
 
 def output(state: State, thrust: float) -> ArbiterOutput:
-    return ArbiterOutput(state, "test", (0.1, 0.0, thrust, 0.0) if state in FLYING else NEUTRAL)
+    return ArbiterOutput(state, (0.1, 0.0, thrust, 0.0) if state in FLYING else NEUTRAL)
 
 
 frames = st.lists(
