@@ -70,10 +70,10 @@ def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
             r"calibration\.throttle: us_hover: .*us0 = 1600",
         ),
         (radio("calibration = { throttle = { us1 = 3e3 } }"), r"calibration\.throttle: us1: 3000"),
-        (radio("settings = { power = 1 }"), r"^vehicles\.h1\.transmitter\.settings: multi\.power: unknown"),
+        (radio("settings = { power = 1 }"), r"^vehicles\.h1\.transmitter\.settings\.power: unknown"),
         (
             radio('settings = { channels = "a" }'),
-            r"^vehicles\.h1\.transmitter\.settings: multi\.channels: 'a'",
+            r"^vehicles\.h1\.transmitter\.settings\.channels: expected `int`, got `str`",
         ),
         (
             radio('protocol = "ppm", low_power = true'),
