@@ -96,11 +96,10 @@ def _drone_of_settings(archive: zipfile.ZipFile, settings: dict[str, Any], numbe
         raise ShowError(f"{name}: version {trajectory.get('version')!r} of the trajectory, only 1 is known")
     try:
         times_s, positions_m = _sampled(trajectory["points"])
-        return _checked(name, times_s + float(trajectory.get("takeoffTime", 0.0)), positions_m)
+        times_s += float(trajectory.get("takeoffTime", 0.0))
     except ValueError as error:
-        if isinstance(error, ShowError):
-            raise
         raise ShowError(f"{name}: {error}") from None
+    return _checked(name, times_s, positions_m)
 
 
 def _sampled(points: Any) -> tuple[Array, Array]:
@@ -110,9 +109,9 @@ def _sampled(points: Any) -> tuple[Array, Array]:
     for end_s, end, inner in others:
         control = np.array([start, *inner, end], dtype=float)
         if control.shape[1:] != (3,) or len(control) > 4:
-            raise ShowError(f"the keyframe at {end_s:g} s has no position or more than two control points")
+            raise ValueError(f"the keyframe at {end_s:g} s has no position or more than two control points")
         if not time_s < end_s <= MAX_DURATION_S:
-            raise ShowError(f"the keyframe at {end_s:g} s does not come after {time_s:g} s")
+            raise ValueError(f"the keyframe at {end_s:g} s does not come after {time_s:g} s")
         steps = max(1, math.ceil((end_s - time_s) / STEP_S))
         further_s = np.linspace(time_s, end_s, steps + 1)[1:]
         times += further_s.tolist()
