@@ -4,25 +4,24 @@ import json
 import os
 import select
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from rcopterx.deploy.processes.process_log import set_up
 from rcopterx.deploy.roles.agent import fly, ready_pilot
 from rcopterx.deploy.roles.run import begin_role, end_with_parent, name_process, run_reporting, runner
 from rcopterx.fleet.reading import load_fleet
 
 
-def wait_for_job(snapshot: Path, host: str, jobs: Sequence[tuple[str, str]]) -> Callable[[], None] | None:
-    """Prepare for jobs (role, unit) and return the one that standard input names, None at its end."""
+def run_next_job(snapshot: Path, host: str, jobs: Sequence[tuple[str, str]]) -> None:
+    """Prepare for jobs (role, unit) and run the one that standard input names, none at its end."""
     name_process("spare")
     fleet = load_fleet(snapshot)
     pilots = {unit: ready_pilot(fleet, unit, host) for role, unit in jobs if role == "agent"}
     runners = {role: runner(role) for role, _ in jobs if role != "agent"}
     line = _read_order()
     if not line:
-        return None
+        return
     order = json.loads(line)
     log = os.open(order["log"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
     os.dup2(log, sys.stdout.fileno())
@@ -30,8 +29,9 @@ def wait_for_job(snapshot: Path, host: str, jobs: Sequence[tuple[str, str]]) -> 
     role, unit = order["role"], order["unit"]
     begin_role(role, unit)
     if role == "agent":
-        return lambda: fly(*pilots[unit], take_over=order["take_over"])
-    return lambda: runners[role](fleet, unit)
+        fly(*pilots[unit], take_over=order["take_over"])
+    else:
+        runners[role](fleet, unit)
 
 
 def _read_order() -> str:
@@ -47,11 +47,8 @@ def _read_order() -> str:
 def main() -> None:
     """Entry point: `python -m rcopterx.deploy.spares.spare SNAPSHOT HOST ROLE:UNIT...`."""
     end_with_parent()
-    set_up()
     jobs = [(role, unit) for role, _, unit in (word.partition(":") for word in sys.argv[3:])]
-    run = wait_for_job(Path(sys.argv[1]), sys.argv[2], jobs)
-    if run is not None:
-        run_reporting(run)
+    run_reporting(lambda: run_next_job(Path(sys.argv[1]), sys.argv[2], jobs))
 
 
 if __name__ == "__main__":
