@@ -75,8 +75,7 @@ def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
         "router": fleet.hosts, "recorder": fleet.hosts, "simulator": fleet.hosts, "tracker": fleet.hosts,
         "transmitters": fleet.gateways, "agent": fleet.vehicles,
     }  # fmt: skip
-    if role not in known:
-        raise FleetError(f"role {role!r} is unknown, allowed are {', '.join(ROLES)}")
+    check_known("role", "role", role, known)
     check_known(role, "unit", unit, known[role])
 
 

@@ -12,7 +12,7 @@ from rcopterx.deploy.roles.tracker import tracker_address
 from rcopterx.fleet.formation_check import formation_places
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.reading import replaced
-from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.simulator.conditions import PRESETS, Conditions
 from rcopterx.simulator.identified_crazyflie import missing_library
@@ -31,8 +31,7 @@ def conditions_of(fleet: FleetFile) -> Conditions:
     if fleet.simulator is None:
         raise FleetError("simulator: this fleet flies hardware, there is nothing to simulate")
     preset = fleet.simulator.conditions
-    if preset not in PRESETS:
-        raise FleetError(f"simulator.conditions: unknown preset {preset!r}; allowed: {', '.join(PRESETS)}")
+    check_known("simulator.conditions", "preset", preset, PRESETS)
     low, high = fleet.volume.min_m, fleet.volume.max_m
     conditions = replace(
         PRESETS[preset],

@@ -6,7 +6,7 @@ from typing import Final
 
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig
+from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig, check_known
 from rcopterx.vicon_gateway.brands import BrandSettings, LibraryMissingError, check_library
 from rcopterx.vicon_gateway.process import TrackerSettings, run_tracker_gateway
 from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
@@ -59,8 +59,7 @@ def brand_of(fleet: FleetFile) -> BrandSettings | None:
     """Return the settings of another brand, None for a Vicon Tracker; `FleetError` for a wrong field."""
     tracker = fleet.tracker
     brand = tracker.brand
-    if brand not in BRAND_NAMES:
-        raise FleetError(f"tracker.brand: {brand!r} is unknown, allowed are {', '.join(BRAND_NAMES)}")
+    check_known("tracker.brand", "brand", brand, BRAND_NAMES)
     if fleet.simulator is not None and brand not in SIMULATED:
         raise FleetError(
             f"tracker.brand: {brand!r}, the simulator is a Vicon Tracker: allowed are {', '.join(SIMULATED)}"

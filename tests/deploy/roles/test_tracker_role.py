@@ -42,7 +42,10 @@ def test_every_brand_is_set_up_as_the_library_wants_it(fields: str, expected: Br
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [
-        ('brand = "kinect"', r"tracker\.brand: 'kinect' is unknown, allowed are vicon, vicon_sdk, optitrack"),
+        (
+            'brand = "kinect"',
+            r"tracker\.brand: unknown brand 'kinect', known are vicon, vicon_sdk, optitrack",
+        ),
         ('brand = "optitrack"', r"tracker\.rate_hz: is missing, brand 'optitrack' does not report"),
         ('brand = "optitrack"\nrate_hz = 120', r"tracker\.address: is missing, .* HOST:1510 as a rule"),
         ('brand = "vicon_sdk"\nrate_hz = 50\nsettings = { port = "1" }', r"tracker\.settings: .*allowed are"),
