@@ -28,7 +28,6 @@ class FlightSettings:
     flight: str
     metadata: Mapping[str, str]  # texts about the flight for every part
     fleet: bytes  # snapshot of the fleet file
-    schemas: Mapping[str, tuple[str, bytes]]  # see `McapFile`
     part_bytes: int  # size from which a part is followed by the next one
     keep_bytes: int  # limit of all flights of the fleet in the directory; the oldest parts are removed
 
@@ -104,7 +103,7 @@ class FlightWriter:
         self._make_room()
         number = next_part(settings.directory, settings.flight)
         self.path = part_path(settings.directory, settings.flight, number)
-        mcap = self._mcap = McapFile(self._opener(self.path), settings.schemas)
+        mcap = self._mcap = McapFile(self._opener(self.path))
         mcap.add_metadata(METADATA, {**settings.metadata, "part": str(number)})
         mcap.add_attachment(FLEET_ATTACHMENT, settings.fleet, time_ns)
         return mcap

@@ -74,12 +74,12 @@ class Mended(NamedTuple):
     damaged_chunks: int
 
 
-def mend(path: Path, schemas: dict[str, tuple[str, bytes]]) -> Mended:
+def mend(path: Path) -> Mended:
     """Replace a file by a complete one with everything readable; `FlightLogError` if it is no log."""
     contents, read, count = contents_of(path), Contents(), 0
     target = path.with_name(path.name + ".new")
     with target.open("wb") as file:
-        mcap = McapFile(file, schemas)
+        mcap = McapFile(file)
         for name, table in contents.metadata.items():
             mcap.add_metadata(name, table)
         for name, data in contents.attachments.items():

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-import msgspec
-
 from rcopterx.bus import channels
 from rcopterx.bus.channels import CHANNELS
 from rcopterx.bus.clock import NANO
@@ -27,17 +25,6 @@ RECORDER_PROCESS: Final = "recorder"  # name of the process in lockstep
 MAX_WAITING_BYTES: Final = 64 * 1024 * 1024
 """About a minute of three vehicles; further messages are dropped and counted while the disk is slower."""
 TIME_MASK_NS: Final = 1023  # cleared bits of times, which compress as zeros, below their accuracy
-
-
-def schemas() -> dict[str, tuple[str, bytes]]:
-    """Return name and JSON schema of messages by topic, or by unit and topic where it has several."""
-    found: dict[str, tuple[str, bytes]] = {}
-    for channel in CHANNELS:
-        shape = msgspec.json.encode(msgspec.json.schema(channel.message))
-        fixed = channel.unit in channels.FIXED_UNITS
-        key = f"{channel.unit}/{channel.topic}" if fixed else channel.topic
-        found[key] = (f"rcopterx.{channel.message.__name__}", shape)
-    return found
 
 
 class Gaps:

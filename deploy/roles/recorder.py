@@ -16,7 +16,7 @@ from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import FlightSettings
 from rcopterx.flights.flights import default_directory, flight_name
 from rcopterx.flights.provenance import provenance
-from rcopterx.flights.recorder import RecorderSettings, run_recorder, schemas
+from rcopterx.flights.recorder import RecorderSettings, run_recorder
 
 MB: Final = 1_000_000
 GB: Final = 1_000_000_000
@@ -63,7 +63,6 @@ def flight_settings(fleet: FleetFile, host: str, started_s: float, flight: Begun
         flight=flight.name,
         metadata=metadata,
         fleet=msgspec.json.encode(fleet),
-        schemas=schemas(),
         part_bytes=round(fleet.log.part_mb * MB),
         keep_bytes=round(fleet.log.keep_gb * GB),
     )

@@ -103,12 +103,11 @@ def recover(
     """Repair a flight log that was cut off when its recorder was killed, in place."""
     from rcopterx.flights.listing import mend
     from rcopterx.flights.mcap_reading import contents_of
-    from rcopterx.flights.recorder import schemas
 
     if contents_of(file).complete:
         typer.echo(f"{file}: complete, nothing to repair")
         return
-    mended = mend(file, schemas())
+    mended = mend(file)
     damaged = f", {mended.damaged_chunks} damaged chunks left out" if mended.damaged_chunks else ""
     typer.echo(f"{file}: {mended.messages} messages{damaged}")
 

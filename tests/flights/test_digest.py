@@ -20,7 +20,7 @@ FLOWN = [
 
 def log(path: Path, messages: list[LoggedMessage]) -> list[Path]:
     with path.open("wb") as stream:
-        file = McapFile(stream, {})
+        file = McapFile(stream)
         file.add_chunk(messages)
         file.finish()
     return [path]

@@ -25,7 +25,7 @@ PLENTY = 10**12
 
 def settings(directory: Path, part_bytes: int = PLENTY, keep_bytes: int = 2 * PLENTY) -> FlightSettings:
     return FlightSettings(
-        directory, FLIGHT, {"fleet": "lab"}, b'{"vehicles": {"h1": {}}}', {}, part_bytes, keep_bytes
+        directory, FLIGHT, {"fleet": "lab"}, b'{"vehicles": {"h1": {}}}', part_bytes, keep_bytes
     )
 
 
@@ -34,7 +34,7 @@ def writer(directory: Path, part_bytes: int = PLENTY, keep_bytes: int = 2 * PLEN
 
 
 def chunk(number: int) -> list[LoggedMessage]:
-    return [LoggedMessage("h1/pose", os.urandom(500), 1_000 * number, number)]
+    return [LoggedMessage("h1/noise", os.urandom(500), 1_000 * number, number)]
 
 
 def test_a_flight_continues_in_another_part_and_each_names_its_flight(tmp_path: Path) -> None:

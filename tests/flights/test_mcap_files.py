@@ -5,22 +5,19 @@ import tracemalloc
 from io import BytesIO
 from pathlib import Path
 
+import msgspec
 import pytest
 import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
+from rcopterx.bus.channels import CHANNELS
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
 from rcopterx.flights.flights import Flight
 from rcopterx.flights.listing import mend, summary_of
 from rcopterx.flights.mcap_reading import Contents, FlightLogError, contents_of, messages_of
-from rcopterx.flights.mcap_writing import LoggedMessage, McapFile
-
-SCHEMAS = {
-    "pose": ("rcopterx.Pose", b'{"type": "object"}'),
-    "tracker/status": ("rcopterx.TrackerStatus", b"{}"),
-}
+from rcopterx.flights.mcap_writing import LoggedMessage, McapFile, schemas
 
 
 def message(number: int, topic: str = "h1/pose") -> LoggedMessage:
@@ -29,15 +26,14 @@ def message(number: int, topic: str = "h1/pose") -> LoggedMessage:
 
 def written(chunks: list[list[LoggedMessage]], finish: bool = True) -> bytes:
     file = BytesIO()
-    mcap = McapFile(file, SCHEMAS)
+    mcap = McapFile(file)
     mcap.add_metadata("flight", {"fleet": "lab"})
     mcap.add_attachment("fleet.json", b'{"vehicles": {"h1": {}}}', 1)
     for chunk in chunks:
         mcap.add_chunk(chunk)
-        assert mcap.written_bytes == len(file.getvalue())
     if finish:
         mcap.finish()
-        assert mcap.written_bytes == len(file.getvalue())
+    assert mcap.written_bytes == len(file.getvalue())
     return file.getvalue()
 
 
@@ -87,7 +83,7 @@ def test_a_mended_file_is_complete_and_holds_everything_that_was_left(path: Path
     path.write_bytes(written([[message(1)], [message(2)]], finish=False)[:-60])
     contents = contents_of(path)
     assert not contents.complete
-    assert mend(path, SCHEMAS).messages == 1
+    assert mend(path).messages == 1
     assert contents_of(path) == Contents(contents.metadata, contents.attachments, complete=True)
     reader = make_reader(BytesIO(path.read_bytes()), validate_crcs=True)
     assert [found.data for _, _, found in reader.iter_messages()] == [b"payload 1"]
@@ -96,7 +92,7 @@ def test_a_mended_file_is_complete_and_holds_everything_that_was_left(path: Path
 def test_what_an_interrupted_repair_has_left_does_not_keep_the_next_one_from_its_work(path: Path) -> None:
     path.write_bytes(written([[message(1)], [message(2)]], finish=False)[:-60])
     path.with_name(path.name + ".new").write_bytes(b"half a file")
-    assert mend(path, SCHEMAS).messages == 1
+    assert mend(path).messages == 1
     assert contents_of(path).complete
     assert list(path.parent.iterdir()) == [path]
 
@@ -161,9 +157,17 @@ def test_an_attachment_with_a_length_beyond_any_file_is_refused(path: Path) -> N
 @pytest.mark.parametrize("fleet", [b"[]", b"no fleet", b'{"vehicles": 3}'])
 def test_the_list_of_flights_names_a_flight_whose_fleet_is_unreadable(path: Path, fleet: bytes) -> None:
     with path.open("wb") as file:
-        mcap = McapFile(file, {})
+        mcap = McapFile(file)
         mcap.add_attachment(FLEET_ATTACHMENT, fleet, 0)
         mcap.finish()
     summary = summary_of(Flight("lab", (path,)))
     assert summary.vehicles == ()
     assert "fleet" in summary.problem
+
+
+def test_every_recorded_channel_has_a_schema() -> None:
+    shapes = schemas()
+    for channel in CHANNELS:
+        name, shape = shapes.get(f"{channel.unit}/{channel.topic}") or shapes[channel.topic]
+        assert name == f"rcopterx.{channel.message.__name__}"
+        assert "$defs" in msgspec.json.decode(shape)

@@ -11,7 +11,6 @@ from support.bus import Child, raw_put
 from support.waiting import wait_for
 
 from rcopterx.bus import channels
-from rcopterx.bus.channels import CHANNELS
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.messages import Kill, Pose
 from rcopterx.bus.session import BusAddress, RawMessage, Session
@@ -26,7 +25,6 @@ from rcopterx.flights.recorder import (
     RecorderSettings,
     Waiting,
     run_recorder,
-    schemas,
 )
 
 Join = Callable[..., Session]
@@ -37,9 +35,9 @@ import sys
 from pathlib import Path
 from rcopterx.bus.session import BusAddress
 from rcopterx.flights.flight_writing import FlightSettings
-from rcopterx.flights.recorder import RecorderSettings, run_recorder, schemas
+from rcopterx.flights.recorder import RecorderSettings, run_recorder
 endpoint, fleet, namespace, directory = sys.argv[1:]
-flight = FlightSettings(Path(directory), "lab-20261122-141500", {}, b"{}", schemas(), 10**9, 10**9)
+flight = FlightSettings(Path(directory), "lab-20261122-141500", {}, b"{}", 10**9, 10**9)
 bus = BusAddress((endpoint,), fleet, namespace)
 print("ready", flush=True)
 run_recorder(RecorderSettings(bus, "main", lambda: flight, 0), print)
@@ -59,7 +57,7 @@ def recorded(directory: Path) -> list[LoggedMessage]:
 
 
 def recorder(directory: Path, waiting: Waiting, wall_ns: int = 0) -> Recorder:
-    flight = FlightSettings(directory, FLIGHT, {}, b"{}", schemas(), 10**9, 10**9)
+    flight = FlightSettings(directory, FLIGHT, {}, b"{}", 10**9, 10**9)
     return Recorder(waiting, FlightWriter(flight), wall_ns)
 
 
@@ -209,11 +207,3 @@ def test_memory_stays_flat_over_many_messages(tmp_path: Path) -> None:
         assert flown(20_000) < settled + 200_000
     finally:
         tracemalloc.stop()
-
-
-def test_every_recorded_channel_has_a_schema() -> None:
-    shapes = schemas()
-    for channel in CHANNELS:
-        name, shape = shapes.get(f"{channel.unit}/{channel.topic}") or shapes[channel.topic]
-        assert name == f"rcopterx.{channel.message.__name__}"
-        assert "$defs" in msgspec.json.decode(shape)

@@ -20,7 +20,7 @@ def directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("RCOPTERX_FLIGHTS", str(tmp_path))
     settings = FlightSettings(
         tmp_path, FLIGHT, {"fleet": "lab", "started": "2026-11-22T14:15:00"},
-        b'{"vehicles": {"h1": {}, "h2": {}}}', {}, 10**9, 10**10,
+        b'{"vehicles": {"h1": {}, "h2": {}}}', 10**9, 10**10,
     )  # fmt: skip
     writer = FlightWriter(settings)
     writer.write([LoggedMessage("h1/pose", b"x", 1, 1)])
