@@ -100,16 +100,15 @@ class EmulatedAutopilot(UdpVehicle):
         if kind != "COMMAND_LONG":
             return []
         result, refusal = self._command(packet, now_s)
-        texts = [mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, refusal[:50].encode())]
-        return [
-            packed(self._mav, message)
-            for message in [
-                *(texts if refusal else []),
-                mavlink.MAVLink_command_ack_message(
-                    packet.command, result, 0, 0, packet.get_srcSystem(), packet.get_srcComponent()
-                ),
-            ]
+        answers = [
+            mavlink.MAVLink_command_ack_message(
+                packet.command, result, 0, 0, packet.get_srcSystem(), packet.get_srcComponent()
+            )
         ]
+        if refusal:
+            text = mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, refusal[:50].encode())
+            answers.insert(0, text)
+        return [packed(self._mav, message) for message in answers]
 
     def _take(self, packet: Any, now_s: float) -> None:
         point, heading_rad = set_point_of(packet)

@@ -199,11 +199,8 @@ class CrazyfliePlant(SteppedPlant):
         self._heading_rad = yaw_rad  # the firmware wants the present heading
 
     def _command(self, sticks: Four | None) -> None:
-        pitch, roll, thrust, yaw = (
-            (0.0, 0.0, 0.0, 0.0)
-            if sticks is None
-            else (u + offset for u, offset in zip(sticks, self.vehicle.trim, strict=True))
-        )
+        trim = CALM if sticks is None else self.vehicle.trim
+        pitch, roll, thrust, yaw = (u + offset for u, offset in zip(sticks or CALM, trim, strict=True))
         self._target = FULL_TILT_RAD * pitch, -FULL_TILT_RAD * roll, thrust, FULL_YAW_RATE_RAD_S * yaw
 
     def _commanded_n(self) -> float:

@@ -116,8 +116,6 @@ class RadioModule(ABC):
 
     def __init__(self, byte_s: float, end_of_frame_s: float, frame_length: int) -> None:
         self.frame_length = frame_length
-        self._byte_s = byte_s
-        self._end_of_frame_s = end_of_frame_s
         self._input = SerialInput(byte_s, end_of_frame_s)
         self.frames: deque[SerialFrame] = deque(maxlen=FRAME_LOG_LENGTH)  # accepted frames, newest last
         self.rejected: Counter[str] = Counter()  # frames and bytes that were not accepted, by reason
@@ -127,7 +125,7 @@ class RadioModule(ABC):
     @property
     def shortest_spacing_s(self) -> float:
         """Shortest time between the starts of two frames that the module distinguishes."""
-        return self.frame_length * self._byte_s + self._end_of_frame_s
+        return self.frame_length * self._input.byte_s + self._input.end_of_frame_s
 
     @abstractmethod
     def power_cycle(self, now_s: float) -> None:
@@ -171,7 +169,7 @@ class RadioModule(ABC):
         self._on_burst(*self._input.take())
 
     def _reset_line(self) -> None:
-        self._input = SerialInput(self._byte_s, self._end_of_frame_s)
+        self._input = SerialInput(self._input.byte_s, self._input.end_of_frame_s)
 
 
 class RadioEnd(ABC):

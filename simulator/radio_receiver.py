@@ -97,15 +97,14 @@ class Receiver:
     def _take(self, packet: AirPacket) -> None:
         self._last_packet_s = packet.time_s
         self._pulses = (*packet.pulses_us, *self._pulses[len(packet.pulses_us) :])
-        if math.isinf(self._store_until_s) and self._store_until_s > 0:
+        if self._store_until_s == math.inf:
             self._store_until_s = packet.time_s + STORE_AFTER_BIND_S
         if packet.time_s <= self._store_until_s:
             self._failsafe_throttle_us = packet.pulses_us[0]
 
     def pulses_us(self, now_s: float) -> tuple[float, ...]:
         """Channels at `now_s` [us]: last values, and throttle at its stored position without a link."""
-        linked = self._linked_to is not None and not self._bind_mode
-        if linked and now_s < self._last_packet_s + HOLD_S:
+        if self.state(now_s) in (ReceiverState.LINKED, ReceiverState.HOLD):
             return self._pulses
         return (self._failsafe_throttle_us, *self._pulses[1:])
 

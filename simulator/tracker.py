@@ -25,14 +25,6 @@ class Published(NamedTuple):
     clients: int
 
 
-class TrackerState(NamedTuple):
-    """Counters of the emulator."""
-
-    clients: int  # connected now
-    dropped: int  # frames that a client did not get because it reads too slowly
-    rejected: int  # connections that ended because the client sent malformed bytes
-
-
 class TrackerServer:
     """A Tracker that shows the frames given to `publish`; clients that read too slowly lose frames.
 
@@ -61,7 +53,9 @@ class TrackerServer:
         self._clients: dict[int, TrackerLink] = {}
         self._subject_ids: dict[str, int] = {}
         self._burst_left = 0
-        self._accepted = self._dropped = self._rejected = 0
+        self.accepted = 0  # connections so far
+        self.dropped = 0  # frames that a client did not get because it reads too slowly
+        self.rejected = 0  # connections that ended because the client sent malformed bytes
         self._listener = socket.create_server((host, port), backlog=16)
         self._selector = selectors.EpollSelector()
         self._listener.setblocking(False)
@@ -74,9 +68,9 @@ class TrackerServer:
         return str(host), int(port)
 
     @property
-    def state(self) -> TrackerState:
-        """Counters."""
-        return TrackerState(len(self._clients), self._dropped, self._rejected)
+    def clients(self) -> int:
+        """Number of clients that are connected."""
+        return len(self._clients)
 
     def fileno(self) -> int:
         """Return a descriptor that is readable when `poll` has something to do."""
@@ -155,7 +149,7 @@ class TrackerServer:
             self._clients[link.fileno()] = client
             self._selector.register(link, selectors.EVENT_READ)
             self._greet(client)
-            self._accepted += 1
+            self.accepted += 1
 
     def _greet(self, client: TrackerLink) -> None:
         client.queue(client.connection.greeting(), self._clock())
@@ -173,7 +167,7 @@ class TrackerServer:
         except BlockingIOError:
             return
         except WireError:
-            self._rejected += 1
+            self.rejected += 1
             self._drop(client)
         except OSError:
             self._drop(client)
@@ -194,7 +188,7 @@ class TrackerServer:
         for client in self._clients.values():
             if client.backlog_bytes > MAX_BACKLOG_BYTES:
                 client.connection.miss(content)
-                self._dropped += 1
+                self.dropped += 1
                 continue
             packet = EMPTY_PACKET if empty else client.connection.publish(content)
             if packet is not None and unknown is not None:

@@ -49,9 +49,9 @@ class TrackerReplay(TrackerServer):
     def progress(self) -> ReplayProgress:
         """How far it is."""
         number = len(self._recording)
-        if not self._accepted:
+        if not self.accepted:
             return ReplayProgress(0, number, 0.0, 0.0)
-        current = (self._accepted - 1) % number
+        current = (self.accepted - 1) % number
         total_s = _end_s(self._recording[current])
         played_s = min((self._clock() - self._begun_at_s) * self._speed, total_s)
         return ReplayProgress(current + 1, number, played_s, total_s)
@@ -59,11 +59,11 @@ class TrackerReplay(TrackerServer):
     @property
     def finished(self) -> bool:
         """Whether the last recorded connection has been begun and no client is connected any more."""
-        return self._accepted >= len(self._recording) and self.state.clients == 0
+        return self.accepted >= len(self._recording) and self.clients == 0
 
     def _greet(self, client: TrackerLink) -> None:
         self._begun_at_s = now_s = self._clock()
-        connection = self._recording[self._accepted % len(self._recording)]
+        connection = self._recording[self.accepted % len(self._recording)]
         for after_s, data in connection.chunks:
             client.queue(data, now_s + after_s / self._speed)
         client.queue(None, now_s + _end_s(connection) / self._speed)

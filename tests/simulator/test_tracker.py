@@ -148,7 +148,7 @@ def test_descriptor_is_readable_when_there_is_something_to_do(server: TrackerSer
     with socket.create_connection(server.address):
         assert select.select([server], [], [], DEADLINE_S)[0] == [server]
         server.poll()
-        assert server.state.clients == 1
+        assert server.clients == 1
 
 
 def test_client_that_does_not_read_loses_frames_and_holds_up_nobody(
@@ -160,7 +160,7 @@ def test_client_that_does_not_read_loses_frames_and_holds_up_nobody(
         server.publish(TrackerFrame(number, bodies))
         reader.run_until(lambda number=number: reader.has(number))
         reader.packets.clear()
-        if server.state.dropped == 5:
+        if server.dropped == 5:
             break
     sleeper.run_until(lambda: not sleeper.reader.buffered_bytes and sleeper.has(number - 5))
     server.publish(TrackerFrame(number + 1, bodies))
@@ -174,7 +174,7 @@ def test_silence_with_a_blocked_client_does_not_keep_the_loop_spinning(
     sleeper = connect().start()
     bodies = tuple(TrackedBody(f"h{number}", (0.0, 0.0, 0.0)) for number in range(200))
     number = 0
-    while server.state.dropped == 0:
+    while server.dropped == 0:
         server.publish(TrackerFrame(number, bodies))
         number += 1
     server.apply(Silence())
@@ -195,7 +195,7 @@ def test_client_that_goes_away_is_forgotten(
 ) -> None:
     gone, stays = connect().start(), connect().start()
     gone.close(reset)
-    stays.run_until(lambda: server.state.clients == 1)
+    stays.run_until(lambda: server.clients == 1)
     server.publish(frame(0))
     stays.run_until(lambda: stays.has(0))
 
@@ -206,7 +206,7 @@ def test_client_that_speaks_nonsense_is_cut_off_and_counted(
     peer, stays = connect().start(), connect().start()
     peer.socket.sendall(b"GET / HTTP/1.1\r\n\r\n")
     peer.run_until(lambda: peer.at_end)
-    assert (server.state.rejected, server.state.clients) == (1, 1)
+    assert (server.rejected, server.clients) == (1, 1)
     server.publish(frame(0))
     stays.run_until(lambda: stays.has(0))
 

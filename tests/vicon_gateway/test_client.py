@@ -150,7 +150,7 @@ def test_closed_client_delivers_nothing_and_raises_nothing() -> None:
         bench.client.close()
         assert bench.client.next_frame(60.0) is None
         assert bench.client.state.name == "closed"
-        bench.run_until(lambda: bench.server.state.clients == 0)
+        bench.run_until(lambda: bench.server.clients == 0)
 
 
 def test_limits_default_to_those_of_the_specification() -> None:

@@ -219,7 +219,7 @@ def test_client_that_did_not_read_for_long_goes_on_with_the_same_connection() ->
         for _ in range(2 * MAX_DRAIN_BYTES // 65_536):
             bench.publish()
             bench.server.poll()
-        dropped = bench.server.state.dropped
+        dropped = bench.server.dropped
         assert dropped > 0
         newest = bench.number - dropped - 1
         bench.run_until(lambda: bench.last.frame >= newest)
