@@ -23,7 +23,7 @@ def request_realtime(priority: int, *, process: int = 0, children: bool = True) 
     `priority` 0 changes nothing; `process` 0 is this thread. Returns False without the permission, and where
     only one processor can be used: a thread that spins would leave nothing to all others.
     """
-    if priority == 0 or not hasattr(os, "sched_setscheduler") or len(os.sched_getaffinity(0)) == 1:
+    if priority == 0 or len(os.sched_getaffinity(0)) == 1:
         return False
     try:
         policy = os.SCHED_FIFO if children else os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
@@ -37,10 +37,9 @@ def request_realtime(priority: int, *, process: int = 0, children: bool = True) 
 
 def leave_realtime(threads: Iterable[int] = (0,)) -> None:
     """Move threads, by default this one, and those they start from now on, back to the normal class."""
-    if hasattr(os, "sched_setscheduler"):
-        for thread in threads:
-            with suppress(ProcessLookupError):
-                os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
+    for thread in threads:
+        with suppress(ProcessLookupError):
+            os.sched_setscheduler(thread, os.SCHED_OTHER, os.sched_param(0))
 
 
 def _limit_spinning() -> None:

@@ -15,5 +15,4 @@ def rounded(value: float, bits: int) -> float:
 
 def all_rounded(values: Iterable[float], bits: int) -> tuple[float, ...]:
     """Return the nearest multiples of 2^-bits."""
-    unit = 2.0**bits
-    return tuple([round(value * unit) / unit for value in values])
+    return tuple([rounded(value, bits) for value in values])

@@ -146,8 +146,6 @@ class Session:
         self.clock = clock or address.clock.now
         self.wake = wake
         self._publishers: dict[tuple[str, str], Callable[[bytes], None]] = {}
-        self._queryables: list[zenoh.Queryable[None]] = []
-        self._taps: list[zenoh.Subscriber[None]] = []
         self._incoming: SimpleQueue[Incoming] = SimpleQueue()
         self._zenoh = opened(address, timeout_s)
         # An open session would keep the interpreter from ending: it waits for callbacks.
@@ -248,7 +246,7 @@ class Session:
                 store(RawMessage(chunks[2], chunks[3], sample.payload.to_bytes(), arrived_s, number))
 
         pattern = channels.key(fleet or self.address.fleet, "*", topic)
-        self._taps.append(self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False)))
+        self._zenoh.declare_subscriber(pattern, Callback(on_sample, indirect=False))
 
     def serve(self, unit: str, verbs: list[str]) -> None:
         """Accept requests for a unit; they wait in `pending` until the loop answers them."""
@@ -256,7 +254,7 @@ class Session:
             key = channels.request_key(self.address.fleet, unit, verb)
             reception = None if self.turns is None else self.turns.serve(key)
             on_query = callback_of(partial(self._on_query, unit, verb), reception)
-            self._queryables.append(self._zenoh.declare_queryable(key, on_query, complete=True))
+            self._zenoh.declare_queryable(key, on_query, complete=True)
 
     def _on_query(self, unit: str, verb: str, query: zenoh.Query) -> None:
         payload = query.payload.to_bytes() if query.payload is not None else b""
