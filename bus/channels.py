@@ -6,28 +6,16 @@ from typing import Final, Generic, TypeVar
 from rcopterx.bus import host_messages, log_messages, messages
 from rcopterx.bus.host_messages import Beat, RouterStatus
 from rcopterx.bus.intent import Intent
-from rcopterx.bus.keys import (
-    EVERY_FLEET,
-    FLEET_UNIT,
-    KILL_TOPIC,
-    ROOT,
-    SIMULATOR_UNIT,
-    TRACKER_UNIT,
-    TRANSMITTER_TOPIC,
-    key,
-    request_key,
-)
+from rcopterx.bus.keys import EVERY_FLEET as EVERY_FLEET
+from rcopterx.bus.keys import FLEET_UNIT as FLEET_UNIT
+from rcopterx.bus.keys import KILL_TOPIC, ROOT, TRANSMITTER_TOPIC
+from rcopterx.bus.keys import SIMULATOR_UNIT as SIMULATOR_UNIT
+from rcopterx.bus.keys import TRACKER_UNIT as TRACKER_UNIT
+from rcopterx.bus.keys import key as key
+from rcopterx.bus.keys import request_key as request_key
 from rcopterx.bus.message import SCHEMA_VERSION, Message
 from rcopterx.bus.requests import EXTERNAL
 from rcopterx.bus.scheme_message import SchemeMessage
-
-__all__ = [
-    "AGENT_STATUS", "AGENT_STEPS", "ANSWERED", "APPLIED", "BEAT", "CHANNELS", "COMMAND", "CONTROL_TASK",
-    "DATA_HIGH", "DATA_LOW", "EVERY_FLEET", "EXTERNAL_INPUT", "FIXED_UNITS", "FLEET_UNIT", "INTENT",
-    "INTERACTIVE_HIGH", "KILL", "LABORATORY", "LAUNCHER", "LAUNCHER_EVENT", "LEASE", "LEASE_BID", "PLAN",
-    "POSE", "REAL_TIME", "RECORDER", "ROOT", "ROUTER_STATUS", "SCHEME", "SIMULATOR_UNIT", "TRACKER_STATUS",
-    "TRACKER_UNIT", "TRANSMITTER_STATUS", "Channel", "key", "request_key",
-]  # fmt: skip
 
 M = TypeVar("M", bound=Message)
 
