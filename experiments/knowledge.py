@@ -92,37 +92,29 @@ def exact_model(parameters: HelicopterParameters) -> Model:
     the lags of the two rotors, weighted by their thrust, and for yaw by their torque. Trim, markers and
     battery are not in it; they are estimated in flight.
     """
-    speed_upper, speed_lower = parameters.hover_speeds_rad_s
-    phase_upper, phase_lower = parameters.hover_phases_rad
-    thrust_upper_n = parameters.thrust_upper * speed_upper**2
-    thrust_lower_n = parameters.thrust_lower * speed_lower**2
+    thrust_n, lag_s = parameters.hover_thrusts_n, parameters.rotor_lag_s
     inertia = (parameters.inertia_kg_m2[0] + parameters.inertia_kg_m2[1]) / 2
-    lever_n_m = thrust_lower_n * parameters.arm_lower_m + 2 * parameters.spring_lower_n_m
+    lever_n_m = thrust_n.lower * parameters.arm_m.lower + parameters.spring_n_m.lower
     tilt = TiltModel(
         frequency_rad_s=parameters.fast_mode_rad_s,
         damping_ratio=parameters.added_damping,
         servo_lag_s=sum(parameters.servo_lag_s) / 2,
         bar_time_constant_s=parameters.bar_time_constant_s,
-        upper_phase_rad=phase_upper,
-        lower_phase_rad=phase_lower,
-        upper_share=thrust_upper_n * parameters.link_upper / (parameters.mass_kg * GRAVITY_M_S2),
-        direct_m=thrust_lower_n * inertia / (parameters.mass_kg * lever_n_m),
+        upper_phase_rad=parameters.hover_phases_rad.upper,
+        lower_phase_rad=parameters.hover_phases_rad.lower,
+        upper_share=thrust_n.upper * parameters.link.upper / (parameters.mass_kg * GRAVITY_M_S2),
+        direct_m=thrust_n.lower * inertia / (parameters.mass_kg * lever_n_m),
         flapping_rad_s_m=parameters.flapping_rad_s_m,
     )
     plateau_m_s2 = abs(parameters.plateau_per_swash)
-    rotor_lag_s = (
-        thrust_upper_n * parameters.rotor_lag_upper_s + thrust_lower_n * parameters.rotor_lag_lower_s
-    ) / (thrust_upper_n + thrust_lower_n)
-    torque_upper = parameters.torque_upper * parameters.thrust_lower
-    torque_lower = parameters.torque_lower * parameters.thrust_upper
-    yaw_lag_s = (
-        torque_upper * parameters.rotor_lag_upper_s + torque_lower * parameters.rotor_lag_lower_s
-    ) / (torque_upper + torque_lower)
+    rotor_lag_s = (thrust_n.upper * lag_s.upper + thrust_n.lower * lag_s.lower) / sum(thrust_n)
+    torque_upper = parameters.torque.upper * parameters.thrust.lower
+    torque_lower = parameters.torque.lower * parameters.thrust.upper
+    yaw_lag_s = (torque_upper * lag_s.upper + torque_lower * lag_s.lower) / (torque_upper + torque_lower)
     yaw_gain = parameters.yaw_rate_gain_rad_s * parameters.yaw_gyro_gain_per_s
     # Yaw acceleration of either rotor's drag per unit of thrust stick; in hover they cancel.
-    drag = parameters.torque_upper * speed_upper**2 * parameters.thrust_gain_m_s2
+    drag = parameters.torque.upper * parameters.hover_speeds_rad_s.upper**2 * parameters.thrust_gain_m_s2
     drag_rad_s2 = drag / (parameters.inertia_kg_m2[2] * GRAVITY_M_S2)
-    slower_s = parameters.rotor_lag_upper_s - parameters.rotor_lag_lower_s
     pitch_lag_s, roll_lag_s, _, _ = COAXIAL.lag_s
     return replace(
         COAXIAL,
@@ -134,7 +126,7 @@ def exact_model(parameters: HelicopterParameters) -> Model:
         ),
         damping=(-parameters.drag_per_s[0], -parameters.drag_per_s[1], 0.0, -parameters.yaw_gyro_gain_per_s),
         lag_s=(pitch_lag_s, roll_lag_s, rotor_lag_s, yaw_lag_s),
-        thrust_coupling=drag_rad_s2 * slower_s / (yaw_gain * rotor_lag_s),
+        thrust_coupling=drag_rad_s2 * (lag_s.upper - lag_s.lower) / (yaw_gain * rotor_lag_s),
         tilt=tilt,
         uncertainty=_known(tilt),
     )

@@ -104,16 +104,14 @@ AIR: Final = together(*6 * [NUMBER])
 
 def airframe_of(vehicle: HelicopterParameters) -> Airframe:
     """Parameters of the equations of motion of a vehicle."""
+    by_rotor = zip(
+        vehicle.thrust, vehicle.torque, vehicle.rotor_lag_s, vehicle.phase_per_speed_s,
+        vehicle.phase_at_rest_rad, vehicle.link, vehicle.arm_m, vehicle.spring_n_m,
+        strict=True,
+    )  # fmt: skip
+    upper, lower = (Rotor(*numbers) for numbers in by_rotor)
     return Airframe(
-        Rotor(
-            vehicle.thrust_upper, vehicle.torque_upper, vehicle.rotor_lag_upper_s, *vehicle.phase_upper,
-            vehicle.link_upper, vehicle.arm_upper_m, 2 * vehicle.spring_upper_n_m,
-        ),
-        Rotor(
-            vehicle.thrust_lower, vehicle.torque_lower, vehicle.rotor_lag_lower_s, *vehicle.phase_lower,
-            vehicle.link_lower, vehicle.arm_lower_m, 2 * vehicle.spring_lower_n_m,
-        ),
-        vehicle.mass_kg, *vehicle.inertia_kg_m2, *vehicle.drag_per_s,
+        upper, lower, vehicle.mass_kg, *vehicle.inertia_kg_m2, *vehicle.drag_per_s,
         vehicle.flapping_rad_s_m, 2.0 / max(sum(vehicle.drag_per_s), _LEAST_DRAG), *vehicle.damping_n_m_s,
         vehicle.bar_time_constant_s, *vehicle.servo_lag_s, vehicle.thrust_gain_m_s2,
         vehicle.yaw_rate_gain_rad_s, vehicle.yaw_gyro_gain_per_s,

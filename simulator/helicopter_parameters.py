@@ -10,7 +10,7 @@ Blade mCX2's.
 import cmath
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
@@ -23,6 +23,13 @@ ROTOR_RADIUS_M: Final = 0.17  # of the CoaX
 DEGREE: Final = math.pi / 180
 
 
+class Rotors(NamedTuple):
+    """A parameter of both rotors."""
+
+    upper: float
+    lower: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class HelicopterParameters:
     """Parameters of one helicopter; SI units, sticks as fractions of full stick.
@@ -33,21 +40,15 @@ class HelicopterParameters:
     size: float  # time scale against the CoaX; the other numbers are those of this size
     mass_kg: float
     inertia_kg_m2: tuple[float, float, float]
-    arm_upper_m: float  # height of the upper rotor above the centre of gravity
-    arm_lower_m: float
-    link_upper: float  # tilt of the upper rotor disc per tilt of the bar against the mast
-    link_lower: float  # tilt of the lower rotor disc per tilt of the swash plate
-    spring_upper_n_m: float  # stiffness of the blades against flapping [N m/rad] of each of two blades
-    spring_lower_n_m: float
+    arm_m: Rotors  # height above the centre of gravity
+    link: Rotors  # tilt of the disc per tilt of the bar against the mast, and of the swash plate
+    spring_n_m: Rotors  # stiffness of both blades against flapping [N m/rad]
     bar_time_constant_s: float
-    thrust_upper: float  # thrust over the square of the rotor speed [N s^2/rad^2]
-    thrust_lower: float
-    torque_upper: float  # drag torque over the square of the rotor speed [N m s^2/rad^2]
-    torque_lower: float
-    rotor_lag_upper_s: float
-    rotor_lag_lower_s: float
-    phase_upper: tuple[float, float]  # of the upper rotor: slope over speed [s], constant [rad]
-    phase_lower: tuple[float, float]
+    thrust: Rotors  # thrust over the square of the rotor speed [N s^2/rad^2]
+    torque: Rotors  # drag torque over the square of the rotor speed [N m s^2/rad^2]
+    rotor_lag_s: Rotors
+    phase_per_speed_s: Rotors  # slope of the phase lag over the rotor speed
+    phase_at_rest_rad: Rotors
     swash_limit_rad: float
     swash_gain_rad: tuple[float, float]  # swash plate tilt per unit of pitch and roll stick
     thrust_gain_m_s2: float  # thrust over mass per stick with a full battery, away from the floor
@@ -66,7 +67,7 @@ class HelicopterParameters:
     yaw_hold_per_s: float = 0.0  # yaw rate that the gyro asks for per turn that it missed: heading hold
 
     def __post_init__(self) -> None:
-        offsets = ("trim", "phase_upper", "phase_lower", "marker_roll_rad", "marker_pitch_rad")
+        offsets = ("trim", "phase_per_speed_s", "phase_at_rest_rad", "marker_roll_rad", "marker_pitch_rad")
         not_negative = (
             "servo_step", "ground_effect", "added_damping", "drag_per_s", "flapping_rad_s_m", "yaw_hold_per_s"
         )  # fmt: skip
@@ -79,7 +80,7 @@ class HelicopterParameters:
                     raise ValueError(f"{field.name}: {value} is negative")
                 if field.name not in (*offsets, *not_negative) and number <= 0:
                     raise ValueError(f"{field.name}: {value} is not above 0")
-        fastest_s = min(*self.servo_lag_s, self.rotor_lag_upper_s, self.rotor_lag_lower_s)
+        fastest_s = min(*self.servo_lag_s, *self.rotor_lag_s)
         if fastest_s < 0.01:
             raise ValueError(
                 f"servo_lag_s: a lag of {fastest_s} s is too fast for the integrator; at least 0.01"
@@ -97,21 +98,15 @@ class HelicopterParameters:
                 1.870e-3 * mass * length**2,
                 2.7786e-4 * mass * length**2,
             ),
-            arm_upper_m=0.165 * length,
-            arm_lower_m=0.103 * length,
-            link_upper=0.6130,
-            link_lower=0.5176,
-            spring_upper_n_m=0.0542 * mass * length,
-            spring_lower_n_m=0.2139 * mass * length,
+            arm_m=Rotors(0.165 * length, 0.103 * length),
+            link=Rotors(0.6130, 0.5176),
+            spring_n_m=Rotors(2 * 0.0542 * mass * length, 2 * 0.2139 * mass * length),
             bar_time_constant_s=1.6 * size,
-            thrust_upper=2.2607e-5 * mass * size**2,
-            thrust_lower=3.1531e-5 * mass * size**2,
-            torque_upper=9.9708e-7 * mass * length * size**2,
-            torque_lower=8.9737e-7 * mass * length * size**2,
-            rotor_lag_upper_s=0.185 * size,
-            rotor_lag_lower_s=0.115 * size,
-            phase_upper=(-0.001282 * size, 0.1789),
-            phase_lower=(0.001282 * size, -0.0094),
+            thrust=Rotors(2.2607e-5 * mass * size**2, 3.1531e-5 * mass * size**2),
+            torque=Rotors(9.9708e-7 * mass * length * size**2, 8.9737e-7 * mass * length * size**2),
+            rotor_lag_s=Rotors(0.185 * size, 0.115 * size),
+            phase_per_speed_s=Rotors(-0.001282 * size, 0.001282 * size),
+            phase_at_rest_rad=Rotors(0.1789, -0.0094),
             swash_limit_rad=15 * DEGREE,
             swash_gain_rad=(1.0, 1.0),
             thrust_gain_m_s2=18.0,
@@ -146,6 +141,9 @@ class HelicopterParameters:
         def spread(value: float, fraction: float) -> float:
             return value * within(1 - fraction, 1 + fraction)
 
+        def both(rotors: Rotors, fraction: float) -> Rotors:
+            return Rotors(spread(rotors.upper, fraction), spread(rotors.lower, fraction))
+
         middle = cls.nominal(within(0.6, 1.0))
         inertia_x, inertia_y, inertia_z = (spread(inertia, 0.10) for inertia in middle.inertia_kg_m2)
         trim_pitch, trim_roll, trim_yaw = (within(-0.03, 0.03) for _ in range(3))
@@ -153,21 +151,14 @@ class HelicopterParameters:
         vehicle = replace(
             middle,
             inertia_kg_m2=(inertia_x, inertia_y, inertia_z),
-            arm_upper_m=spread(middle.arm_upper_m, 0.05),
-            arm_lower_m=spread(middle.arm_lower_m, 0.05),
-            link_upper=spread(middle.link_upper, 0.05),
-            link_lower=spread(middle.link_lower, 0.05),
-            spring_upper_n_m=spread(middle.spring_upper_n_m, 0.10),
-            spring_lower_n_m=spread(middle.spring_lower_n_m, 0.10),
+            arm_m=both(middle.arm_m, 0.05),
+            link=both(middle.link, 0.05),
+            spring_n_m=both(middle.spring_n_m, 0.10),
             bar_time_constant_s=spread(middle.bar_time_constant_s, 0.15),
-            thrust_upper=spread(middle.thrust_upper, 0.10),
-            thrust_lower=spread(middle.thrust_lower, 0.10),
-            torque_upper=spread(middle.torque_upper, 0.10),
-            torque_lower=spread(middle.torque_lower, 0.10),
-            rotor_lag_upper_s=spread(middle.rotor_lag_upper_s, 0.15),
-            rotor_lag_lower_s=spread(middle.rotor_lag_lower_s, 0.15),
-            phase_upper=(middle.phase_upper[0], middle.phase_upper[1] + within(-0.06, 0.06)),
-            phase_lower=(middle.phase_lower[0], middle.phase_lower[1] + within(-0.06, 0.06)),
+            thrust=both(middle.thrust, 0.10),
+            torque=both(middle.torque, 0.10),
+            rotor_lag_s=both(middle.rotor_lag_s, 0.15),
+            phase_at_rest_rad=Rotors(*(phase + within(-0.06, 0.06) for phase in middle.phase_at_rest_rad)),
             thrust_gain_m_s2=spread(middle.thrust_gain_m_s2, 0.10),
             yaw_rate_gain_rad_s=spread(middle.yaw_rate_gain_rad_s, 0.15),
             yaw_gyro_gain_per_s=spread(middle.yaw_gyro_gain_per_s, 0.15),
@@ -189,32 +180,33 @@ class HelicopterParameters:
         return replace(self, swash_gain_rad=(plateau_m_s2[0] / per_radian, plateau_m_s2[1] / per_radian))
 
     @property
-    def hover_speeds_rad_s(self) -> tuple[float, float]:
-        """Speeds of the upper and lower rotor at which thrust is weight and the drag torques cancel."""
-        ratio = self.torque_upper / self.torque_lower
-        upper = self.mass_kg * GRAVITY_M_S2 / (self.thrust_upper + ratio * self.thrust_lower)
-        return math.sqrt(upper), math.sqrt(ratio * upper)
+    def hover_speeds_rad_s(self) -> Rotors:
+        """Speeds at which thrust is weight and the drag torques cancel."""
+        ratio = self.torque.upper / self.torque.lower
+        upper = self.mass_kg * GRAVITY_M_S2 / (self.thrust.upper + ratio * self.thrust.lower)
+        return Rotors(math.sqrt(upper), math.sqrt(ratio * upper))
 
     @property
-    def hover_phases_rad(self) -> tuple[float, float]:
-        """Phase lags of the upper and lower rotor in hover."""
+    def hover_thrusts_n(self) -> Rotors:
+        """Thrusts in hover."""
         upper, lower = self.hover_speeds_rad_s
-        return (
-            self.phase_upper[0] * upper + self.phase_upper[1],
-            self.phase_lower[0] * lower + self.phase_lower[1],
-        )
+        return Rotors(self.thrust.upper * upper**2, self.thrust.lower * lower**2)
+
+    @property
+    def hover_phases_rad(self) -> Rotors:
+        """Phase lags in hover."""
+        parts = zip(self.phase_per_speed_s, self.hover_speeds_rad_s, self.phase_at_rest_rad, strict=True)
+        return Rotors(*(slope * speed + at_rest for slope, speed, at_rest in parts))
 
     @property
     def bar_stiffness_n_m(self) -> float:
         """K_b: moment per angle between mast and bar in hover."""
-        thrust_n = self.thrust_upper * self.hover_speeds_rad_s[0] ** 2
-        return self.link_upper * (thrust_n * self.arm_upper_m + 2 * self.spring_upper_n_m)
+        return self.link.upper * (self.hover_thrusts_n.upper * self.arm_m.upper + self.spring_n_m.upper)
 
     @property
     def swash_moment_n_m(self) -> float:
         """M_d: moment per tilt of the swash plate in hover."""
-        thrust_n = self.thrust_lower * self.hover_speeds_rad_s[1] ** 2
-        return self.link_lower * (thrust_n * self.arm_lower_m + 2 * self.spring_lower_n_m)
+        return self.link.lower * (self.hover_thrusts_n.lower * self.arm_m.lower + self.spring_n_m.lower)
 
     @property
     def fast_mode_rad_s(self) -> float:
@@ -242,9 +234,8 @@ class HelicopterParameters:
         Forward and left as real and imaginary part for a forward tilt; the imaginary part is the coupling of
         the axes. A tilt to the left gives the same, turned by 90 degrees.
         """
-        speed_upper, speed_lower = self.hover_speeds_rad_s
-        phase_upper, phase_lower = self.hover_phases_rad
-        tilt = cmath.rect(self.swash_moment_n_m / self.bar_stiffness_n_m, -phase_lower - phase_upper)
-        lower = self.thrust_lower * speed_lower**2 * self.link_lower * cmath.exp(-1j * phase_lower)
-        upper = self.thrust_upper * speed_upper**2 * self.link_upper * cmath.exp(1j * phase_upper) * tilt
+        thrust_n, phase_rad = self.hover_thrusts_n, self.hover_phases_rad
+        tilt = cmath.rect(self.swash_moment_n_m / self.bar_stiffness_n_m, -phase_rad.lower - phase_rad.upper)
+        lower = thrust_n.lower * self.link.lower * cmath.exp(-1j * phase_rad.lower)
+        upper = thrust_n.upper * self.link.upper * cmath.exp(1j * phase_rad.upper) * tilt
         return GRAVITY_M_S2 * tilt + (lower - upper) / self.mass_kg

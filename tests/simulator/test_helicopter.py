@@ -13,7 +13,7 @@ from support.vehicle_types import COAXIAL
 
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, Conditions
 from rcopterx.simulator.helicopter import Helicopter, Servo, helicopter_of
-from rcopterx.simulator.helicopter_parameters import HelicopterParameters
+from rcopterx.simulator.helicopter_parameters import HelicopterParameters, Rotors
 from rcopterx.simulator.plant import PlantFaults, Pose
 from rcopterx.vehicles.state import GRAVITY_M_S2, XD_BODY, YAW_RATE, YD_BODY, ZD_BODY
 
@@ -23,8 +23,8 @@ STRAIGHT = replace(
     trim=(0.0, 0.0, 0.0, 0.0),
     marker_roll_rad=0.0,
     marker_pitch_rad=0.0,
-    phase_upper=(0.0, 0.0),
-    phase_lower=(0.0, 0.0),
+    phase_per_speed_s=Rotors(0.0, 0.0),
+    phase_at_rest_rad=Rotors(0.0, 0.0),
 )
 HOVER = (0.0, 0.0, GRAVITY_M_S2 / 18.0, 0.0)
 

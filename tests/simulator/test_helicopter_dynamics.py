@@ -20,7 +20,7 @@ from rcopterx.simulator.helicopter_dynamics import (
     step,
     swash_target,
 )
-from rcopterx.simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters
+from rcopterx.simulator.helicopter_parameters import NOMINAL_PLATEAU_M_S2, HelicopterParameters, Rotors
 from rcopterx.vehicles.state import GRAVITY_M_S2, Array
 
 CALM = 6 * (0.0,)
@@ -178,7 +178,7 @@ def test_heading_hold_turns_the_vehicle_back_after_a_push(hold_per_s: float, tur
 
 
 def test_yaw_stick_acts_as_identified_where_the_rotors_are_fast() -> None:
-    vehicle = replace(HelicopterParameters.nominal(), rotor_lag_upper_s=0.01, rotor_lag_lower_s=0.01)
+    vehicle = replace(HelicopterParameters.nominal(), rotor_lag_s=Rotors(0.01, 0.01))
     state = hovering(vehicle)
     rates = []
     for _ in range(4):
@@ -196,8 +196,7 @@ def test_body_without_rotors_and_air_keeps_its_energy_and_angular_momentum(
 ) -> None:
     vehicle = replace(
         HelicopterParameters.nominal(),
-        spring_upper_n_m=1e-12,
-        spring_lower_n_m=1e-12,
+        spring_n_m=Rotors(1e-12, 1e-12),
         drag_per_s=(0.0, 0.0),
         flapping_rad_s_m=0.0,
         added_damping=0.0,
@@ -242,7 +241,7 @@ def test_angle_of_the_bar_to_the_mast_decays_along_the_great_circle(angle: float
     state = level_state(HIGH, 0.0, (0.0, 0.0))._replace(
         bar_x=0.6 * math.sin(angle), bar_y=0.8 * math.sin(angle), bar_z=math.cos(angle)
     )
-    still = replace(vehicle, spring_upper_n_m=1e-12)
+    still = replace(vehicle, spring_n_m=vehicle.spring_n_m._replace(upper=1e-12))
     state = flown(still, state, 0.5, throttle=None)
     x, y, z = state.bar_x, state.bar_y, state.bar_z
     assert math.acos(z) == pytest.approx(angle * math.exp(-0.5 / vehicle.bar_time_constant_s), rel=1e-3)

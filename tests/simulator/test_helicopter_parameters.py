@@ -56,7 +56,7 @@ def test_fast_modes_and_plateaus_of_the_family_are_those_that_controllers_must_c
         ("servo_lag_s", (0.001, 0.03)),
         ("added_damping", -0.1),
         ("trim", (math.nan, 0.0, 0.0, 0.0)),
-        ("rotor_lag_upper_s", math.inf),
+        ("rotor_lag_s", (math.inf, 0.1)),
     ],
 )
 def test_parameters_that_no_helicopter_has_are_refused(name: str, value: Any) -> None:
