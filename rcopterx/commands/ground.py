@@ -20,7 +20,7 @@ from rcopterx.commands.fleet_option import (
     joined_fleet,
     wanted_fleet,
 )
-from rcopterx.commands.interruption import Interruption, until_ctrl_c
+from rcopterx.commands.interruption import Interrupts, until_ctrl_c
 
 if TYPE_CHECKING:
     from rcopterx.ground_station.page.page import FleetPage
@@ -57,7 +57,7 @@ def ground(
     key = kept_key(directory / ("watch.key" if watch_only else "page.key"))
     server = PageServer(port, f"rcopterx {file.name}", key)
     try:
-        with until_ctrl_c() as interruption:
+        with until_ctrl_c() as interrupts:
             # Browsers load the page while a fleet that has just been started comes up.
             frame = PageFrame(server, file.name, steers=not watch_only)
             typer.echo(f"{server.address}  (Ctrl-C ends the page, the fleet goes on)")
@@ -65,7 +65,7 @@ def ground(
                 _opened(server.address) if open_browser else nullcontext(),
                 joined_fleet(file, host, fleet, COMES_UP_S) as running,
             ):
-                _keep(FleetPage(running, frame), running.session.clock, interruption)
+                _keep(FleetPage(running, frame), running.session.clock, interrupts)
     finally:
         server.stop()
 
@@ -80,10 +80,10 @@ def _opened(address: str) -> Iterator[None]:
         yield
 
 
-def _keep(page: "FleetPage", clock: Callable[[], float], interruption: Interruption) -> None:
+def _keep(page: "FleetPage", clock: Callable[[], float], interrupts: Interrupts) -> None:
     """Update the page until Ctrl-C."""
     next_s = time.monotonic()
-    while not interruption.pressed:
+    while not interrupts.is_set():
         page.update(clock())
         # Late updates are not caught up.
         next_s = max(next_s + UPDATE_S, time.monotonic())

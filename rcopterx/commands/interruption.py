@@ -6,33 +6,8 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 
 POLL_S = 0.02  # longest time until a wait ends after a signal
-
-
-@dataclass
-class Interruption:
-    """Whether Ctrl-C was pressed."""
-
-    pressed: bool = False
-
-
-@contextmanager
-def until_ctrl_c() -> Iterator[Interruption]:
-    """Leave the block at Ctrl-C, without an error; endless loops check the flag for a lost exception."""
-    interruption = Interruption()
-
-    def interrupt(*_: object) -> None:
-        interruption.pressed = True
-        raise KeyboardInterrupt
-
-    previous = signal.signal(signal.SIGINT, interrupt)
-    try:
-        with suppress(KeyboardInterrupt):
-            yield interruption
-    finally:
-        signal.signal(signal.SIGINT, previous)
 
 
 class Interrupts(threading.Event):
@@ -61,3 +36,20 @@ def counted_interrupts() -> Interrupts:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, interrupts)
     return interrupts
+
+
+@contextmanager
+def until_ctrl_c() -> Iterator[Interrupts]:
+    """Leave the block at Ctrl-C, without an error; endless loops check whether an exception was lost."""
+    interrupts = Interrupts()
+
+    def interrupt(*_: object) -> None:
+        interrupts()
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGINT, interrupt)
+    try:
+        with suppress(KeyboardInterrupt):
+            yield interrupts
+    finally:
+        signal.signal(signal.SIGINT, previous)

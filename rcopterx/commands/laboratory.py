@@ -43,14 +43,14 @@ def replay_tracker(
 
     Each client that connects gets the next recorded connection. Ends after the last one.
     """
-    with _replay(file, port, speed) as replay, until_ctrl_c() as interruption:
+    with _replay(file, port, speed) as replay, until_ctrl_c() as interrupts:
         request_realtime(REALTIME_PRIORITY)
         host, bound = replay.address
         count = replay.progress.connections
         connections = f"{count} connection{'s' if count > 1 else ''}"
         typer.echo(f"{file}: {connections}; connect to {host}:{bound}", err=True)
         progress = Progress(str(file))
-        while (loop or not replay.finished) and not interruption.pressed:
+        while (loop or not replay.finished) and not interrupts.is_set():
             replay.poll(POLL_S)
             now = replay.progress
             label = (

@@ -106,44 +106,34 @@ def _bring_down(fleet: "Fleet", interrupts: Interrupts) -> None:
             return
 
 
-class Watch:
-    """Shows a fleet: a live table, or lines without a terminal, and `lines` that any thread may add."""
+def show_fleet(
+    fleet: "Fleet",
+    interrupts: Interrupts,
+    lines: deque[str],
+    done: Callable[[], bool] = lambda: False,
+) -> None:
+    """Show a fleet until it is done or a signal arrives: a live table, or lines without a terminal.
 
-    def __init__(self, fleet: "Fleet", interrupts: Interrupts, lines: deque[str] | None = None) -> None:
-        from rich.console import Console
+    `lines` are printed beside it; any thread may add some.
+    """
+    from rich.console import Console
+    from rich.live import Live
 
-        self._fleet = fleet
-        self._interrupts = interrupts
-        self._console = Console()
-        self._lines: deque[str] = deque() if lines is None else lines
+    from rcopterx.ground_station.terminal.live_table import fitting, fleet_view
 
-    def until(self, done: Callable[[], bool]) -> None:
-        """Show until a condition holds or a signal arrives."""
-        from rich.live import Live
-
-        from rcopterx.ground_station.terminal.live_table import fitting, fleet_view
-
-        console, next_s = self._console, 0.0
-        live = Live(console=console, refresh_per_second=1 / REFRESH_S) if console.is_terminal else None
-        with live or nullcontext():
-            while not done() and not self._interrupts.wait(REFRESH_S):
-                self._print_events()
-                if live is not None:
-                    live.update(fleet_view(self._fleet, fitting(console.width)))
-                elif time.monotonic() >= next_s:
-                    next_s = time.monotonic() + PLAIN_REFRESH_S
-                    phases = " ".join(f"{vehicle.name}:{vehicle.state.phase}" for vehicle in self._fleet)
-                    console.print(phases, highlight=False)
-
-    def say(self, line: str) -> None:
-        """Print a line beside the table; may be called from any thread."""
-        self._lines.append(line)
-
-    def _print_events(self) -> None:
-        launcher = self._fleet.launcher
-        for lines in (self._lines, () if launcher is None else launcher.events):
-            while lines:
-                self._console.print(lines.popleft(), highlight=False, markup=False)
+    console, next_s = Console(), 0.0
+    live = Live(console=console, refresh_per_second=1 / REFRESH_S) if console.is_terminal else None
+    with live or nullcontext():
+        while not done() and not interrupts.wait(REFRESH_S):
+            for waiting in (lines, () if fleet.launcher is None else fleet.launcher.events):
+                while waiting:
+                    console.print(waiting.popleft(), highlight=False, markup=False)
+            if live is not None:
+                live.update(fleet_view(fleet, fitting(console.width)))
+            elif time.monotonic() >= next_s:
+                next_s = time.monotonic() + PLAIN_REFRESH_S
+                phases = " ".join(f"{vehicle.name}:{vehicle.state.phase}" for vehicle in fleet)
+                console.print(phases, highlight=False)
 
 
 def up(
@@ -174,15 +164,14 @@ def up(
     if host is None and _by_daemons(file, without or ()):
         return
     with interruptible(file, host, without or (), watchdog=watchdog, record=record) as (running, interrupts):
-        watch = Watch(running, interrupts)
+        lines: deque[str] = deque()
 
         def warn() -> None:
-            for line in warnings_apart(running.file):
-                watch.say(f"warning: {line}")
+            lines.extend(f"warning: {line}" for line in warnings_apart(running.file))
 
         threading.Thread(target=warn, name="margins", daemon=True).start()
         typer.echo(f"logs: {run_directory(running.file.name, running.file.bus.namespace) / 'log'}", err=True)
-        watch.until(lambda: False)
+        show_fleet(running, interrupts, lines)
 
 
 def _by_daemons(file: "FleetFile", without: Sequence[str]) -> bool:
@@ -214,7 +203,7 @@ def _by_daemons(file: "FleetFile", without: Sequence[str]) -> bool:
         for line in warnings:
             typer.echo(f"warning: {line}", err=True)
         typer.echo("; ".join(answers), err=True)
-        Watch(fleet, interrupts).until(lambda: False)
+        show_fleet(fleet, interrupts, deque())
         _bring_down(fleet, interrupts)
         for line in daemons.stop():
             typer.echo(f"error: {line}", err=True)
@@ -269,10 +258,9 @@ def demo(
             compile_all()
             stack.enter_context(page_of(fleet, lines.append))
         running, interrupts = stack.enter_context(interruptible(file, None, record=record))
-        watch = Watch(running, interrupts, lines)
-        demonstration = Demonstration(running, interrupts, watch.say)
+        demonstration = Demonstration(running, interrupts, lines.append)
         demonstration.start(seconds)
-        watch.until(lambda: demonstration.finished)
+        show_fleet(running, interrupts, lines, lambda: demonstration.finished)
         demonstration.stop()
     # Its figures take time, in which vehicles would fly on.
     Console().print(demonstration.summary())

@@ -74,8 +74,8 @@ def top(
                 console = Console(width=FULL_WIDTH)
             console.print(fleet_view(running, COLUMNS if wide else fitting(console.width)))
             return
-        with until_ctrl_c() as interruption, Live(console=console, auto_refresh=False, screen=True) as live:
-            while not interruption.pressed:
+        with until_ctrl_c() as interrupts, Live(console=console, auto_refresh=False, screen=True) as live:
+            while not interrupts.is_set():
                 columns = COLUMNS if wide else fitting(console.width)
                 live.update(fleet_view(running, columns), refresh=True)
                 time.sleep(REFRESH_S)
@@ -110,8 +110,8 @@ def logs(
             typer.echo(f"note: host {host} does not answer: its logs are not here", err=True)
         width = max((len(process) for process in read.processes), default=0)
         place = max((len(host) for host in file.hosts), default=0) if len(file.hosts) > 1 else 0
-        with until_ctrl_c() as interruption:
-            while not interruption.pressed:
+        with until_ctrl_c() as interrupts:
+            while not interrupts.is_set():
                 for host, line in read.new_lines():
                     where = f"{host:{place}} " if place else ""
                     typer.echo(f"{line.time:24} {where}{line.process:{width}} {line.text}")

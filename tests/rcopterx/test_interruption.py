@@ -26,24 +26,24 @@ def press_ctrl_c() -> None:
 
 
 def test_ctrl_c_ends_the_block_and_is_no_error() -> None:
-    with until_ctrl_c() as interruption:
+    with until_ctrl_c() as interrupts:
         press_ctrl_c()
         pytest.fail("the block goes on")
-    assert interruption.pressed
+    assert interrupts.is_set()
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_ctrl_c_in_a_finalizer_is_seen_by_the_loop() -> None:
-    with until_ctrl_c() as interruption:
-        assert not interruption.pressed
+    with until_ctrl_c() as interrupts:
+        assert not interrupts.is_set()
         Finalized(press_ctrl_c)
-        assert interruption.pressed
+        assert interrupts.is_set()
 
 
 def test_block_that_ends_by_itself_was_not_interrupted() -> None:
-    with until_ctrl_c() as interruption:
+    with until_ctrl_c() as interrupts:
         pass
-    assert not interruption.pressed
+    assert not interrupts.is_set()
 
 
 def test_handler_of_the_program_is_restored() -> None:
