@@ -1,7 +1,7 @@
 """Fitting the models of vehicles to their own flight: `identify`."""
 
 from collections.abc import Callable
-from contextlib import ExitStack, nullcontext
+from contextlib import nullcontext
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from rcopterx.control.identification.recording import FlightRecording
     from rcopterx.fleet.schema import FleetFile
     from rcopterx.ground_station.scripting.fleet import Fleet
-    from rcopterx.vehicles.model import Model
 
-    Fit = tuple[FlightRecording, Model, Identification]
+Say = Callable[[str], None]
 
 REACH_M = 0.4
 TOGETHER_REACH_M = 0.25
@@ -79,8 +78,7 @@ def identify(
     file, _ = wanted_fleet(fleet)
     check_known(names, file.vehicles, "vehicle", "VEHICLE")
     failures: dict[str, str] = {}
-    with ExitStack() as stack:
-        running = None if from_files else stack.enter_context(running_fleet(fleet))
+    with nullcontext() if from_files else running_fleet(fleet) as running:
         if running is None:
             flights = {names[0]: [_loaded(file, names[0], one) for one in from_files or ()]}
         else:
@@ -91,11 +89,11 @@ def identify(
             say(f"recording: {save}")
         fits = {name: _fit(file, name, recordings, say) for name, recordings in flights.items()}
         if plot is not None and fits:
-            write_plot(partial(_draw, *fits[names[0]]), plot)
+            write_plot(partial(_draw, file, names[0], flights[names[0]][0], fits[names[0]]), plot)
         _print(fits, failures, together, as_json)
-        for name, (_, _, found) in fits.items():
-            _use(name, found, path, None if dry_run else running, as_json)
-    failed = [(name, problem) for name, (*_, found) in fits.items() for problem in found.problems]
+        for name, found in fits.items():
+            _use(name, found, path, None if dry_run else running, say)
+    failed = [(name, problem) for name, found in fits.items() for problem in found.problems]
     if problems := [f"{name}: {problem}" for name, problem in (*failures.items(), *failed)]:
         raise failure(*problems)
 
@@ -123,7 +121,7 @@ def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
 
 
 def _flown(
-    running: "Fleet", names: list[str], wanted: tuple[float, float, float], say: Callable[[str], None]
+    running: "Fleet", names: list[str], wanted: tuple[float, float, float], say: Say
 ) -> tuple[dict[str, list["FlightRecording"]], dict[str, str]]:
     """Fly the excitation of some vehicles, or with all of a formation; return recordings and failures."""
     from rcopterx.ground_station.identification import identification as flights
@@ -141,43 +139,41 @@ def _flown(
     return {name: [recording] for name, recording in found.items()}, failures
 
 
-def _fit(file: "FleetFile", name: str, flights: "list[FlightRecording]", say: Callable[[str], None]) -> "Fit":
-    """Fit the model of a vehicle; the first flight is drawn."""
+def _fit(file: "FleetFile", name: str, flights: "list[FlightRecording]", say: Say) -> "Identification":
     from rcopterx.control.identification import fit
     from rcopterx.fleet.vehicle_models import model_of
 
     say(f"{name}: fitting {sum(flight.duration_s for flight in flights):.0f} s of flight")
-    known = model_of(file, name)
     try:
-        return flights[0], known, fit.identify(flights[0], known, *flights[1:])
+        return fit.identify(flights[0], model_of(file, name), *flights[1:])
     except ValueError as error:
         raise failure(f"{name}: {error}") from None
 
 
-def _use(
-    name: str, found: "Identification", path: Path | None, running: "Fleet | None", to_stderr: bool
-) -> None:
+def _use(name: str, found: "Identification", path: Path | None, running: "Fleet | None", say: Say) -> None:
     """Write a model that has no problems into the fleet file, if any, and let the vehicle fly with it."""
     from rcopterx.fleet.editing import fitted_parameters, write_model
 
     for remark in found.remarks:
-        typer.echo(f"{name}: {remark}", err=to_stderr)
+        say(f"{name}: {remark}")
     if found.problems:
         return
     if path is not None:
-        print_changes(name, write_model(path, name, found.model), err=to_stderr)
-        typer.echo(f"{name}: the model is in {path}", err=to_stderr)
+        print_changes(name, write_model(path, name, found.model), say)
+        say(f"{name}: the model is in {path}")
     if running is not None:
         running[name].use_model(fitted_parameters(found.model))
-        typer.echo(f"{name}: it flies with the model", err=to_stderr)
+        say(f"{name}: it flies with the model")
 
 
-def _print(fits: "dict[str, Fit]", failures: dict[str, str], together: bool, as_json: bool) -> None:
+def _print(
+    fits: "dict[str, Identification]", failures: dict[str, str], together: bool, as_json: bool
+) -> None:
     if not as_json:
-        for name, (_, _, found) in fits.items():
+        for name, found in fits.items():
             typer.echo((f"{name}:\n" if together or len(fits) > 1 else "") + _text(found))
         return
-    documents = [document_of(name, found) for name, (_, _, found) in fits.items()]
+    documents = [document_of(name, found) for name, found in fits.items()]
     alone = len(fits) == 1 and not (together or failures)
     print_document(documents[0] if alone else {"vehicles": documents, "failed": failures}, as_json)
 
@@ -227,29 +223,29 @@ def document_of(vehicle: str, found: "Identification") -> dict[str, Any]:
     }
 
 
-def _draw(recording: "FlightRecording", known: "Model", found: "Identification", figure: Any) -> None:
+def _draw(
+    file: "FleetFile", name: str, recording: "FlightRecording", found: "Identification", figure: Any
+) -> None:
     """Measured motion, and predictions one second ahead by both models, over the last seconds."""
     import numpy as np
 
     from rcopterx.control.identification.fit import AHEAD_S, predicted_ahead
     from rcopterx.control.identification.motions import Candidate
+    from rcopterx.fleet.vehicle_models import model_of
 
+    before, after = (Candidate(model, found.offsets) for model in (model_of(file, name), found.model))
     shown = slice(-round(PICTURED_S / recording.period_s), None)
     curves = (
         ("measured", "k-", np.column_stack((recording.position_m, recording.yaw_rad))),
-        (
-            "predicted by the model before",
-            "C1--",
-            predicted_ahead(Candidate(known, found.offsets), recording),
-        ),
-        ("and now", "C0-", predicted_ahead(Candidate(found.model, found.offsets), recording)),
+        ("predicted by the model before", "C1--", predicted_ahead(before, recording)),
+        ("and now", "C0-", predicted_ahead(after, recording)),
     )
     time_s = recording.period_s * np.arange(len(recording.yaw_rad))
     figure.set_size_inches(9, 8)
-    for at, (axes, name) in enumerate(zip(figure.subplots(4, 1, sharex=True), AXES, strict=True)):
+    for at, (axes, quantity) in enumerate(zip(figure.subplots(4, 1, sharex=True), AXES, strict=True)):
         for label, style, rows in curves:
             axes.plot(time_s[shown], rows[shown, at], style, label=label)
-        axes.set_ylabel(name)
+        axes.set_ylabel(quantity)
         axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize="small", ncols=3)
     figure.axes[0].set_title(f"Predicted {AHEAD_S:g} s ahead")

@@ -95,10 +95,10 @@ def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     Console().print(table, highlight=False)
 
 
-def print_changes(vehicle: str, lines: Sequence[str], err: bool = False) -> None:
+def print_changes(vehicle: str, lines: Sequence[str], say: Callable[[str], None] = typer.echo) -> None:
     """Print the changes of a fleet file."""
     for line in lines or ["nothing to change"]:
-        typer.echo(f"{vehicle}: {line}", err=err)
+        say(f"{vehicle}: {line}")
 
 
 class Progress:
