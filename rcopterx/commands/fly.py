@@ -100,10 +100,13 @@ def _list_manoeuvres() -> None:
 
 
 def _fly_manoeuvres(rows: Sequence["Manoeuvre"], options: FlightOptions, several: bool) -> None:
-    """Fly manoeuvres, print and write their reports; exit code 1 if a check failed."""
+    """Fly manoeuvres, with --up each with a fleet of its own, and print and write their reports."""
     results = Results(options.report, several)
     try:
-        _fly_rows(rows, options, results)
+        for number, row in enumerate(rows, 1):
+            progress = Progress(row.name if len(rows) == 1 else f"[{number}/{len(rows)}] {row.name}")
+            with flown_fleet(options, options.fleet or row.fleet) as (running, interrupts):
+                _fly_row(row, running, interrupts, progress, results)
     finally:
         results.write_page()
     results.print(options.as_json)
@@ -132,14 +135,6 @@ def _make_directory(path: Path) -> None:
         raise typer.BadParameter(f"{path}: {error.strerror}", param_hint="--report") from None
     if not os.access(path, os.W_OK):
         raise typer.BadParameter(f"{path}: no permission to write", param_hint="--report")
-
-
-def _fly_rows(rows: Sequence["Manoeuvre"], options: FlightOptions, results: "Results") -> None:
-    """Fly manoeuvres one after the other; with --up each has a fleet of its own."""
-    for number, row in enumerate(rows, 1):
-        progress = Progress(row.name if len(rows) == 1 else f"[{number}/{len(rows)}] {row.name}")
-        with flown_fleet(options, options.fleet or row.fleet) as (running, interrupts):
-            _fly_row(row, running, interrupts, progress, results)
 
 
 def _fly_row(
