@@ -138,7 +138,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             except (RefusedError, RequestFailedError):
                 if self.session.clock() > deadline_s:
                     raise
-                self._notifier.wait_until(lambda: False, RETRY_S)
+                self.wait(RETRY_S)
 
     def take_off(
         self, names: Iterable[str] | None = None, height_m: float = 1.0, timeout_s: float = 15.0

@@ -86,7 +86,7 @@ def regroup(
             commit = CommitLeaders(operation=operation, epoch=newest.epoch, frame=frame)
             _request(fleet, name, commit, timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
             uncommitted.remove(name)
-    except RefusedError as error:
+    except (RefusedError, RequestFailedError) as error:
         silent = _withdraw(fleet, operation, list(change))
         # Vehicles without a commit keep their leaders. The first of them may have received its commit.
         unsure = [name for name in silent if name not in uncommitted[1:]] if committing else []
@@ -112,10 +112,7 @@ def _preparation(operation: str, following: tuple[LeaderLink, ...], place: Array
 
 
 def _request(fleet: Observer, name: str, request: Request, **limits: float) -> None:
-    try:
-        reply = fleet.session.request(name, request, **limits)
-    except RequestFailedError as error:
-        raise RefusedError(str(error)) from None
+    reply = fleet.session.request(name, request, **limits)
     if not reply.accepted:
         raise RefusedError(f"{name}: {reply.reason}")
 
@@ -127,7 +124,7 @@ def _withdraw(fleet: Observer, operation: str, names: Sequence[str]) -> list[str
         try:
             withdrawal = WithdrawLeaders(operation=operation)
             _request(fleet, name, withdrawal, timeout_s=COMMIT_LIMIT_S, patience_s=0.0)
-        except RefusedError:
+        except (RefusedError, RequestFailedError):
             silent.append(name)
     return silent
 
