@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any, TypeVar
 
 import numpy as np
@@ -123,7 +124,6 @@ class FlightFigures:
         values = []
         for name in self._vehicles:
             arrivals = [radio for vehicle in self.truth(name) for radio in vehicle.radio]
-            times = [radio[0] for radio in arrivals]
             seen: set[tuple[int, int]] = set()
             for applied in self.applied[name]:
                 # A laboratory that was restarted counts frames from 0 again: the last frame before counts.
@@ -131,7 +131,7 @@ class FlightFigures:
                 if not applied.fresh or (applied.epoch, applied.frame) in seen or not before:
                     continue
                 seen.add((applied.epoch, applied.frame))
-                arrived_s = _arrival_of(applied, arrivals, times)
+                arrived_s = _arrival_of(applied, arrivals)
                 if arrived_s is not None:
                     values.append(1000 * (arrived_s - before[-1]))
         return [value for value in values if value < LONGEST_LATENCY_MS]
@@ -165,10 +165,10 @@ class FlightFigures:
 
     def settled_error_m(self, name: str) -> Array:
         """Distance from a reference that has been at rest for `SETTLED_S` of free flight, shape (n,)."""
-        errors, since, place = [], None, np.full(3, np.inf)
+        errors, since, place = [], None, np.zeros(3)
         for plan in self.plans[name]:
             if plan.reference is None or not plan.followable:
-                since, place = None, np.full(3, np.inf)
+                since = None
                 continue
             wanted = np.array(plan.reference[:3])
             if since is None or np.linalg.norm(wanted - place) > AT_REST_M:
@@ -251,11 +251,10 @@ def _growth(
     return +grown
 
 
-def _arrival_of(
-    applied: Applied, arrivals: Sequence[Sequence[float]], times: Sequence[float]
-) -> float | None:
+def _arrival_of(applied: Applied, arrivals: Sequence[Sequence[float]]) -> float | None:
     """Arrival [s] of the serial frame with the pulse widths that were written."""
-    for index in range(bisect_left(times, applied.written_s - 0.001), len(arrivals)):
+    first = bisect_left(arrivals, applied.written_s - 0.001, key=itemgetter(0))
+    for index in range(first, len(arrivals)):
         radio = arrivals[index]
         if radio[0] > applied.written_s + MATCH_LIMIT_S:
             return None

@@ -44,7 +44,7 @@ def ground(
     fleet: RunningFleetOption = None,
 ) -> None:
     """Show and control the fleet in the browser until Ctrl-C. The space bar cuts all motors."""
-    if not installed():
+    if find_spec("viser") is None:
         raise failure(f"the web page needs viser: {INSTALL}")
     from rcopterx.deploy.hosts.run_directory import run_directory
     from rcopterx.deploy.roles.run import end_with_parent
@@ -90,15 +90,10 @@ def _keep(page: "FleetPage", clock: Callable[[], float], interrupts: Interrupts)
         time.sleep(max(0.0, next_s - time.monotonic()))
 
 
-def installed() -> bool:
-    """Whether viser, which the page needs, is installed."""
-    return find_spec("viser") is not None
-
-
 @contextmanager
 def page_of(fleet: str, announce: Callable[[str], object]) -> Iterator[None]:
     """Serve the page from another process; another thread passes its address or an error to `announce`."""
-    if not installed():
+    if find_spec("viser") is None:
         announce(f"no web page: it needs viser: {INSTALL}")
         yield
         return
