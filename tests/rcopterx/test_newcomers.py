@@ -153,7 +153,7 @@ def test_two_vehicles_with_one_model_match_are_not_bound(lab: Path) -> None:
 
 
 def test_the_page_without_its_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rcopterx.commands.ground.installed", lambda: False)
+    monkeypatch.setattr("rcopterx.commands.ground.find_spec", lambda name: None)
     assert "pip install 'rcopterx[ground]'" in told(run("ground"))
 
 
