@@ -1,6 +1,7 @@
 """Messages of schemes on the bus, and when they are exchanged."""
 
 import math
+from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
@@ -56,26 +57,23 @@ class LaterExchanges:
 
     def __init__(self, cooperation: Cooperation) -> None:
         self._cooperation = cooperation
-        self.due_s = math.inf  # time of the next one [s]
-        self._began_s = self._ahead_s = 0.0
-        self._number = 0
+        self._began_s = 0.0
+        self._left_s: deque[float] = deque()  # times after the beginning of the period
+
+    @property
+    def due_s(self) -> float:
+        """Time of the next one [s]."""
+        return self._began_s + self._left_s[0] if self._left_s else math.inf
 
     def begin_period(self, began_s: float) -> None:
         """Begin a control period, whose pose arrived at a time, after its first exchange."""
-        self._began_s, self._number = began_s, 0
-        self._schedule()
+        scheme, count = self._cooperation.scheme, self._cooperation.exchanges
+        self._began_s = began_s
+        self._left_s.clear()
+        if scheme is not None:
+            self._left_s.extend(number * scheme.period_s / count for number in range(1, count))
 
     def exchange(self, inboxes: Mapping[str, Inbox[SchemeMessage]]) -> Sent | None:
         """Make the exchange that is due; return what to send."""
-        ahead_s = self._ahead_s
-        self._schedule()
+        ahead_s = self._left_s.popleft()
         return self._cooperation.exchange(newest_messages(inboxes, self._cooperation), ahead_s)
-
-    def _schedule(self) -> None:
-        """Set the time of the next exchange of the period, if it has a further one."""
-        scheme, count = self._cooperation.scheme, self._cooperation.exchanges
-        self._number += 1
-        self.due_s = math.inf
-        if scheme is not None and self._number < count:
-            self._ahead_s = self._number * scheme.period_s / count
-            self.due_s = self._began_s + self._ahead_s

@@ -8,7 +8,6 @@ class FleetClock:
         self.epoch = 0
         self.frame = 0
         self.period_s = 0.0
-        self.coasted = 0
         self.current_frame = 0  # number of the frame that belongs to the present, coasted ones included
         self.time_s = 0.0  # time since the first frame
         self.started = False
@@ -23,10 +22,10 @@ class FleetClock:
             return -1  # Epochs only grow: this one comes from a gateway that has been replaced.
         else:
             elapsed = 1 if self.started else 0
+        coasted = self.current_frame - self.frame
         self.epoch, self.frame, self.period_s, self.started = epoch, frame, period_s, True
-        pending = elapsed - self.coasted
-        self.current_frame, self.coasted = frame, 0
-        return max(pending, 0)
+        self.current_frame = frame
+        return max(elapsed - coasted, 0)
 
     def pass_period(self) -> None:
         """Advance by one frame period."""
@@ -34,6 +33,5 @@ class FleetClock:
 
     def coast(self) -> None:
         """Advance by one frame period without a frame."""
-        self.coasted += 1
         self.current_frame += 1
         self.pass_period()

@@ -115,7 +115,7 @@ class Guidance:
         """Return position [m], shape (3,), and yaw [rad] at which the own reference ends."""
         return end_of(self.source)
 
-    def on_event(self, event: Event, estimate: Estimate | None) -> None:
+    def on_event(self, event: Event, estimate: Estimate) -> None:
         """Process an event, which may change the phase."""
         before, phase = self.phase, next_phase(self.phase, event)
         if phase is before:
@@ -124,7 +124,7 @@ class Guidance:
         if self.phase is not Phase.FLYING:
             under_way = self.phase is Phase.EMERGENCY and before in (Phase.TAKEOFF, Phase.LANDING)
             self._interrupted = before if under_way else None
-        if estimate is not None and event in (Event.RESUME, Event.ARM) and self.phase is Phase.FLYING:
+        if event in (Event.RESUME, Event.ARM) and self.phase is Phase.FLYING:
             alone = before is Phase.EMERGENCY and self._interrupted is None and not self.followed
             self._held_from = self.source if alone else None
             self.hold_here(estimate)

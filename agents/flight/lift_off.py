@@ -5,6 +5,7 @@ floor nor the thrust that this battery gives today. So the controller takes over
 left the floor; the thrust that lifted it carries its weight.
 """
 
+import math
 from typing import Final
 
 import numpy as np
@@ -32,22 +33,24 @@ class LiftOff:
         self._largest = min(LARGEST_SHARE * self._hover, float(model.u_max[U_THRUST]))
         self._lag_s = max(model.lag_s[U_THRUST], 1e-3)
         self._delay_s = model.delay_s
-        self._begun_s: float | None = None
+        self._begun_s = math.inf
         self._floor_m = 0.0
-        self.under_way = False  # whether the vehicle stands with its rotor turning up
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the vehicle stands with its rotor turning up."""
+        return self._begun_s < math.inf
 
     def begin(self, time_s: float, floor_m: float) -> None:
         """Begin to turn the rotor up; `floor_m` is the height of the standing vehicle."""
-        self._begun_s, self._floor_m, self.under_way = time_s, floor_m, True
+        self._begun_s, self._floor_m = time_s, floor_m
 
     def end(self) -> None:
         """End the lift-off: the vehicle flies, or the take-off was given up."""
-        self._begun_s, self.under_way = None, False
+        self._begun_s = math.inf
 
     def thrust(self, time_s: float) -> float:
         """Return the thrust input to command now; 0 while no take-off is under way."""
-        if self._begun_s is None:
-            return 0.0
         elapsed_s = max(0.0, time_s - self._begun_s)
         if elapsed_s < SPOOL_UP_S:
             return SPOOL_UP_SHARE * self._hover * elapsed_s / SPOOL_UP_S
@@ -69,8 +72,6 @@ class LiftOff:
 
     def failed(self, time_s: float) -> bool:
         """Whether it should have lifted long ago."""
-        if self._begun_s is None:
-            return False
         expected_s = SPOOL_UP_S + (LIFTING_SHARE - SPOOL_UP_SHARE) / RISE_PER_S
         return time_s > self._begun_s + expected_s + PATIENCE_S
 

@@ -132,27 +132,27 @@ class RepeatedTimeLimit(TimeLimit):
     """Repeats in a replay what a `NotedTimeLimit` has noted."""
 
     def __init__(self) -> None:
-        self._first_query: dict[int, int] = {}  # query from which on the time was over, by call
-        self._late_at_end: frozenset[int] = frozenset()
+        self._noted: frozenset[Overtime] = frozenset()
         self._calls = self._queries = 0
+        self._over = False
 
     def begin_step(self, overtime: Iterable[Overtime]) -> None:
         """Repeat this overtime in the next step."""
-        noted = tuple(overtime)
-        self._first_query = {call: query for call, query in noted if query}
-        self._late_at_end = frozenset(call for call, query in noted if not query)
+        self._noted = frozenset(overtime)
         self._calls = 0
 
     def begin(self, limit_s: float) -> None:  # noqa: ARG002 - the limit of the recording applies
         """See `TimeLimit.begin`."""
         self._calls += 1
         self._queries = 0
+        self._over = False
 
     def end(self, limit_s: float) -> bool:  # noqa: ARG002 - the limit of the recording applies
         """See `TimeLimit.end`."""
-        return self._calls in self._late_at_end
+        return (self._calls, 0) in self._noted
 
     def over(self, limit_s: float) -> bool:  # noqa: ARG002 - the limit of the recording applies
         """See `TimeLimit.over`."""
         self._queries += 1
-        return self._calls in self._first_query and self._queries >= self._first_query[self._calls]
+        self._over = self._over or (self._calls, self._queries) in self._noted
+        return self._over

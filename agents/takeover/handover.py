@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from msgspec.structs import replace
 
+from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.task import Task, end_of
 from rcopterx.agents.following.leader_plans import followed_leader, target_link
 from rcopterx.agents.formation.law import FollowedLeader, FormationOffset
@@ -40,22 +41,21 @@ def intent_of(
     task: Task,
     configuration: Configuration,
     previous: Configuration | None,
-    epoch: int,
-    frame: int,
-    time_s: float,
+    clock: FleetClock,
     yaw_rad: float | None,
 ) -> Intent:
     """Return the task of a vehicle as a message; `task_of` makes the same task of it at any later moment.
 
     `previous` was before the last change. `yaw_rad` has all turns; None before the vehicle has been seen.
     """
+    time_s = clock.time_s
     path = task.source if isinstance(task.source, TimedPath) else None
     (end_m, end_yaw_rad), flown = end_of(task.source), configuration.message
     return Intent(
         lease=lease,
         phase=task.phase.value,
-        epoch=epoch,
-        frame=frame,
+        epoch=clock.epoch,
+        frame=clock.current_frame,
         yaw_rad=yaw_rad,
         set_point=SetPoint(position_m=three(end_m), yaw_rad=end_yaw_rad),
         path=None if path is None else FloatArray.of(path.path.knots),
@@ -111,9 +111,10 @@ def configuration_of(flown: Intent | FlownBy) -> Configuration:
     )
 
 
-def passed_s(intent: Intent, age_s: float, epoch: int, frame: int, period_s: float) -> float:
+def passed_s(intent: Intent, age_s: float, clock: FleetClock) -> float:
     """Return the time since an intent was published: by frames, across epochs by its age."""
-    return (frame - intent.frame) * period_s if epoch == intent.epoch else age_s
+    frames = clock.current_frame - intent.frame
+    return frames * clock.period_s if clock.epoch == intent.epoch else age_s
 
 
 def _moving(link: FollowedLeader, move: OffsetMove | None, published_s: float) -> FollowedLeader:
@@ -211,8 +212,7 @@ class Handover:
 
     def _passed_s(self, intent: Intent) -> float:
         """Time since the predecessor published an intent [s]."""
-        clock, age_s = self._pilot.clock, self._bus.clock() - self._predecessor_s
-        return passed_s(intent, age_s, clock.epoch, clock.current_frame, clock.period_s)
+        return passed_s(intent, self._bus.clock() - self._predecessor_s, self._pilot.clock)
 
     def _restore_configuration(self, intent: Intent) -> None:
         """Restore the configuration of the predecessor, unless it is what ends the process."""
@@ -233,10 +233,8 @@ class Handover:
         """Publish the present intent; called with every status."""
         clock, now_s = self._pilot.clock, self._bus.clock()
         yaw_rad = float(self._pilot.estimate.motion[YAW]) if clock.started else None
-        intent = intent_of(
-            self._lease.number, self._pilot.guidance.task(), self._tuning.intended, self._tuning.previous,
-            clock.epoch, clock.current_frame, clock.time_s, yaw_rad,
-        )  # fmt: skip
+        task, tuning = self._pilot.guidance.task(), self._tuning
+        intent = intent_of(self._lease.number, task, tuning.intended, tuning.previous, clock, yaw_rad)
         content = _content(intent)
         recent = now_s - self._published_s < LONG_PERIOD_S
         if intent.path is not None and content == self._published and recent:

@@ -235,7 +235,7 @@ def test_events_before_the_first_pose_change_nothing() -> None:
     pilot = noted()
     pilot.note_applied("armed", 0, np.zeros(4))
     assert pilot.guidance.phase is Phase.GROUND
-    pilot.guidance.on_event(Event.TAKE_OFF, None)
+    pilot.guidance.on_event(Event.TAKE_OFF, pilot.estimate)
     assert pilot.guidance.phase is Phase.GROUND
 
 

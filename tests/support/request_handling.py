@@ -87,7 +87,7 @@ class HandlerBench:
 
     def arm(self) -> None:
         self.see((0.1, 0.2, 0.0))
-        self.pilot.guidance.on_event(Event.ARM, None)
+        self.pilot.guidance.on_event(Event.ARM, self.pilot.estimate)
 
     def ask(self, request: Request) -> Asked:
         """Answer a request, also one that is checked ahead."""

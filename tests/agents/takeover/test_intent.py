@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.flight import still
 
+from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.task import Task
 from rcopterx.agents.formation.law import FollowedLeader, FormationOffset, LeaderPlan
@@ -79,9 +80,17 @@ def tasks(draw: st.DrawFn) -> Task:
     return Task(phase, draw(sources()), followed, assigned, joined, draw(numbers), interrupted)
 
 
+def clock_at(epoch: int, frame: int, time_s: float = 0.0) -> FleetClock:
+    clock = FleetClock()
+    clock.frames_until(epoch, frame, 0.02)
+    clock.time_s = time_s
+    return clock
+
+
 def told(task: Task, time_s: float) -> Intent:
     """The intent as a successor gets it over the bus."""
-    return decode(encode(intent_of(1, task, CONFIGURATION, None, 7, 100, time_s, 0.5)), Intent)
+    message = intent_of(1, task, CONFIGURATION, None, clock_at(7, 100, time_s), 0.5)
+    return decode(encode(message), Intent)
 
 
 @given(tasks(), times, times, st.floats(0.0, 3.0))
@@ -176,7 +185,7 @@ def test_settings_are_those_of_before() -> None:
 @pytest.mark.parametrize(("epoch", "expected_s"), [(7, 0.5), (8, 0.3)])
 def test_time_is_counted_in_frames_and_across_streams_by_age(epoch: int, expected_s: float) -> None:
     task = Task(Phase.FLYING, SetPointReference(np.zeros(3), 0.0), (), (), frozenset(), 0.0)
-    assert passed_s(told(task, 0.0), 0.3, epoch, 125, 0.02) == pytest.approx(expected_s)
+    assert passed_s(told(task, 0.0), 0.3, clock_at(epoch, 125)) == pytest.approx(expected_s)
 
 
 def test_turns_are_part_of_the_set_point() -> None:
