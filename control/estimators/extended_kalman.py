@@ -88,11 +88,13 @@ class ExtendedKalmanEstimator(PoseEstimator):
         super().take_over(estimate)
         self.lag_filter.set_disturbance(estimate.disturbance)
         if estimate.has_tilt:
-            self.horizontal.take_over(estimate.tilt)
+            for each in self.horizontal.filters:
+                each.take_over(estimate.tilt)
 
     def _set_actuators(self, applied_input: Array) -> None:
         self.lag_filter.x[ACTUATOR] = applied_input
-        self.horizontal.set_servo(applied_input[:2])
+        for each in self.horizontal.filters:
+            each.set_servo(applied_input[:2])
 
     def _start(self, pose: Array, rates: Array) -> None:
         self.lag_filter.start(pose, rates)
@@ -105,7 +107,8 @@ class ExtendedKalmanEstimator(PoseEstimator):
 
     def _move(self, offset: Array) -> None:
         self.lag_filter.move(offset)
-        self.horizontal.move(offset[:2])
+        for each in self.horizontal.filters:
+            each.move(offset[:2])
         self._stood_at_m = self._stood_at_m + offset[:YAW]
 
     def _thrust_carries(self) -> bool:
@@ -120,13 +123,15 @@ class ExtendedKalmanEstimator(PoseEstimator):
         x = self.lag_filter.x
         x[ACTUATOR] = actuator_response(self._model, x[ACTUATOR], applied_input, 0.0, period_s)
         self.standing = not self._thrust_carries()
-        self.horizontal.rest(applied_input[:2], period_s)
+        for each in self.horizontal.filters:
+            each.rest(applied_input[:2], period_s)
 
     def _filter_prediction(self, applied_input: Array, period_s: float) -> None:
         start_rad = float(self.lag_filter.x[YAW])
         self.lag_filter.predict(applied_input, period_s)
         middle_rad = start_rad + 0.5 * period_s * float(self.lag_filter.x[YAW_RATE])
-        self.horizontal.predict(applied_input[:2], middle_rad, period_s)
+        for each in self.horizontal.filters:
+            each.predict(applied_input[:2], middle_rad, period_s)
 
     def _predicted_pose(self) -> Array:
         pose = self.lag_filter.x[POSE].copy()

@@ -8,7 +8,7 @@ import msgspec
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.estimators.tilt_filter import TiltFilter
 from rcopterx.control.estimators.tilt_trust import TiltTrust
-from rcopterx.control.interfaces import Estimate, TiltEstimate
+from rcopterx.control.interfaces import Estimate
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import XD_BODY, YAW, YD_BODY, Array, turned_about_z
 
@@ -27,7 +27,7 @@ class HorizontalMotion:
         self._from_tilt = TiltFilter(model, settings) if known and settings.measured_tilt else None
         without_tilt = msgspec.structs.replace(settings, measured_tilt=False)
         self._from_positions = TiltFilter(model, without_tilt) if known else None
-        self._filters = [each for each in (self._from_tilt, self._from_positions) if each is not None]
+        self.filters = [each for each in (self._from_tilt, self._from_positions) if each is not None]
         self.trust = TiltTrust()
         self.events: Counter[str] = Counter()  # how often a measured tilt was distrusted, and trusted again
 
@@ -49,13 +49,8 @@ class HorizontalMotion:
     def start(self, pose: Array, rates: Array, tilt: Array | None) -> None:
         """Start in the air at a pose with inertial rates, shape (4,)."""
         self.trust.restart()
-        for each in self._filters:
+        for each in self.filters:
             each.start(pose[:2], rates[:2], self._usable(tilt, each), float(pose[YAW]))
-
-    def move(self, offset_m: Array) -> None:
-        """Move the position by an offset, shape (2,)."""
-        for each in self._filters:
-            each.move(offset_m)
 
     def stand(self, pose: Array, tilt: Array | None) -> None:
         """Start at rest on the floor."""
@@ -63,32 +58,12 @@ class HorizontalMotion:
         self._stand(pose, tilt)
 
     def _stand(self, pose: Array, tilt: Array | None) -> None:
-        for each in self._filters:
+        for each in self.filters:
             each.stand(pose[:2], self._usable(tilt, each), float(pose[YAW]))
 
     def _usable(self, tilt: Array | None, filter_: TiltFilter) -> Array | None:
         """The measured tilt if that filter may use it."""
         return tilt if filter_ is self._from_tilt and self.trust.trusted else None
-
-    def take_over(self, known: TiltEstimate) -> None:
-        """Continue another estimator's tilt, after `start`."""
-        for each in self._filters:
-            each.take_over(known)
-
-    def set_servo(self, stick: Array) -> None:
-        """Set the servo to a stick that has been acting for long, shape (2,)."""
-        for each in self._filters:
-            each.set_servo(stick)
-
-    def rest(self, stick: Array, period_s: float) -> None:
-        """Predict by one period on the floor."""
-        for each in self._filters:
-            each.rest(stick, period_s)
-
-    def predict(self, stick: Array, yaw_rad: float, period_s: float) -> None:
-        """Predict by one period at a heading."""
-        for each in self._filters:
-            each.predict(stick, yaw_rad, period_s)
 
     def correct(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
         """Correct by a pose, `since_pose_s` after the last one, with standard deviation `noise_m`."""
@@ -100,7 +75,7 @@ class HorizontalMotion:
                 if self._from_tilt is not None and not self.trust.trusted:
                     self._from_tilt.forget_offset()
         self._expect_noise(noise_m)
-        for each in self._filters:
+        for each in self.filters:
             each.correct(pose[:2], self._usable(tilt, each), yaw_rad)
 
     def correct_standing(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
@@ -111,5 +86,5 @@ class HorizontalMotion:
         self._stand(pose, tilt)
 
     def _expect_noise(self, noise_m: float) -> None:
-        for each in self._filters:
+        for each in self.filters:
             each.expect_noise(noise_m, self.trust.noise_deviation)

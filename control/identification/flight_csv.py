@@ -13,7 +13,12 @@ from typing import Final, TextIO
 
 import numpy as np
 
-from rcopterx.control.identification.recording import LONGEST_GAP_S, FlightRecording, RecordingError
+from rcopterx.control.identification.recording import (
+    LONGEST_GAP_S,
+    FlightRecording,
+    RecordingError,
+    interpolated,
+)
 from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.state import Array
 
@@ -99,10 +104,6 @@ def _recording(rows: Array, kind: str, full: CommandScale) -> FlightRecording:
             raise RecordingError(f"line {line}: {why}, {steps_s[at]:.3f} s since the line before")
     period_s = max(round(float(np.median(steps_s)), 4), PERIOD_S)
     regular_s = np.arange(time_s[0], time_s[-1], period_s)
-
-    def at_periods(values: Array) -> Array:
-        return np.column_stack([np.interp(regular_s, time_s, each) for each in values.T])
-
     flown = rows[flying[0] : flying[-1] + 1]
     poses, commands = flown[:, 1 : 1 + len(POSE)], flown[:, 1 + len(POSE) : -1]
     if (np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1.0) > _UNIT).any():
@@ -117,9 +118,9 @@ def _recording(rows: Array, kind: str, full: CommandScale) -> FlightRecording:
     return FlightRecording(
         kind,
         period_s,
-        at_periods(poses[:, :3]),
-        at_periods(yaw_rad[:, None])[:, 0],
-        at_periods(np.array([one.tilt for one in measured])),
-        at_periods(np.column_stack(sticks)),
-        at_periods(flown[:, -1:])[:, 0],
+        interpolated(regular_s, time_s, poses[:, :3]),
+        np.interp(regular_s, time_s, yaw_rad),
+        interpolated(regular_s, time_s, np.array([one.tilt for one in measured])),
+        interpolated(regular_s, time_s, np.column_stack(sticks)),
+        np.interp(regular_s, time_s, flown[:, -1]),
     )

@@ -12,7 +12,8 @@ from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.state import INPUT_SIZE, Array
 
 FORMAT: Final = 1
-ROWS: Final = ("position_m", "yaw_rad", "tilt", "inputs", "battery_v")  # fields with a row per period
+# fields with a row per period, and the shapes of their rows
+ROWS: Final = {"position_m": (3,), "yaw_rad": (), "tilt": (2,), "inputs": (INPUT_SIZE,), "battery_v": ()}
 LONGEST_GAP_S: Final = 0.1  # missing poses up to this long are interpolated
 
 
@@ -35,14 +36,8 @@ class FlightRecording:
     battery_v: Array | None = None
 
     def __post_init__(self) -> None:
-        rows = len(self.yaw_rad)
-        shapes = {"position_m": (rows, 3), "yaw_rad": (rows,), "inputs": (rows, INPUT_SIZE)}
-        if self.tilt is not None:
-            shapes["tilt"] = (rows, 2)
-        if self.battery_v is not None:
-            shapes["battery_v"] = (rows,)
-        for name, shape in shapes.items():
-            value = getattr(self, name)
+        for name, value in self._rows().items():
+            shape = (len(self.yaw_rad), *ROWS[name])
             if value.shape != shape:
                 raise RecordingError(f"{name}: shape {value.shape} instead of {shape}")
             if not np.isfinite(value).all():
@@ -125,15 +120,15 @@ class FlightLog:
         position = np.array([self._poses[row].position_m for row in poses])
         tilts = [self._poses[row].tilt for row in poses]
         measured = [tilt for tilt in tilts if tilt is not None]
-        tilt = _filled(rows, poses, np.array(measured)) if len(measured) == len(tilts) else None
+        tilt = interpolated(rows, poses, np.array(measured)) if len(measured) == len(tilts) else None
         # Sticks are held until the next ones come.
         held = np.searchsorted(inputs, rows, side="right") - 1
         sent = np.array([self._inputs[int(inputs[index])] for index in held])
         return FlightRecording(
             self._kind,
             self._period_s,
-            _filled(rows, poses, position),
-            _filled(rows, poses, yaw[:, None])[:, 0],
+            interpolated(rows, poses, position),
+            np.interp(rows, poses, yaw),
             tilt,
             sent,
         )
@@ -148,6 +143,6 @@ class FlightLog:
         return found
 
 
-def _filled(rows: NDArray[np.int64], known: NDArray[np.int64], values: Array) -> Array:
-    """Values at all rows, interpolated linearly between the known ones, shape (K, m)."""
-    return np.column_stack([np.interp(rows, known, column) for column in values.T])
+def interpolated(places: NDArray[Any], known: NDArray[Any], values: Array) -> Array:
+    """Return values at all places, interpolated linearly between known ones, shape (K, m)."""
+    return np.column_stack([np.interp(places, known, column) for column in values.T])

@@ -16,6 +16,7 @@ Where the printed paper contradicts itself, rcopterx reads:
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -102,7 +103,7 @@ class TerminalCost:
         self._isotropic = bool(
             state_weights[X] == state_weights[Y] and state_weights[X_INT] == state_weights[Y_INT]
         )
-        self._at_heading: dict[float, Array] = {}
+        self._solved = cache(self._solve)
 
     def at(self, yaw_rad: float) -> Array:
         """P at a heading, shape (11, 11)."""
@@ -119,18 +120,16 @@ class TerminalCost:
         gain = np.linalg.solve(np.diag(self._input_weights) + b.T @ p @ b, b.T @ p @ a)
         return np.asarray(gain, dtype=np.float64)
 
-    def _solved(self, yaw_rad: float) -> Array:
-        if yaw_rad not in self._at_heading:
-            active = np.arange(STATE_SIZE if self._paper_model.z_integrator else Z_INT)
-            cost: Array = np.zeros((STATE_SIZE, STATE_SIZE))
-            cost[np.ix_(active, active)] = solve_discrete_are(
-                self._paper_model.dynamics(yaw_rad)[np.ix_(active, active)],
-                self._paper_model.input_matrix()[active],
-                np.diag(self._state_weights[active]),
-                np.diag(self._input_weights),
-            )
-            self._at_heading[yaw_rad] = cost
-        return self._at_heading[yaw_rad]
+    def _solve(self, yaw_rad: float) -> Array:
+        active = np.arange(STATE_SIZE if self._paper_model.z_integrator else Z_INT)
+        cost: Array = np.zeros((STATE_SIZE, STATE_SIZE))
+        cost[np.ix_(active, active)] = solve_discrete_are(
+            self._paper_model.dynamics(yaw_rad)[np.ix_(active, active)],
+            self._paper_model.input_matrix()[active],
+            np.diag(self._state_weights[active]),
+            np.diag(self._input_weights),
+        )
+        return cost
 
 
 def body_turn(yaw_rad: float) -> Array:
