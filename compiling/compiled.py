@@ -14,7 +14,7 @@ from typing import Any, Final, ParamSpec, TypeVar
 import numba
 import numpy as np
 from numba import types
-from numba.core import caching, cgutils, datamodel, event, imputils, typeconv
+from numba.core import event
 from numpy.typing import NDArray
 
 from rcopterx.compiling.cache import directory, only_one
@@ -24,13 +24,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 # Any: the annotations of numba differ from version to version.
-_njit: Any = numba.njit
-_config: Any = numba.config
-_cgutils: Any = cgutils
-_datamodel: Any = datamodel
-_imputils: Any = imputils
-_typeconv: Any = typeconv
-_Locator: Any = caching.UserProvidedCacheLocator
+_numba: Any = numba
 _PACKAGE: Final = Path(__file__).parents[1]
 _OPTIONS: Final = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -61,17 +55,17 @@ class Record(types.NamedTuple):
             return None
         pairs = zip(other, self.types, strict=True)
         convertible = all(typing_context.can_convert(*pair) is not None for pair in pairs)
-        return _typeconv.Conversion.safe if convertible else None
+        return _numba.core.typeconv.Conversion.safe if convertible else None
 
 
 def _convert_record(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
     """Emit code that converts a record field by field."""
-    fields = zip(_cgutils.unpack_tuple(builder, value), given, wanted, strict=True)
+    fields = zip(_numba.core.cgutils.unpack_tuple(builder, value), given, wanted, strict=True)
     return context.make_tuple(builder, wanted, [context.cast(builder, *field) for field in fields])
 
 
-_datamodel.register_default(Record)(_datamodel.models.TupleModel)
-_imputils.lower_cast(types.BaseNamedTuple, Record)(_convert_record)
+_numba.core.datamodel.register_default(Record)(_numba.core.datamodel.models.TupleModel)
+_numba.core.imputils.lower_cast(types.BaseNamedTuple, Record)(_convert_record)
 
 
 def record(kind: type, *fields: Any) -> Any:
@@ -95,7 +89,7 @@ class Announcer(event.Listener):
         """Do nothing: numba calls this after compiling."""
 
 
-class KernelLocator(_Locator):  # type: ignore[misc]
+class KernelLocator(_numba.core.caching.UserProvidedCacheLocator):  # type: ignore[misc]
     """Finds machine code by the place of its source in this package, so that two clones share it."""
 
     @classmethod
@@ -121,10 +115,10 @@ def compiled(*arguments: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 stack.enter_context(only_one(path, function.__module__))
                 # Restored afterwards: functions that users compile with numba keep their own cache.
                 for option, value in (("CACHE_DIR", str(path)), ("CACHE_LOCATOR_CLASSES", _LOCATOR)):
-                    stack.callback(setattr, _config, option, getattr(_config, option))
-                    setattr(_config, option, value)
+                    stack.callback(setattr, _numba.config, option, getattr(_numba.config, option))
+                    setattr(_numba.config, option, value)
             stack.enter_context(event.install_listener("numba:compile", Announcer()))
-            kernel: Callable[P, R] = _njit([arguments], cache=path is not None, **_OPTIONS)(function)
+            kernel: Callable[P, R] = _numba.njit([arguments], cache=path is not None, **_OPTIONS)(function)
         return kernel
 
     return compile_now
@@ -132,5 +126,5 @@ def compiled(*arguments: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 def part(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function into the kernels that call it."""
-    made: Callable[P, R] = _njit(**_OPTIONS)(function)
+    made: Callable[P, R] = _numba.njit(**_OPTIONS)(function)
     return made
