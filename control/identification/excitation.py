@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, Array
+from rcopterx.vehicles.state import INPUT_SIZE, U_YAW, Array, four
 
 BASE_HZ: Final = 0.05  # all frequencies are multiples of it, so that the signal repeats every 20 s
 COMBS: Final = 3  # sets of frequencies, which do not meet within 60 s
@@ -22,9 +22,8 @@ _LATERAL_BAND_HZ: Final = (0.4, 4.5)
 _THRUST_BAND_HZ: Final = (0.3, 3.0)
 _YAW_BAND_HZ: Final = (0.4, 2.5)
 _TONES: Final = (10, 10, 6, 6)
-HORIZONTAL_M_S2: Final = 0.3  # root mean square acceleration by pitch and roll sticks at full amplitude
-VERTICAL_M_S2: Final = 0.35
-YAW_RATE_RAD_S: Final = 0.4
+FULL: Final = np.array((0.3, 0.3, 0.35, 0.4))
+"""Root mean square of accelerations by pitch, roll and thrust [m/s^2], and of the yaw rate [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -94,18 +93,9 @@ TONES_HZ: Final = _all_tones()  # frequencies on pitch, roll, thrust and yaw of 
 
 def excitation_for(model: Model, duration_s: float, strength: float = 1.0, comb: int = 0) -> Excitation:
     """Return the excitation that moves this model by centimetres, times `strength`."""
-    pitch, roll, thrust, yaw = model.input_gain
-    yaw_rate_gain = yaw / max(-model.damping[3], 1.0)
-    wanted = np.array(
-        [
-            HORIZONTAL_M_S2 / pitch,
-            HORIZONTAL_M_S2 / roll,
-            VERTICAL_M_S2 / thrust,
-            YAW_RATE_RAD_S / yaw_rate_gain,
-        ]
-    )
-    amplitude = np.minimum(strength * wanted, 0.25 * model.stick_room)
-    return Excitation(tuple(float(value) for value in amplitude), duration_s, comb)
+    gain = model.b / (1.0, 1.0, 1.0, max(-model.damping[U_YAW], 1.0))
+    amplitude = np.minimum(strength * (FULL / gain), 0.25 * model.stick_room)
+    return Excitation(four(amplitude), duration_s, comb)
 
 
 LONGEST_BLIND_S: Final = 0.1  # the excitation ends without poses for longer than this
