@@ -11,7 +11,7 @@ each other on the right, and two vehicles head-on do not mirror each other for e
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -50,8 +50,8 @@ class Clearances:
         half = 0.5 * NARROWEST_M
         return np.array((np.where(none, middle - half, low), np.where(none, middle + half, high)))
 
-    def rows(self, height_m: Array, weight: float) -> "ClearRows":
-        """Return the rows of the horizontal problem at planned heights, shape (N,)."""
+    def least_m(self, height_m: Array) -> Array:
+        """Return lower bounds of direction . position at planned heights (N,), shape (N, `SLOTS`)."""
         count = self.centres_m.shape[1]
         rise = np.clip((height_m[:, None] - self.centres_m[:, :, 2]) / self.vertical_m, -1.0, 1.0)
         needed = np.maximum(self.horizontal_m * np.sqrt(1.0 - rise**2), self.aside_m)
@@ -59,23 +59,18 @@ class Clearances:
         least[:, :count] = needed + np.einsum(
             "ska,ska->sk", self.directions[:, :count], self.centres_m[:, :, :2]
         )
-        return ClearRows(self.directions, least, weight)
+        return least
 
+    def added_to(self, p: OptimalControlProblem, height_m: Array, weight: float) -> OptimalControlProblem:
+        """Return the horizontal problem, whose first states are the position, with rows at planned heights.
 
-class ClearRows(NamedTuple):
-    """Rows direction . position >= least of the horizontal problem."""
-
-    directions: Array  # shape (N, `SLOTS`, 2); zeros where there is no constraint
-    least: Array  # shape (N, `SLOTS`)
-    weight: float  # weight of the squared violation
-
-    def added_to(self, p: OptimalControlProblem) -> OptimalControlProblem:
-        """Return a problem whose first two states are the position, with these rows."""
+        `weight`: that of the squared violation.
+        """
         N, nx, nu = p.B.shape
         C = np.zeros((N, SLOTS, nx))
         C[:, :, :2] = self.directions[:N]
-        least = self.least[:N]
-        s = np.where(self.directions[:N].any(axis=2), self.weight, 0.0)
+        least = self.least_m(height_m)[:N]
+        s = np.where(self.directions[:N].any(axis=2), weight, 0.0)
         s[0] = 0.0
         none = np.zeros((N, SLOTS))
         return p._replace(

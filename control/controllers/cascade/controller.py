@@ -138,9 +138,10 @@ class CascadeController(MpcController):
         height = self._height_solver.solve(self._height.problem(task, heights), True, expired)
         last_rad = heading.x[-1:, 0] + self._period_s * heading.x[-1, 1]
         headings = np.concatenate((heading.x[:, 0], last_rad))
-        rows = None if clear is None else clear.rows(height.x[:, 0], self._settings.separation_weight)
-        horizontal_problem = self._horizontal.along(headings, task, rows)
-        horizontal = self._horizontal_solver.solve(horizontal_problem, self._horizontal.same_cost, expired)
+        lateral = self._horizontal.along(headings, task)
+        if clear is not None:
+            lateral = clear.added_to(lateral, height.x[:, 0], self._settings.separation_weight)
+        horizontal = self._horizontal_solver.solve(lateral, self._horizontal.same_cost, expired)
         inputs = np.concatenate((self._horizontal.sticks(horizontal, task), height.u, heading.u), axis=1)
         if self._model.thrust_coupling:
             inputs[:, U_YAW] -= self._model.thrust_coupling * (height.u[:, 0] - height.x[:-1, 2])

@@ -20,7 +20,6 @@ from scipy.linalg import solve_discrete_are
 
 from rcopterx.compiling.compiled import ANY_MATRIX, FLAG, MATRIX, NUMBER, VECTOR, compiled, part, record
 from rcopterx.control.controllers.cascade.axis import AxisProblem, beyond, state_following
-from rcopterx.control.controllers.cascade.clearance import ClearRows
 from rcopterx.control.controllers.cascade.task import TASK, Task
 from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeights
 from rcopterx.control.interfaces import Estimate, TiltEstimate
@@ -43,7 +42,7 @@ class LateralLags(AxisProblem):
 
     same_cost = False  # A changes with every heading plan
 
-    def along(self, heading: Array, task: Task, clear: ClearRows | None) -> OptimalControlProblem:
+    def along(self, heading: Array, task: Task) -> OptimalControlProblem:
         """State the problem along a planned heading, shape (N + 2,); positions are inertial."""
         p, feed_forward = self._problem, self._feed_forward
         R = heading_matrix(0.5 * float(heading[-2] + heading[-1]))
@@ -53,7 +52,7 @@ class LateralLags(AxisProblem):
         velocity, change = np.empty((2, len(task.reference), 2))
         turn(p, self._dynamics, task.reference, heading, velocity, change)
         state_following(p, task, self._dynamics, 0, velocity, change if feed_forward else 0.0 * change)
-        return p if clear is None else clear.added_to(p)
+        return p
 
     def velocity_at_end(self, plan: Plan, heading: Array) -> Array:
         """Return the velocity after the last stage, inertial frame, shape (2,)."""
@@ -159,11 +158,11 @@ class LateralTilt:
         """Begin with a reference at rest."""
         self._bar[:] = 0.0
 
-    def along(self, heading: Array, task: Task, clear: ClearRows | None) -> OptimalControlProblem:
+    def along(self, heading: Array, task: Task) -> OptimalControlProblem:
         """State the problem as `LateralLags.along` does; sticks among its rows have the trim added."""
         p = self._problem
         state_tilting(p, task, self._steering, self._bar, heading, self._feed_forward)
-        return p if clear is None else clear.added_to(p)
+        return p
 
     def velocity_at_end(self, plan: Plan, heading: Array) -> Array:  # noqa: ARG002 - it is a state
         """Return the velocity after the last stage, inertial frame, shape (2,)."""

@@ -131,7 +131,7 @@ def test_both_horizontal_axes_have_the_feedback_of_the_cascade() -> None:
     formulation = LateralTilt(EVEN, PERIOD_S, weights, 20, True)
     task = resting(EVEN)
     task = task._replace(estimate=with_tilt(EVEN, task.estimate, np.zeros(4), True))
-    gain = feedback_of(formulation.along(np.zeros(22), task, None))
+    gain = feedback_of(formulation.along(np.zeros(22), task))
     loop = tilt_loop(EVEN, PERIOD_S, (100.0, 1.0, 10.0 / 4.0))
     known = gain.shape[1] // 2
     assert loop.feedback[:known] == pytest.approx(gain[0, 0::2] + 1j * gain[1, 0::2], rel=1e-6, abs=1e-9)

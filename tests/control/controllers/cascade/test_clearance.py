@@ -37,7 +37,7 @@ def test_whatever_keeps_the_bounds_stays_outside_the_ellipsoid(
     tiled = np.tile(own, (STAGES, 1))
     found = clearances(tiled, np.tile(wanted, (STAGES, 1)), [still(other, across_m, up_m)])
     for position in anywhere:
-        least = found.rows(np.full(STAGES, position[2]), 1.0).least[0, 0]
+        least = found.least_m(np.full(STAGES, position[2]))[0, 0]
         direction = found.directions[0, 0]
         if not direction.any() or direction @ position[:2] < least:
             continue
