@@ -242,8 +242,9 @@ class DataStreamSession:
     def _update_subjects(self, payloads: list[bytes]) -> None:
         subjects = []
         for info in map(SubjectInfo.parse, payloads):
-            root = info.root_segment
-            subjects.append(_Subject(info.id, info.name, None if root is None else root.id))
+            # The root segment is the one whose parent is 0, whatever its name.
+            roots = (segment.id for segment in info.segments if segment.parent == 0)
+            subjects.append(_Subject(info.id, info.name, next(roots, None)))
         self._subjects = tuple(subjects)
 
     def _update_axes(self, payloads: list[bytes]) -> None:

@@ -224,11 +224,6 @@ class SubjectInfo(WireObject):
     markers: tuple[tuple[int, str], ...] = ()
     attachments: tuple[tuple[int, int], ...] = ()
 
-    @property
-    def root_segment(self) -> SegmentInfo | None:
-        """The segment whose parent is 0, whatever its name."""
-        return next((segment for segment in self.segments if segment.parent == 0), None)
-
 
 @wire_object(ObjectType.FRAME_INFO, frame=U32)
 class FrameInfo(WireObject):

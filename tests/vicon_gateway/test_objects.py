@@ -111,12 +111,6 @@ def test_frame_period_is_in_ticks_of_135_mhz() -> None:
     assert StreamInfo(675_000).period_s == 0.005
 
 
-def test_root_segment_is_the_one_with_parent_zero() -> None:
-    arm, root = SegmentInfo(7, 1, "heli1"), SegmentInfo(0, 7, "body")
-    assert SubjectInfo(1, "heli1", (arm, root)).root_segment == root
-    assert SubjectInfo(1, "heli1", (arm,)).root_segment is None
-
-
 def test_every_data_type_is_either_static_or_dynamic() -> None:
     data_types = {int(kind) for kind in ObjectType if kind < 100_000 and kind != ObjectType.PING}
     assert data_types == STATIC_TYPES | DYNAMIC_TYPES

@@ -50,16 +50,6 @@ def test_packets_are_the_same_however_the_stream_is_cut(payloads: list[bytes], d
     assert reader.buffered_bytes == 0
 
 
-def test_packets_arriving_seven_bytes_at_a_time_are_complete() -> None:
-    stream = encode_packet(encode_object(5, b"\x01\0\0\0")) * 3
-    reader = PacketReader()
-    found = []
-    for start in range(0, len(stream), 7):
-        reader.feed(stream[start : start + 7])
-        found += bodies_of(reader)
-    assert len(found) == 3
-
-
 def test_empty_packet_has_eight_bytes_and_an_empty_body() -> None:
     assert encode_packet().hex(" ") == "01 00 2b 1a 00 00 00 00"
     reader = PacketReader()
