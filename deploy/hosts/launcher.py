@@ -13,7 +13,7 @@ from typing import Final, TypeVar
 from msgspec.structs import replace
 
 from rcopterx.bus.clock import Clock
-from rcopterx.bus.lockstep_page import LockstepPage, create_page, opened_page, remove_page
+from rcopterx.bus.lockstep_page import create_page, opened_page, remove_page
 from rcopterx.bus.realtime import request_realtime, share_interpreter
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.bus.turns import CONDUCTOR, MEMBERSHIP, RECALL
@@ -212,7 +212,9 @@ class Launcher(AbstractContextManager["Launcher"]):
             self._report(attempt("replacing lost agents", self._replace_lost_agents))
             self._report(attempt("supervision", partial(self.supervisor.watch, WATCH_S)))
             if self._clock.page is not None:
-                self._note_lost_routers(opened_page(self._clock.page))
+                # Time passes without the messages that were lost with a router.
+                restarts = self.supervisor.children[ROUTER].restarts
+                opened_page(self._clock.page).lost_routers = restarts
             self._report(attempt("measuring the capacity", self._measure))
         if self._capacity is not None:
             self._capacity.close()
@@ -245,11 +247,6 @@ class Launcher(AbstractContextManager["Launcher"]):
                 child.wanted = True
                 lines.append(f"{vehicle}: {reason}; its agent runs here now")
         return lines
-
-    def _note_lost_routers(self, page: LockstepPage) -> None:
-        """Let time pass without the messages that were lost with a router."""
-        routers = (child for child in self.supervisor.children.values() if child.spec.role == ROUTER)
-        page.lost_routers = sum(child.restarts for child in routers)
 
     def _roles(self) -> dict[int, str]:
         children = self.supervisor.children.values()
