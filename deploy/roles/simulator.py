@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from rcopterx.bus.message import Four
 from rcopterx.bus.turns import CONDUCTOR
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.addresses import bus_address
@@ -51,6 +52,8 @@ def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:
     conditions, simulator = conditions_of(fleet), fleet.simulator
     assert simulator is not None
     host, port = tracker_address(fleet)
+    places = {name: place.tolist() for name, place in formation_places(fleet).items()}
+    starts = {name: (x, y, 0.0, yaw_rad) for name, (x, y, _, yaw_rad) in places.items()} | simulator.start
     return SimulatorSettings(
         bus=bus_address(fleet, simulator.host, CONDUCTOR),
         tracker_host=host,
@@ -59,21 +62,18 @@ def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:
         rate_hz=simulator.rate_hz,
         conditions=conditions,
         seed=simulator.seed,
-        vehicles=tuple(_simulated(fleet, name, directory) for name in fleet.vehicles),
+        vehicles=tuple(_simulated(fleet, name, directory, starts[name]) for name in fleet.vehicles),
         realtime_priority=Priority.SIMULATOR.of(fleet),
     )
 
 
-def _simulated(fleet: FleetFile, name: str, directory: Path) -> SimulatedVehicle:
+def _simulated(fleet: FleetFile, name: str, directory: Path, start: Four) -> SimulatedVehicle:
     vehicle = fleet.vehicles[name]
-    start = {} if fleet.simulator is None else fleet.simulator.start
-    x, y, _, yaw_rad = formation_places(fleet)[name].tolist()
-    place = start.get(name, (x, y, 0.0, yaw_rad))
     return SimulatedVehicle(
         name=name,
         subject=vehicle.subject,
         model=model_of(fleet, name),
-        start=Pose(place[:3], place[3]),
+        start=Pose(start[:3], start[3]),
         port=simulated_port_of(fleet, name, directory),
         radio=SimulatedRadio(protocol_of(fleet, name), vehicle.transmitter.model_match),
         calibration=calibration_of(fleet, name),
