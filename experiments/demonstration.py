@@ -31,7 +31,7 @@ CAPTION = (
 
 
 class Demonstration:
-    """Flies a running fleet in a thread of its own until `stop` is set."""
+    """Flies a running fleet until `stop` is set."""
 
     def __init__(self, fleet: Fleet, stop: threading.Event, say: Callable[[str], object]) -> None:
         self._fleet, self._clock = fleet, fleet.session.clock
@@ -40,32 +40,18 @@ class Demonstration:
         self._leader = leader_of(fleet)
         self._recorder = Recorder(fleet.session, RECORDS_KEPT)
         self._recording = Recording(())
-        self._thread = threading.Thread(target=self._run, name="demonstration", daemon=True)
-        self._seconds = self._end_s = math.inf
+        self._end_s = math.inf
         self._flown_s = 0.0
-        self.problem: str | None = None
+        self.problem: str | None = None  # what ended it early
 
-    @property
-    def finished(self) -> bool:
-        """Whether the demonstration has ended, by itself or because of a problem."""
-        return not self._thread.is_alive()
-
-    def start(self, seconds: float | None) -> None:
+    def fly(self, seconds: float | None) -> None:
         """Take off and fly, for a time or without end."""
-        self._seconds = math.inf if seconds is None else seconds
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Wait for the thread after the user has stopped the demonstration."""
-        self._thread.join(20.0)
-
-    def _run(self) -> None:
         try:
             with stopped_by(self._stop):
                 self._fleet.wait_ready()
                 self._fleet.take_off()
             started_s = self._clock()
-            self._end_s = started_s + self._seconds
+            self._end_s = math.inf if seconds is None else started_s + seconds
             self._recorder.start()
             try:
                 for turns in count():

@@ -259,9 +259,10 @@ def demo(
             stack.enter_context(page_of(fleet, lines.append))
         running, interrupts = stack.enter_context(interruptible(file, None, record=record))
         demonstration = Demonstration(running, interrupts, lines.append)
-        demonstration.start(seconds)
-        show_fleet(running, interrupts, lines, lambda: demonstration.finished)
-        demonstration.stop()
+        thread = threading.Thread(target=demonstration.fly, args=(seconds,), daemon=True)
+        thread.start()
+        show_fleet(running, interrupts, lines, lambda: not thread.is_alive())
+        thread.join(20.0)
     # Its figures take time, in which vehicles would fly on.
     Console().print(demonstration.summary())
     if demonstration.problem is not None:

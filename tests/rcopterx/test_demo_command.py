@@ -29,28 +29,23 @@ def fleet(up: str) -> Iterator[Fleet]:
     fleet.close()
 
 
-def ended(demonstration: Demonstration) -> Demonstration:
-    wait_for(lambda: demonstration.finished, "the demonstration goes on")
-    assert demonstration.problem is None
-    return demonstration
-
-
 def test_a_demonstration_that_is_stopped_before_take_off_arms_no_vehicle(
     fleet: Fleet, vehicles: Vehicles
 ) -> None:
     vehicles["h2"].ready = False
+    wait_for(lambda: "h2: transmitter not ready: module speaks" in fleet.problems(["h2"]), "h2 is ready")
     stop = threading.Event()
-    demonstration = Demonstration(fleet, stop, print)
-    demonstration.start(None)
     stop.set()
-    ended(demonstration)
+    demonstration = Demonstration(fleet, stop, print)
+    demonstration.fly(None)
+    assert demonstration.problem is None
     assert not vehicles["h1"].verbs
 
 
 def test_figures_of_a_demonstration_end_with_its_flight(fleet: Fleet, vehicles: Vehicles) -> None:
     demonstration = Demonstration(fleet, threading.Event(), print)
-    demonstration.start(1.0)
-    ended(demonstration)
+    demonstration.fly(1.0)
+    assert demonstration.problem is None
     vehicles["h1"].counts = {"leader_plan_late": 5}
 
     def counted() -> bool:
@@ -77,9 +72,7 @@ def test_a_demonstration_lands_before_its_figures_are_computed(
         done.append("figures")
         return ""
 
-    flown = SimpleNamespace(
-        start=lambda _: None, finished=True, stop=lambda: None, problem=None, summary=summary
-    )
+    flown = SimpleNamespace(fly=lambda _: None, problem=None, summary=summary)
     path = tmp_path / "fleet.toml"
     path.write_text(fleet_file_text(bus_address))
     monkeypatch.setattr(launch, "interruptible", flight)
