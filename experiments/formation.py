@@ -124,14 +124,8 @@ def formation(scheme: Scheme, conditions: Conditions, seed: int) -> list[RigVehi
     """One leader and two followers in the air, a metre above the floor."""
     leader = scheme.vehicle(LEADER, Pose((0.0, 0.0, 1.0)), conditions, seed)
     followers = [
-        scheme.vehicle(
-            name,
-            Pose((NEAR[name][0], NEAR[name][1], 1.0 + NEAR[name][2])),
-            conditions,
-            seed,
-            (following(NEAR[name]),),
-        )
-        for name in FOLLOWERS
+        scheme.vehicle(name, Pose((x, y, 1.0 + z)), conditions, seed, (following((x, y, z)),))
+        for name, (x, y, z) in NEAR.items()
     ]
     return [leader, *followers]
 

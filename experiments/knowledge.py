@@ -72,17 +72,15 @@ def known_model(
     first-order plants.
     """
     nominal = plant_type(conditions)
-    if nominal is COAXIAL_LAG:
-        if knowledge != "default":
-            raise ValueError(f"knowledge {knowledge!r}: first-order plants are known by default only")
+    if knowledge == "default":
         return nominal
+    if nominal is COAXIAL_LAG:
+        raise ValueError(f"knowledge {knowledge!r}: first-order plants are known by default only")
     if knowledge == "identified":
         return identified_model(conditions, name, seed, measured_tilt)
-    if knowledge == "exact" and nominal is CRAZYFLIE:
+    if nominal is CRAZYFLIE:
         return exact_crazyflie(crazyflie_of(name, conditions, seed))
-    if knowledge == "exact":
-        return exact_model(helicopter_of(name, conditions, seed))
-    return nominal
+    return exact_model(helicopter_of(name, conditions, seed))
 
 
 def exact_model(parameters: HelicopterParameters) -> Model:
