@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -49,17 +50,10 @@ class Stream:
 
     def __init__(self, sender: zenoh.Session, receiver: zenoh.Session, name: str) -> None:
         self.arrivals: list[tuple[float, float]] = []
-        self._commands = sender.declare_publisher(
-            f"{name}/command",
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME,
-        )
+        publisher = partial(sender.declare_publisher, congestion_control=zenoh.CongestionControl.DROP)
+        self._commands = publisher(f"{name}/command", priority=zenoh.Priority.REAL_TIME)
         self._plans = [
-            sender.declare_publisher(
-                f"{name}/plan/{number}",
-                congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.INTERACTIVE_HIGH,
-            )
+            publisher(f"{name}/plan/{number}", priority=zenoh.Priority.INTERACTIVE_HIGH)
             for number in range(PLANS)
         ]
         self._subscribers = [
