@@ -10,6 +10,7 @@ from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.phases import Phase
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
+    FLYING,
     NAMES,
     Action,
     ActionRequest,
@@ -50,7 +51,7 @@ class TakeOff:
             if commanding:
                 self._command(StampedMeasurement(1, self.frame, PERIOD_S, seen))
             output = self.arbiter.step(self.now_s)
-            self.plant.send(np.zeros(4) if output.throttle_low else np.array(output.u))
+            self.plant.send(np.array(output.u) if output.state in FLYING else np.zeros(4))
             sequence = 0 if output.cause is None else output.cause.sequence
             self.applied.append((NAMES[output.state], sequence, np.array(output.u)))
 
