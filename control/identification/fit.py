@@ -131,7 +131,7 @@ def identify(recording: FlightRecording, model: Model, *more: FlightRecording) -
     problems = (*_too_little(numbers), *_worse(before, after), *essential)
     found = _finished(candidate.model, model, numbers, hover)
     if remarks:
-        found = replace(found, uncertainty=_wider(found.uncertainty, model.uncertainty))
+        found = replace(found, uncertainty=_with_gains_of(found.uncertainty, model.uncertainty))
     return Identification(found, candidate.offsets, numbers, before, after, problems, remarks)
 
 
@@ -335,17 +335,21 @@ def _worse(before: PredictionErrors, after: PredictionErrors) -> list[str]:
     ]
 
 
-def _wider(one: Uncertainty, other: Uncertainty) -> Uncertainty:
-    return Uncertainty(
-        max(one.gain_factor, other.gain_factor),
-        max(one.delay_s, other.delay_s),
-        max(one.frequency_fraction, other.frequency_fraction),
-        other.tilt_damping or one.tilt_damping,
+def _with_gains_of(found: Uncertainty, known: Uncertainty) -> Uncertainty:
+    """Uncertainty of a fit, with gains and delay at least as uncertain as before.
+
+    Frequency and damping stay as certain as the fit: no weights bear those of all vehicles of a type with the
+    model of one.
+    """
+    return replace(
+        found,
+        gain_factor=max(found.gain_factor, known.gain_factor),
+        delay_s=max(found.delay_s, known.delay_s),
     )
 
 
 def _doubtful(name: str) -> str:
     return (
-        f"{name} went as far as it may, so the model stays as uncertain as before: the vehicle differs in "
+        f"{name} went as far as it may, so gains count as uncertain as before: the vehicle differs in "
         "something else, or sticks were at their ends; identify again with a lower --strength"
     )

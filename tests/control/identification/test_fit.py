@@ -7,6 +7,7 @@ import pytest
 from support.simulated_flight import simulated_flight, still_flight
 from support.vehicle_types import COAXIAL, COAXIAL_LAG, CRAZYFLIE, QUADROTOR
 
+from rcopterx.control.controllers.cascade.weights import default_weights
 from rcopterx.control.identification.fit import Identification, identify
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.vehicles.model import IDENTIFIED, Model
@@ -178,14 +179,25 @@ def test_height_is_as_certain_as_its_noise_permits(found: Identification) -> Non
     assert abs(thrust.value - 16.5) < 4.0 * thrust.deviation
 
 
-def test_a_parameter_on_its_bound_is_said_and_does_not_make_the_model_more_certain(
+def test_a_parameter_on_its_bound_is_said_and_does_not_make_gains_more_certain(
     flight: FlightRecording, found: Identification
 ) -> None:
     assert found.remarks == ()
     known = replace(COAXIAL, lag_s=(*COAXIAL.lag_s[:3], 0.02))
     doubtful = identify(flight, known)
     assert any(remark.startswith("yaw lag went as far as it may") for remark in doubtful.remarks)
-    assert doubtful.model.uncertainty == known.uncertainty
+    uncertainty = doubtful.model.uncertainty
+    assert uncertainty.gain_factor == known.uncertainty.gain_factor
+    assert uncertainty.delay_s == known.uncertainty.delay_s
+
+
+def test_a_helicopter_with_a_parameter_on_its_bound_is_flown_no_softer_than_its_type(
+    flight: FlightRecording,
+) -> None:
+    doubtful = identify(flight, replace(COAXIAL, lag_s=(*COAXIAL.lag_s[:3], 0.02)))
+    assert doubtful.remarks != ()
+    weights, of_type = (default_weights(model, 0.02).inputs for model in (doubtful.model, COAXIAL))
+    assert np.less(weights, of_type)[:2].all()
 
 
 def logged(model: Model, seed: int) -> FlightRecording:
