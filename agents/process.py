@@ -49,9 +49,8 @@ class Agent:
         self.parts = AgentParts(settings, pilot, bus)
         """The parts of the agent beside its pilot."""
         self._reporter = Reporter(settings, pilot, bus, self.parts, realtime)
-        self.serving = False
-        """Whether the agent has begun to accept requests for the vehicle."""
-        self._serving_since_s = math.inf
+        self.serving_since_s = math.inf
+        """Since when the agent accepts requests for the vehicle [monotonic s]; infinite before."""
         self.control_by_s: float | None = None
         """Time by which the present control period has to be flown [monotonic s]; None if that is done."""
         self._later_exchanges = LaterExchanges(pilot.cooperation)
@@ -121,14 +120,14 @@ class Agent:
             take_over = lease.takes_over(now_s, self._pilot.ready)
             bid = LeaseBid(agent=lease.agent, host=self._settings.bus.host or None, take_over=take_over)
             self._bus.publish(channels.LEASE_BID, vehicle, bid)
-        if lease.held and not self.serving:
-            self.serving, self._serving_since_s = True, now_s
+        if lease.held and self.serving_since_s == math.inf:
+            self.serving_since_s = now_s
             self._bus.serve(vehicle, parts.requests.verbs)
             self._reporter.begin()
 
     def _take_requests(self) -> None:
         """Answer requests, as soon as it is known whether the vehicle flies."""
-        oriented = self._pilot.informed or self._now_s >= self._serving_since_s + ORIENTATION_S
+        oriented = self._pilot.informed or self._now_s >= self.serving_since_s + ORIENTATION_S
         if oriented and not self.lost:
             incoming, self._bus.requests = self._bus.requests, []
             if self.parts.requests.take(incoming):

@@ -27,7 +27,7 @@ def test_what_is_asked_before_an_agent_knows_that_it_flies_waits_for_that(bench:
     def ask() -> None:
         answers.append(bench.others.request("h9", goal, timeout_s=DEADLINE_S, patience_s=DEADLINE_S).accepted)
 
-    bench.step_until(lambda: bench.agent.serving, "the agent has no lease")
+    bench.step_until(lambda: bench.agent.serving_since_s < math.inf, "the agent has no lease")
     asker = threading.Thread(target=ask)
     asker.start()
     bench.step_until(lambda: bench.bus.requests, "the request does not arrive")
