@@ -82,8 +82,7 @@ class Trajectory(Struct, frozen=True):
 def hold(position_m: Array, yaw_rad: float, period_s: float, stages: int) -> Trajectory:
     """Return the trajectory of a set point: rest at one place, shape (3,)."""
     samples = np.zeros((stages, COLUMNS))
-    samples[:, POSITION] = position_m
-    samples[:, YAW] = yaw_rad
+    samples[:, :4] = *position_m, yaw_rad
     return Trajectory(samples, period_s)
 
 

@@ -238,8 +238,9 @@ def state_tilting(
             demand[k, 0], demand[k, 1] = in_body(-middle_rad, pitch, roll)
     x, y = p.x_end[servo], p.x_end[servo + 1]
     p.x_end[servo], p.x_end[servo + 1] = in_body(steering.coupling_rad, x, y)
-    velocity = in_body(-motion[YAW], motion[4], motion[5])
-    tilting = in_body(-motion[YAW], gain[0] * tilt.servo[0], gain[1] * tilt.servo[1])
+    heading_rad = motion[YAW]
+    velocity = in_body(-heading_rad, motion[4], motion[5])
+    tilting = in_body(-heading_rad, gain[0] * tilt.servo[0], gain[1] * tilt.servo[1])
     for axis in range(2):
         p.x_0[VELOCITY + axis], p.x_0[servo + axis] = velocity[axis], tilting[axis]
     for i in range(len(tilt.core)):
