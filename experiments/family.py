@@ -27,7 +27,7 @@ from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
 from rcopterx.vehicles.tuples import Three
 
 HOME_M: Final[Three] = (0.0, 0.0, 1.0)
-LOST_M: Final = 0.5  # further from home at the end of the flight, a vehicle is lost
+LOST_M: Final = 0.5  # further from its last set point at the end of the flight, a vehicle is lost
 LIMIT_CYCLE_STICK: Final = 0.4
 """Standard deviation of a stick from which its motion counts as a limit cycle; a sine from stop to stop has
 0.7."""
@@ -71,6 +71,8 @@ QUICK_PROGRAMME: Final = Programme(settled_s=3.0, hover_s=6.0, slot_s=3.0, rest_
 STEPS: Final[tuple[tuple[Three, float], ...]] = (((0.4, 0.3, 1.3), 0.0), (HOME_M, 0.0))
 YAW_STEPS: Final[tuple[tuple[Three, float], ...]] = ((HOME_M, np.pi / 2), (HOME_M, 0.0))
 EIGHT: Final = figure_eight(HOME_M, (0.5, 0.25), 6.0)
+CLIMB_M: Final[Three] = (0.6, 0.0, 1.8)
+THERE_M: Final = 0.05  # a vehicle has arrived after which it stays within this distance of a set point
 
 
 def levels_of(knowledge: Sequence[Knowledge]) -> dict[str, Scheme]:
@@ -88,10 +90,11 @@ class Flown:
     """Figures of one vehicle.
 
     In hover the root mean square errors of the worse horizontal axis, of height and of yaw, and that of the
-    worse of pitch and roll stick, trim included. `stick_deviation` is the largest standard deviation of these
+    worse of pitch and roll stick, trim included. `climb_s` is the time after which the vehicle stays near the
+    end of a step with a climb. `stick_deviation` is the largest standard deviation of these
     sticks in hover or at rest after a step, `rest_mm` the largest distance from the set point at rest,
     `yaw_step_mm` the largest horizontal one during yaw steps. A vehicle is `lost` that left the volume or did
-    not return home.
+    not arrive at its last set point.
     """
 
     hover_mm: float
@@ -103,6 +106,7 @@ class Flown:
     yaw_step_mm: float
     eight_mm: float
     eight_max_mm: float
+    climb_s: float
     lost: bool
     touched_floor: bool
     fallbacks: int
@@ -126,13 +130,15 @@ def fly_member(
     events: list[Event] = [
         GoTo(at_s, "h1", place, yaw_rad) for at_s, (place, yaw_rad) in zip(starts, slots, strict=False)
     ]
-    events.append(Fly(starts[-1], "h1", EIGHT))
+    flown_s = starts[-1] + EIGHT.duration_s
+    climbs_s = flown_s + programme.rest_s
+    events += [Fly(starts[-1], "h1", EIGHT), GoTo(climbs_s, "h1", CLIMB_M, 0.0)]
     vehicle = scheme.vehicle("h1", Pose(HOME_M), conditions, seed)
     rig = Rig([vehicle], conditions, seed, GUARDED)
-    record = rig.fly(starts[-1] + EIGHT.duration_s, events, progress)["h1"]
-    eight = record.time_s >= starts[-1]
+    record = rig.fly(climbs_s + programme.slot_s, events, progress)["h1"]
+    eight = (record.time_s >= starts[-1]) & (record.time_s < flown_s)
     wanted = EIGHT.sample(record.time_s[eight] - starts[-1])[:, :3]
-    return _figures(record, programme, starts, record.motion[eight, :3] - wanted)
+    return _figures(record, programme, (*starts, climbs_s), record.motion[eight, :3] - wanted)
 
 
 def _figures(
@@ -142,14 +148,15 @@ def _figures(
         return np.asarray((record.time_s >= first_s) & (record.time_s < last_s))
 
     hover = between(programme.settled_s, programme.hover_s)
-    rests = [between(end_s - programme.rest_s, end_s) for end_s in starts[1:]]
-    yaw_steps = between(starts[len(STEPS)], starts[-1])
+    *_, eight_s, climbs_s = starts
+    rests = [between(end_s - programme.rest_s, end_s) for end_s in starts[1:-1]]
+    yaw_steps = between(starts[len(STEPS)], eight_s)
     errors = record.reference_error()
     hover_rms = np.sqrt(np.mean(np.square(errors[hover]), axis=0))
     sticks = record.inputs[:, : INPUT_SIZE - 2]
     distance_m = np.linalg.norm(errors[:, :3], axis=1)
     eight_m = np.linalg.norm(eight_error_m, axis=1)
-    end_m = float(np.linalg.norm(record.motion[-1, :3] - np.array(HOME_M)))
+    from_climb_m = np.linalg.norm(record.motion[:, :3] - CLIMB_M, axis=1)
     return Flown(
         hover_mm=1e3 * float(hover_rms[:2].max()),
         height_mm=1e3 * float(hover_rms[2]),
@@ -160,7 +167,8 @@ def _figures(
         yaw_step_mm=1e3 * float(np.linalg.norm(errors[yaw_steps, :2], axis=1).max()),
         eight_mm=1e3 * rms(eight_m),
         eight_max_mm=1e3 * float(eight_m.max()),
-        lost=record.left_volume or not end_m < LOST_M,
+        climb_s=float(record.time_s[from_climb_m > THERE_M].max()) - climbs_s,
+        lost=record.left_volume or not float(from_climb_m[-1]) < LOST_M,
         touched_floor=record.touchdowns > 0,
         fallbacks=sum(record.fallbacks.values()),
     )

@@ -22,7 +22,7 @@ from rcopterx.experiments.runner import Options
 from rcopterx.experiments.schemes import Scheme
 from rcopterx.simulator.conditions import CRAZYFLIES, HELICOPTERS
 
-GOOD = Flown(10.0, 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, False, False, 0)
+GOOD = Flown(10.0, 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, 1.1, False, False, 0)
 
 
 def test_default_configuration_flies_a_drawn_helicopter_through_the_programme() -> None:
@@ -30,6 +30,7 @@ def test_default_configuration_flies_a_drawn_helicopter_through_the_programme() 
     assert flown.hover_mm < 40
     assert flown.stick < 0.25
     assert flown.eight_mm <= flown.eight_max_mm < 150
+    assert 1.0 < flown.climb_s < 3.0
     assert (flown.lost, flown.touched_floor, flown.limit_cycle) == (False, False, False)
     assert flown.fallbacks == 0
 
