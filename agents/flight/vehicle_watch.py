@@ -67,7 +67,7 @@ class VehicleFault:
 class _Moment(NamedTuple):
     """Beginning of a control period."""
 
-    velocities: list[tuple[float, float]]  # of each axis: what its stick asked for and what it made so far
+    velocities: list[tuple[float, float]]  # of each axis: what its stick demanded and what it made so far
     height_m: float
     yaw_rad: float
 
@@ -166,9 +166,9 @@ class VehicleWatch:
 
 
 def _change(first: _Moment, last: _Moment, axis: int) -> tuple[float, float]:
-    """Changes of velocity between two moments that the stick of an axis asked for and made."""
-    (asked_first, made_first), (asked, made) = first.velocities[axis], last.velocities[axis]
-    return asked - asked_first, made - made_first
+    """Changes of velocity between two moments that the stick of an axis demanded and made."""
+    (demanded_first, made_first), (demanded, made) = first.velocities[axis], last.velocities[axis]
+    return demanded - demanded_first, made - made_first
 
 
 class _StickEffect:
@@ -182,19 +182,19 @@ class _StickEffect:
         above = model.u_max[axis] - model.hover_input[axis]
         # A side of the range to which a stick hardly moves shows nothing about it.
         self._far = (LEAST_STICK * float(below), LEAST_STICK * float(above))
-        self._least_asked = tuple(WINDOW_S * self._gain * far for far in self._far)
+        self._least_demanded = tuple(WINDOW_S * self._gain * far for far in self._far)
         self.reset()
 
     def reset(self) -> None:
         self._stick: float | None = None
-        self._asked = 0.0  # change of the velocity that the stick asked for so far
+        self._demanded = 0.0  # change of the velocity that the stick demanded so far
         self._passive = 0.0  # change of the velocity by damping, turning of the frame and gravity so far
         self._near_for_s = (math.inf, math.inf)  # time since the stick was far to its lower and upper side
         self._dead_for_s = 0.0
 
     def advance(self, stick: float, velocity: float, other: float) -> tuple[float, float]:
         """Advance by a period, under `stick` and the acceleration `other` of turning and gravity."""
-        until_now = self._asked, velocity - self._passive
+        until_now = self._demanded, velocity - self._passive
         period_s, (far_below, far_above), (below_s, above_s) = self._period_s, self._far, self._near_for_s
         before = stick if self._stick is None else self._stick
         self._stick = acting = stick + self._pole * (before - stick)
@@ -202,7 +202,7 @@ class _StickEffect:
             0.0 if acting < -far_below else below_s + period_s,
             0.0 if acting > far_above else above_s + period_s,
         )
-        self._asked += period_s * self._gain * acting
+        self._demanded += period_s * self._gain * acting
         self._passive += period_s * (self._damping * velocity + other)
         return until_now
 
@@ -217,15 +217,15 @@ class _StickEffect:
         return VehicleFault("axis_dead", f"{name} has no effect", self._axis)
 
     def _effect(self, first: _Moment, last: _Moment) -> float:
-        """Return what the stick has done in a window as a share of what it asked for."""
+        """Return what the stick has done in a window as a share of what it demanded."""
         axis = self._axis
-        asked, made = _change(first, last, axis)
-        side = 1 if asked > 0.0 else 0
-        if abs(asked) <= self._least_asked[side] or self._near_for_s[1 - side] < SWING_S:
+        demanded, made = _change(first, last, axis)
+        side = 1 if demanded > 0.0 else 0
+        if abs(demanded) <= self._least_demanded[side] or self._near_for_s[1 - side] < SWING_S:
             return AS_MODELLED
         if axis != U_YAW and abs(last.yaw_rad - first.yaw_rad) > MOST_TURNED_RAD:
             return AS_MODELLED
-        return made / asked
+        return made / demanded
 
 
 class _ThrustWatch:
@@ -251,10 +251,10 @@ class _ThrustWatch:
         if self.full_for_s >= THRUST_WINDOW_S and last.height_m - first.height_m < LEAST_CLIMB_M:
             text = f"thrust at its limit for {THRUST_WINDOW_S:g} s without gaining height"
             return VehicleFault("thrust_exhausted", text)
-        asked_m_s, made_m_s = _change(first, last, U_THRUST)
-        if asked_m_s <= 0.5 * THRUST_WINDOW_S * self._gravity_m_s2:
+        demanded_m_s, made_m_s = _change(first, last, U_THRUST)
+        if demanded_m_s <= 0.5 * THRUST_WINDOW_S * self._gravity_m_s2:
             return None  # It falls on purpose: so little thrust shows nothing.
-        gain = made_m_s / asked_m_s
+        gain = made_m_s / demanded_m_s
         hover_thrust = self._learn(gain)
         if self._learning_for_s < LEARNING_S:
             return None
