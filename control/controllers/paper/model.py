@@ -100,9 +100,8 @@ class TerminalCost:
         self._paper_model = paper_model
         self._state_weights = state_weights
         self._input_weights = input_weights
-        self._isotropic = bool(
-            state_weights[X] == state_weights[Y] and state_weights[X_INT] == state_weights[Y_INT]
-        )
+        along, across = state_weights[[[X, X_INT], [Y, Y_INT]]]
+        self._isotropic = bool((along == across).all())
         self._solved = cache(self._solve)
 
     def at(self, yaw_rad: float) -> Array:
