@@ -161,7 +161,7 @@ def test_interrupted_experiment_flies_only_what_its_file_lacks(
         flown.append(seed)
         if seed == 101 and len(flown) == 2:
             raise KeyboardInterrupt
-        return Flown(float(seed), 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, False, False, 0)
+        return Flown(float(seed), 3.0, 30.0, 0.1, 0.1, 40.0, 40.0, 20.0, 40.0, 1.1, False, False, 0)
 
     monkeypatch.setattr("rcopterx.experiments.family.fly_member", fly)
     flights = tmp_path / "flights.jsonl"

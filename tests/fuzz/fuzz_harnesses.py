@@ -91,7 +91,7 @@ def flight_log(data: bytes) -> None:
         summary_of(Flight("lab", (path,)))
         try:
             count = sum(1 for _ in messages_of(path))
-            assert mend(path, {}).messages == count
+            assert mend(path).messages == count
         except FlightLogError:
             return
         contents = Contents()

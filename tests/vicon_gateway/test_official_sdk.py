@@ -82,7 +82,7 @@ def test_official_sdk_sees_the_same_positions_and_occlusions_as_our_client(profi
         deadline_s = time.monotonic() + 2 * DEADLINE_S
         number, next_s = 0, 0.0
         while sum("clock" in seen for seen in sdk.frames) < FRAMES:
-            assert time.monotonic() < deadline_s, (len(sdk.frames), server.state, client.state)
+            assert time.monotonic() < deadline_s, (len(sdk.frames), server.clients, client.state)
             server.poll(0.0005)
             if time.monotonic() >= next_s:
                 next_s = time.monotonic() + 0.01

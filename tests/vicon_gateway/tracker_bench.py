@@ -77,7 +77,7 @@ class Bench:
         give_up_s = time.monotonic() + DEADLINE_S
         while not condition():
             self.step()
-            assert time.monotonic() < give_up_s, (self.client.state, self.server.state)
+            assert time.monotonic() < give_up_s, (self.client.state, self.server.clients)
 
     def run_frames(self, number: int) -> list[CapturedFrame]:
         """Return the next frames the client delivers."""
