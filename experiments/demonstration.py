@@ -1,7 +1,6 @@
 """The flight of `rcopterx demo`: the paper's set points in a loop."""
 
 import math
-import threading
 from collections.abc import Callable, Sequence
 from itertools import count
 
@@ -15,7 +14,7 @@ from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.report.statistics import rms_and_max
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
-from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
+from rcopterx.ground_station.scripting.waiting import Stop, StoppedError, stopped_by
 
 TURNS_PER_SEQUENCE = 3 * math.pi
 RECORDS_KEPT = 40_000
@@ -33,7 +32,7 @@ CAPTION = (
 class Demonstration:
     """Flies a running fleet until `stop` is set."""
 
-    def __init__(self, fleet: Fleet, stop: threading.Event, say: Callable[[str], object]) -> None:
+    def __init__(self, fleet: Fleet, stop: Stop, say: Callable[[str], object]) -> None:
         self._fleet, self._clock = fleet, fleet.session.clock
         self._stop = stop
         self._say = say

@@ -16,7 +16,7 @@ from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
-from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
+from rcopterx.ground_station.scripting.waiting import Stop, StoppedError, stopped_by
 
 DEFAULT_FLEET = "trio"
 REPORT_NAME = "report.json"
@@ -50,7 +50,7 @@ def fly(
     fleet: Fleet,
     say: Say,
     wait: Wait,
-    stop: threading.Event | None = None,
+    stop: Stop | None = None,
 ) -> Flown:
     """Take off, fly and land; records the part in between.
 

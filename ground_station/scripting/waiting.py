@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import Protocol
 
 from rcopterx.bus.turns import Turns
 
@@ -30,13 +31,25 @@ def begin_turns(turns: Turns) -> None:
     turns.begin()
 
 
-_STOP: ContextVar[threading.Event | None] = ContextVar("stop", default=None)
+class Stop(Protocol):
+    """A request to stop, as an event or Ctrl-C."""
+
+    def is_set(self) -> bool:
+        """Return whether it was made."""
+        ...
+
+    def wait(self, timeout: float, /) -> bool:
+        """Wait for it for a time [s]; return whether it was made."""
+        ...
+
+
+_STOP: ContextVar[Stop | None] = ContextVar("stop", default=None)
 
 
 @contextmanager
-def stopped_by(event: threading.Event) -> Iterator[None]:
-    """While the block runs, waits of this thread or task end with `StoppedError` once the event is set."""
-    token = _STOP.set(event)
+def stopped_by(stop: Stop) -> Iterator[None]:
+    """While the block runs, waits of this thread or task end with `StoppedError` once a stop is requested."""
+    token = _STOP.set(stop)
     try:
         yield
     finally:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import threading
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +16,7 @@ from rcopterx.commands.fleet_option import (
     RunningFleetOption,
     SpeedOption,
 )
+from rcopterx.commands.interruption import Interrupts
 from rcopterx.commands.launch import RecordOption
 from rcopterx.commands.output import JsonOption, Progress, print_document
 from rcopterx.commands.parsing import check_known
@@ -138,7 +138,7 @@ def _make_directory(path: Path) -> None:
 
 
 def _fly_row(
-    row: "Manoeuvre", fleet: "Fleet", stop: threading.Event, progress: Progress, results: "Results"
+    row: "Manoeuvre", fleet: "Fleet", stop: Interrupts, progress: Progress, results: "Results"
 ) -> None:
     from rcopterx.experiments.flight import fly as fly_manoeuvre
     from rcopterx.experiments.flight import not_flown, reason_not_to_fly, report_of

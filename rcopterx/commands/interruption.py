@@ -1,8 +1,6 @@
 """Ctrl-C as the normal end of a command, or of a flight."""
 
-import math
 import signal
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -10,21 +8,26 @@ from contextlib import contextmanager, suppress
 POLL_S = 0.02  # longest time until a wait ends after a signal
 
 
-class Interrupts(threading.Event):
-    """Set by Ctrl-C, and counts it: the first one lands, the second one cuts."""
+class Interrupts:
+    """Counts Ctrl-C: the first one lands, the second one cuts.
+
+    It needs no lock: a signal handler that takes one waits for ever if the interrupted thread holds it.
+    """
 
     def __init__(self) -> None:
-        super().__init__()
         self.count = 0
 
     def __call__(self, *_: object) -> None:
         """Signal handler."""
         self.count += 1
-        self.set()
 
-    def wait(self, timeout: float | None = None) -> bool:
-        """Wait without the lock of `Event`, for which a signal during a wait would wait for ever."""
-        end_s = math.inf if timeout is None else time.monotonic() + timeout
+    def is_set(self) -> bool:
+        """Return whether there was a signal."""
+        return self.count > 0
+
+    def wait(self, timeout_s: float, /) -> bool:
+        """Wait for a signal for a time; return whether there was one."""
+        end_s = time.monotonic() + timeout_s
         while not self.is_set() and (left_s := end_s - time.monotonic()) > 0.0:
             time.sleep(min(left_s, POLL_S))
         return self.is_set()
