@@ -99,10 +99,8 @@ class StepGuard:
 
     def use(self, controller: Controller) -> None:
         """Change to another controller; one that is not part of this package stays in the flight envelope."""
-        self.controller, self.replaced = (
-            controller,
-            False,
-        )  # whether the default one flies for one that failed
+        self.controller = controller
+        self.replaced = False  # whether the default one flies for one that failed
         self.calls.failure, self._failed_for_s = "", 0.0
         self._envelope = None if is_built_in(controller) else Envelope(self.model, BRIDGED_S)
 

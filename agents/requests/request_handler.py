@@ -141,9 +141,8 @@ class RequestHandler:
 
     def __post_init__(self) -> None:
         self._tuned_by: Incoming | None = None
-        self._room = self.settings.room
         self.trajectories = TrajectoryRequests(
-            self._room, self.pilot, self._no_trajectory, self._formation_check, self.wake
+            self.settings.room, self.pilot, self._no_trajectory, self._formation_check, self.wake
         )
         """The trajectory that is being checked."""
         self._at_once: dict[type[Request], Callable[[Any], Reply]] = {
@@ -234,7 +233,7 @@ class RequestHandler:
         if guidance.takes_off_to(request.height_m):
             return reply_of(None)  # The sender repeats a request whose reply was lost.
         floor_m = float(self.pilot.estimate.motion[2])
-        top_m = self._room.max_m[2]
+        top_m = self.settings.room.max_m[2]
         if floor_m + request.height_m > top_m:
             return reply_of(
                 f"height_m: {request.height_m:g} m is above the flight volume, which ends at {top_m:g} m"
@@ -245,7 +244,7 @@ class RequestHandler:
             request.height_m,
             tuple(target_link(link) for link in guidance.assigned),
             self.peers.statuses(),
-            self._room,
+            self.settings.room,
         )
         return reply_of(problem or self.pilot.take_off(request.height_m))
 
@@ -256,7 +255,7 @@ class RequestHandler:
         position_m, yaw_rad = np.array(request.set_point.position_m), request.set_point.yaw_rad
         problem = (
             self.changes.promised()
-            or self._room.outside(position_m)
+            or self.settings.room.outside(position_m)
             or self._formation_check()(np.array([[*position_m, yaw_rad]]))
         )
         if problem is not None:
@@ -280,11 +279,11 @@ class RequestHandler:
         if self.settings.separation is None or not isinstance(self.pilot.controller, AvoidsObstacles):
             moved = {own, *followers(links, own)}
             others = {name: at for name, at in places(links, heads).items() if name not in moved}
-        return partial(move_problem, own, links=links, room=self._room, unrelated=others)
+        return partial(move_problem, own, links=links, room=self.settings.room, unrelated=others)
 
     def _lead(self, _: Lead) -> Reply:
         self.changes.lead()
-        return reply_of(None, f"{self.settings.vehicle} follows nobody")
+        return reply_of(None, f"{self.settings.vehicle} follows no other vehicle")
 
     def _withdraw(self, request: WithdrawLeaders) -> Reply:
         self.changes.withdraw(request)
@@ -302,7 +301,7 @@ class RequestHandler:
             problem = "it flies a trajectory"
         place_m, _ = guidance.set_point()
         for corner_m in (place_m - request.reach_m, place_m + request.reach_m):
-            problem = problem or self._room.outside(corner_m)
+            problem = problem or self.settings.room.outside(corner_m)
         try:
             excitation = Excitation(request.amplitude, request.duration_s, request.comb)
         except ValueError as error:

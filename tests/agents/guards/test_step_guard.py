@@ -148,8 +148,8 @@ def test_a_default_controller_that_is_flown_itself_is_not_replaced_by_itself() -
     guard = StepGuard(COAXIAL_LAG, sound, sound)
     estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, HORIZON)
     guard.reset(estimate, HOVER)
-    told = [guard.step(estimate, reference, HOVER).fallback for _ in range(90)]
-    assert set(told) == {None, SHIFTED_PLAN}
+    fallbacks = [guard.step(estimate, reference, HOVER).fallback for _ in range(90)]
+    assert set(fallbacks) == {None, SHIFTED_PLAN}
     assert guard.calls.failures["controller_raised"] == 30
 
 
@@ -158,9 +158,9 @@ def test_a_shifted_plan_has_an_end() -> None:
     guard = StepGuard(COAXIAL_LAG, failing)
     estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, HORIZON)
     guard.reset(estimate, HOVER)
-    told = [guard.step(estimate, reference, HOVER).fallback for _ in range(60)]
+    fallbacks = [guard.step(estimate, reference, HOVER).fallback for _ in range(60)]
     shifted = round(SHIFTED_PLAN_LIMIT_S / PERIOD_S)
-    assert told == [None] + shifted * [SHIFTED_PLAN] + (59 - shifted) * [HOVERING]
+    assert fallbacks == [None] + shifted * [SHIFTED_PLAN] + (59 - shifted) * [HOVERING]
 
 
 def test_an_estimate_that_is_not_finite_still_gives_a_command() -> None:

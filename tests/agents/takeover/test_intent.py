@@ -87,7 +87,7 @@ def clock_at(epoch: int, frame: int, time_s: float = 0.0) -> FleetClock:
     return clock
 
 
-def told(task: Task, time_s: float) -> Intent:
+def received_intent(task: Task, time_s: float) -> Intent:
     """The intent as a successor gets it over the bus."""
     message = intent_of(1, task, CONFIGURATION, None, clock_at(7, 100, time_s), 0.5)
     return decode(encode(message), Intent)
@@ -97,7 +97,7 @@ def told(task: Task, time_s: float) -> Intent:
 def test_references_and_offsets_go_on_as_if_nothing_had_happened(
     task: Task, time_s: float, own_time_s: float, passed: float
 ) -> None:
-    restored = task_of(told(task, time_s), own_time_s, passed)
+    restored = task_of(received_intent(task, time_s), own_time_s, passed)
     before = task.source.sample(time_s + passed, 0.1, 80).samples
     after = restored.source.sample(own_time_s, 0.1, 80).samples
     assert after == pytest.approx(before, abs=1e-5)
@@ -124,7 +124,10 @@ def test_guidance_of_a_successor_asks_for_the_same_reference(
 ) -> None:
     plans = {link.leader: plan(leader_yaw_rad) for link in task.followed}
     references = []
-    for restored, now_s in ((task, time_s), (task_of(told(task, time_s), own_time_s, 0.0), own_time_s)):
+    for restored, now_s in (
+        (task, time_s),
+        (task_of(received_intent(task, time_s), own_time_s, 0.0), own_time_s),
+    ):
         guidance = Guidance()
         guidance.on_event(Event.RESUME, still(UP))
         guidance.restore(restored, still(UP), now_s)
@@ -135,7 +138,7 @@ def test_guidance_of_a_successor_asks_for_the_same_reference(
 @given(tasks())
 def test_who_stands_in_for_a_lost_leader_is_decided_anew(task: Task) -> None:
     led = Task(task.phase, task.source, (), task.assigned, frozenset(), 0.0)
-    restored = task_of(told(led, 1.0), 1.0, 0.0)
+    restored = task_of(received_intent(led, 1.0), 1.0, 0.0)
     assert [link.leader for link in restored.followed] == [link.leader for link in task.assigned]
     assert restored.joined == frozenset()
 
@@ -171,7 +174,7 @@ def test_a_landing_goes_on_where_it_was() -> None:
     task = Task(Phase.LANDING, descent, (), (), frozenset(), 0.0)
     guidance = Guidance()
     guidance.on_event(Event.RESUME, still(UP))
-    guidance.restore(task_of(told(task, 4.0), 10.0, 0.5), still(UP), 10.0)
+    guidance.restore(task_of(received_intent(task, 4.0), 10.0, 0.5), still(UP), 10.0)
     assert guidance.phase is Phase.LANDING
     now = guidance.source.sample(10.0, 0.02, 10).samples
     assert now == pytest.approx(descent.sample(4.5, 0.02, 10).samples, abs=1e-9)
@@ -179,15 +182,15 @@ def test_a_landing_goes_on_where_it_was() -> None:
 
 def test_settings_are_those_of_before() -> None:
     task = Task(Phase.FLYING, SetPointReference(np.zeros(3), 0.0), (), (), frozenset(), 0.0)
-    assert configuration_of(told(task, 0.0)) == CONFIGURATION
+    assert configuration_of(received_intent(task, 0.0)) == CONFIGURATION
 
 
 @pytest.mark.parametrize(("epoch", "expected_s"), [(7, 0.5), (8, 0.3)])
 def test_time_is_counted_in_frames_and_across_streams_by_age(epoch: int, expected_s: float) -> None:
     task = Task(Phase.FLYING, SetPointReference(np.zeros(3), 0.0), (), (), frozenset(), 0.0)
-    assert passed_s(told(task, 0.0), 0.3, clock_at(epoch, 125)) == pytest.approx(expected_s)
+    assert passed_s(received_intent(task, 0.0), 0.3, clock_at(epoch, 125)) == pytest.approx(expected_s)
 
 
 def test_turns_are_part_of_the_set_point() -> None:
     task = Task(Phase.FLYING, SetPointReference(np.zeros(3), 3 * math.pi), (), (), frozenset(), 0.0)
-    assert told(task, 0.0).set_point.yaw_rad == pytest.approx(3 * math.pi)
+    assert received_intent(task, 0.0).set_point.yaw_rad == pytest.approx(3 * math.pi)
