@@ -13,7 +13,7 @@ from typing import Any, Final, ParamSpec, TypeVar
 
 import numba
 import numpy as np
-from numba import types
+from numba import extending, types
 from numba.core import event
 from numpy.typing import NDArray
 
@@ -25,6 +25,7 @@ R = TypeVar("R")
 
 # Any: the annotations of numba differ from version to version.
 _numba: Any = numba
+_extending: Any = extending
 _PACKAGE: Final = Path(__file__).parents[1]
 _OPTIONS: Final = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -64,8 +65,8 @@ def _convert_record(context: Any, builder: Any, given: Any, wanted: Any, value: 
     return context.make_tuple(builder, wanted, [context.cast(builder, *field) for field in fields])
 
 
-_numba.core.datamodel.register_default(Record)(_numba.core.datamodel.models.TupleModel)
-_numba.core.imputils.lower_cast(types.BaseNamedTuple, Record)(_convert_record)
+_extending.register_model(Record)(_extending.models.TupleModel)
+_extending.lower_cast(types.BaseNamedTuple, Record)(_convert_record)
 
 
 def record(kind: type, *fields: Any) -> Any:
