@@ -22,7 +22,7 @@ from rcopterx.ground_station.scripting.notes import capacity_notes
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.regroup import formation_leader, regroup, role, swapped
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
-from rcopterx.ground_station.scripting.waiting import NotReachedError
+from rcopterx.ground_station.scripting.waiting import NotReachedError, arrived_after
 
 if TYPE_CHECKING:
     from rcopterx.deploy.hosts.launcher import Launcher
@@ -245,7 +245,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         started_s = self.session.clock()
 
         def here() -> bool:
-            return name in self.present() and self._arrived_after(started_s, self.state_of(name).agent_age_s)
+            age_s = self.state_of(name).agent_age_s
+            return name in self.present() and arrived_after(started_s, age_s, self.session.clock())
 
         self.wait_until(here, timeout_s, f"{name} is not started")
         self.wait_ready([name], timeout_s)
@@ -348,9 +349,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             # A vehicle that has confirmed once may have been reset since.
             for state in map(self.state_of, wanted):
                 # Earlier reports may be outdated.
-                if state.transmitter_state == "killed" and self._arrived_after(
-                    from_s, state.transmitter_age_s
-                ):
+                recent = arrived_after(from_s, state.transmitter_age_s, self.session.clock())
+                if recent and state.transmitter_state == "killed":
                     confirmed.add(state.name)
             return [name for name in wanted if name not in confirmed]
 

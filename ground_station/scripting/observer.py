@@ -25,7 +25,7 @@ from rcopterx.ground_station.scripting.notes import (
     tracker_problems,
 )
 from rcopterx.ground_station.scripting.state import VehicleState, arrival_problem, formation_problem
-from rcopterx.ground_station.scripting.waiting import Notifier, NotReachedError, begin_turns
+from rcopterx.ground_station.scripting.waiting import Notifier, NotReachedError, arrived_after, begin_turns
 
 M = TypeVar("M", bound=Message)
 
@@ -147,10 +147,6 @@ class Observer:
             quaternion_xyzw=None if pose is None else pose.quaternion_xyzw,
             latency_ms={} if self._latency is None else self._latency.figures(name),
         )
-
-    def _arrived_after(self, time_s: float, age_s: float | None) -> bool:
-        """Whether a status of this age, None without one, arrived after a time."""
-        return age_s is not None and self.session.clock() - age_s > time_s
 
     def watch_latency(self) -> None:
         """Subscribe to every command that is written, so that states include latencies by stage."""
@@ -381,7 +377,7 @@ class Observer:
 
         def problem_of(name: str) -> str:
             state = self.state_of(name)
-            if not self._arrived_after(from_s, state.agent_age_s):
+            if not arrived_after(from_s, state.agent_age_s, self.session.clock()):
                 return f"{name}: agent not responding"
             return "" if names is None and bool(state.assigned) != followers else problem(state)
 

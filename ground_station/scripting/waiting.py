@@ -56,6 +56,11 @@ def stopped_by(stop: Stop) -> Iterator[None]:
         _STOP.reset(token)
 
 
+def arrived_after(time_s: float, age_s: float | None, now_s: float) -> bool:
+    """Return whether a status of this age, None without one, arrived after a time."""
+    return age_s is not None and now_s - age_s > time_s
+
+
 class Notifier:
     """Wakes every waiting thread when a message arrives; `clock` is monotonic [s]."""
 

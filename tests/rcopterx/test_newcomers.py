@@ -32,7 +32,7 @@ def run(*arguments: str) -> Result:
     return result
 
 
-def told(result: Result) -> str:
+def error_of(result: Result) -> str:
     """What a command that fails says, as one line without frames."""
     assert result.exit_code in (1, 2), result.output
     assert "Traceback" not in result.output
@@ -77,7 +77,7 @@ MISTAKES_IN_FILES = {
 def test_a_mistake_in_the_fleet_file(text: str, words: tuple[str, ...], lab: Path) -> None:
     port = own_address().endpoints[0].rpartition(":")[2]
     lab.write_text(text if "not TOML" in words[0] else f"{text}\n[hosts.main]\nrouter_port = {port}\n")
-    line = told(run("up", str(lab)))
+    line = error_of(run("up", str(lab)))
     assert line.startswith(f"error: {lab}: " if str(lab) in line else "error: ")
     assert all(word in line for word in words), line
 
@@ -97,7 +97,7 @@ MISTAKES_IN_COMMANDS = {
 
 @pytest.mark.parametrize(("arguments", "words"), MISTAKES_IN_COMMANDS.values(), ids=MISTAKES_IN_COMMANDS)
 def test_a_mistake_in_a_command(arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
-    line = told(run(*arguments))
+    line = error_of(run(*arguments))
     assert all(word in line for word in words), line
 
 
@@ -106,7 +106,7 @@ def test_several_fleets_are_up_and_none_is_named() -> None:
         for name in ("lab", "trio"):
             running = RunningFleet(name, "d1", None, "main", ["tcp/127.0.0.1:7447"], [], ["h1"], "")
             stack.enter_context(recorded(run_directory(name, None), running))
-        line = told(run("land"))
+        line = error_of(run("land"))
     assert "several fleets are up: lab, trio; name the file of one (-f FLEET)" in line
 
 
@@ -115,7 +115,7 @@ def test_a_second_fleet_on_the_same_port(lab: Path) -> None:
         busy.bind(("127.0.0.1", 0))
         busy.listen()
         lab.write_text(f"{PAIR}\n[hosts.main]\nrouter_port = {busy.getsockname()[1]}\n")
-        line = told(run("up", str(lab)))
+        line = error_of(run("up", str(lab)))
     assert "is the fleet already up? Stop it, or give another port" in line
 
 
@@ -135,7 +135,7 @@ def test_a_run_directory_that_cannot_be_written_to(
     (tmp_path / "file").touch()
     monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path / "file"))
     lab.write_text(PAIR)
-    line = told(run("up", str(lab)))
+    line = error_of(run("up", str(lab)))
     assert "Not a directory; set RCOPTERX_RUN to a directory you may write to" in line
 
 
@@ -145,7 +145,7 @@ def test_two_vehicles_with_one_model_match_are_not_bound(lab: Path) -> None:
     outside, inside = os.openpty()
     device.symlink_to(os.ttyname(inside))
     try:
-        line = told(run("bind", "h1", "--yes", "-f", str(lab)))
+        line = error_of(run("bind", "h1", "--yes", "-f", str(lab)))
     finally:
         os.close(outside)
         os.close(inside)
@@ -154,7 +154,7 @@ def test_two_vehicles_with_one_model_match_are_not_bound(lab: Path) -> None:
 
 def test_the_page_without_its_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rcopterx.commands.ground.find_spec", lambda name: None)
-    assert "pip install 'rcopterx[ground]'" in told(run("ground"))
+    assert "pip install 'rcopterx[ground]'" in error_of(run("ground"))
 
 
 def test_a_python_that_is_too_old() -> None:
@@ -187,18 +187,18 @@ def test_a_receiver_that_is_off_and_a_module_that_is_not_ready(up: str, vehicles
 
 def test_a_killed_vehicle_is_asked_to_take_off(up: str, vehicles: Vehicles) -> None:
     vehicles["h1"].state = "killed"
-    line = told(run("takeoff", "h1", "-f", up))
+    line = error_of(run("takeoff", "h1", "-f", up))
     assert "killed: h1; reset first (rcopterx reset)" in line
     assert vehicles["h1"].requests == []
 
 
 def test_an_unknown_vehicle(up: str) -> None:
-    assert "unknown vehicle 'h7', known are h1, h2" in told(run("goto", "h7", "0", "0", "1", "-f", up))
+    assert "unknown vehicle 'h7', known are h1, h2" in error_of(run("goto", "h7", "0", "0", "1", "-f", up))
 
 
 def test_a_set_point_outside_of_the_volume(up: str, vehicles: Vehicles) -> None:
     vehicles["h1"].refusals["go_to"] = "x: 9 m is outside the flight volume -1.2 .. 1.2 m"
-    line = told(run("goto", "h1", "9", "0", "1", "-f", up))
+    line = error_of(run("goto", "h1", "9", "0", "1", "-f", up))
     assert line.strip() == "error: h1: x: 9 m is outside the flight volume -1.2 .. 1.2 m"
 
 
@@ -208,6 +208,6 @@ def test_a_fleet_of_several_hosts_without_daemons_says_how_to_start_it(lab: Path
         f'[hosts.main]\nrouter_port = {port}\n[hosts.second]\naddress = "127.0.0.2"\nrouter_port = {port}\n'
     )
     lab.write_text(PAIR + places)
-    line = told(run("up", str(lab)))
+    line = error_of(run("up", str(lab)))
     assert "no host of the fleet answers: keep each ready with rcopterx host" in line
     assert "start its part with --host, one of main, second" in line
