@@ -117,9 +117,10 @@ _DELAY: Final = Parameter(
 # In hover the air moves more than the vehicle: its ratio to the drag shows, and either alone hardly.
 FLAPPING: Final = _number("flapping", "model.tilt.flapping_rad_s_m", "rad/(s m)", 0.35)
 _HORIZONTAL: Final = (PITCH_GAIN, ROLL_GAIN, _of_both("drag", "damping", "1/s", 0.4, -1.0), _DELAY)
+# Beside the trim, sticks bear the push of air at a place, by walls and the wakes of others.
 _TRIM: Final = (
-    _number("pitch trim", "offsets.trim", "", 0.03, 0, positive=False),
-    _number("roll trim", "offsets.trim", "", 0.03, 1, positive=False),
+    _number("pitch trim", "offsets.trim", "", 0.1, 0, positive=False),
+    _number("roll trim", "offsets.trim", "", 0.1, 1, positive=False),
 )
 _LAG: Final = (_of_both("lag of pitch and roll", "lag_s", "s", 0.4, 1.0),)
 _TILT: Final = (

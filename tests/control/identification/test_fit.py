@@ -62,7 +62,7 @@ def test_parameters_of_a_vehicle_are_found(found: Identification) -> None:
 
 
 def test_offsets_of_the_flight_are_separated_from_its_model(found: Identification) -> None:
-    assert found.offsets.trim == pytest.approx((0.01, -0.02), abs=0.01)
+    assert found.offsets.trim == pytest.approx((0.01, -0.02), abs=0.012)
     assert found.offsets.body_rad == pytest.approx((0.03, -0.04), abs=0.006)
 
 
@@ -232,3 +232,10 @@ def test_each_of_several_flights_has_to_last() -> None:
 
 def flight_of(model: Model) -> FlightRecording:
     return simulated_flight(model, 20.0)
+
+
+def test_the_push_of_walls_and_wakes_does_not_bias_gains(found: Identification) -> None:
+    pushed = identify(simulated_flight(other_helicopter(), trim=(0.25, -0.3)), COAXIAL)
+    assert pushed.problems == pushed.remarks == ()
+    assert pushed.model.input_gain[:2] == pytest.approx(found.model.input_gain[:2], rel=0.02)
+    assert pushed.model.uncertainty.delay_s == IDENTIFIED.delay_s
