@@ -9,11 +9,8 @@ from rcopterx.control.identification import fit
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.experiments.paper_sequence import Say, Wait, leader_of
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.ground_station.identification.identification import (
-    IdentificationError,
-    Wanted,
-    excited_flights,
-)
+from rcopterx.ground_station.identification.identification import Wanted, excited_flights
+from rcopterx.ground_station.identification.spacing import IdentificationError
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
 from rcopterx.ground_station.scripting.waiting import NotReachedError

@@ -1,8 +1,7 @@
 """Flies excitations for an identification on a running fleet, and records them from the bus."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import combinations
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,12 +13,11 @@ from rcopterx.control.identification.excitation import COMBS, DONE, UNDER_WAY, e
 from rcopterx.control.identification.recording import FlightLog, FlightRecording, RecordingError
 from rcopterx.control.interfaces import Measurement
 from rcopterx.fleet.vehicle_models import limits_of, model_of
+from rcopterx.ground_station.identification.spacing import IdentificationError, spread, usual_reach
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.observer import Observer
-from rcopterx.ground_station.scripting.vehicle import RefusedError
-from rcopterx.vehicles.state import Array, four, three
-from rcopterx.vehicles.tuples import Three
+from rcopterx.vehicles.state import four
 
 BEGIN_LIMIT_S: Final = 2.0
 OVERDUE_S: Final = 5.0
@@ -38,15 +36,23 @@ class Wanted(NamedTuple):
 
 
 @contextmanager
-def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float) -> Iterator[None]:
-    """Let vehicles hover apart, without leaders, then return to formation; `IdentificationError`."""
+def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float | None) -> Iterator[float]:
+    """Let vehicles hover apart, without leaders, then return to formation; `IdentificationError`.
+
+    Yields how far each may move then: `reach_m`, by default as far as the flight volume has room.
+    """
     states = {name: fleet.state_of(name) for name in names}
     flying = {name: state.agent for name, state in states.items() if state.agent and state.phase == "flying"}
     if standing := [name for name in names if name not in flying]:
         raise IdentificationError(f"{', '.join(standing)}: must hover (rcopterx takeoff)")
-    places = {name: status.position_m or status.set_point.position_m for name, status in flying.items()}
-    volume, surveillance = fleet.file.volume, limits_of(fleet.file, names[0]).surveillance
-    apart = spread(places, reach_m, surveillance.minimum_distance_m or 0.0, (volume.min_m, volume.max_m))
+    places = {
+        name: (states[name].assigned and status.position_m) or status.set_point.position_m
+        for name, status in flying.items()
+    }
+    volume_m = fleet.file.volume.min_m, fleet.file.volume.max_m
+    distance_m = limits_of(fleet.file, names[0]).surveillance.minimum_distance_m or 0.0
+    reach_m = reach_m or usual_reach(len(names), distance_m, volume_m)
+    apart = spread(places, reach_m, distance_m, volume_m)
     try:
         for name, state in states.items():
             if state.assigned:
@@ -54,14 +60,16 @@ def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float) -> Iterator
         for name, place_m in apart.items():
             fleet[name].go_to(place_m, flying[name].yaw_rad or 0.0)
         fleet.wait_for_arrival(names, timeout_s=ARRIVAL_S)
-        yield
+        yield reach_m
     finally:
-        for name, state in states.items():
-            if state.assigned:
-                fleet[name].follow(state.assigned)
-            else:
-                set_point = flying[name].set_point
-                fleet[name].go_to(set_point.position_m, set_point.yaw_rad)
+        # Leaders first go where followers find room behind them.
+        present = [name for name in names if fleet.state_of(name).phase == "flying"]
+        for name in present:
+            fleet[name].go_to(places[name], flying[name].yaw_rad or 0.0)
+        fleet.wait_for_arrival(present, timeout_s=ARRIVAL_S)
+        for name in present:
+            if states[name].assigned:
+                fleet[name].follow(states[name].assigned)
 
 
 def excited_flights(
@@ -161,48 +169,3 @@ def _log(poses: list[Pose], applied: list[Applied], kind: str, period_s: float) 
     for one in applied:
         log.add_input((one.frame - first) // frames, np.array(one.input))
     return log
-
-
-EDGE_M: Final = 0.01  # between the reach of a vehicle and the edge of the flight volume
-ABOVE_M: Final = 0.05  # vehicles that are horizontally closer are above each other
-
-
-class IdentificationError(RefusedError):
-    """Vehicles cannot be excited, or their flight cannot be used; the message says why."""
-
-
-def spread(
-    places_m: Mapping[str, Three], reach_m: float, distance_m: float, volume_m: tuple[Three, Three]
-) -> dict[str, Three]:
-    """Enlarge a formation horizontally until all vehicles can move, and keep it in the flight volume.
-
-    `places_m`: places of the vehicles, inertial frame. `reach_m`: how far each vehicle may move on every
-    axis. `distance_m`: horizontal distance that is left between two of them then. `volume_m`: lowest and
-    highest corner of the flight volume. Raises `IdentificationError`: a vehicle is above another one, or the
-    enlarged formation does not fit into the volume.
-    """
-    names, places = list(places_m), np.array(list(places_m.values()))
-    factor = 1.0
-    for first, second in combinations(range(len(names)), 2):
-        apart_m = float(np.abs(places[first, :2] - places[second, :2]).max())
-        if apart_m < ABOVE_M:
-            raise IdentificationError(
-                f"{names[first]} and {names[second]} are above each other; move one of them"
-            )
-        factor = max(factor, (distance_m + 2.0 * reach_m) / apart_m)
-    wide = places.copy()
-    wide[:, :2] = places[:, :2].mean(axis=0) + factor * (places[:, :2] - places[:, :2].mean(axis=0))
-    wide += _shift_into(wide, np.array(volume_m), reach_m + EDGE_M)
-    return {name: three(place) for name, place in zip(names, wide, strict=True)}
-
-
-def _shift_into(places: Array, volume: Array, margin_m: float) -> Array:
-    """Return the smallest shift of places, shape (k, 3), that leaves a margin to the edges, shape (3,)."""
-    low, high = volume[0] + margin_m - places.min(axis=0), volume[1] - margin_m - places.max(axis=0)
-    if (low > high).any():
-        missing_m = float((low - high).max())
-        raise IdentificationError(
-            f"the flight volume is {missing_m:.2f} m too small for {len(places)} vehicles at the same time; "
-            "identify fewer, or give a smaller --reach"
-        )
-    return np.clip(np.zeros(3), low, high)

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 Say = Callable[[str], None]
 
 REACH_M = 0.4
-TOGETHER_REACH_M = 0.25
 PICTURED_S = 10.0
 AXES = ("x [m]", "y [m]", "z [m]", "yaw [rad]")
 
@@ -49,7 +48,7 @@ def identify(
             metavar="METRES",
             min=0.1,
             max=2,
-            help="Largest distance from the set point. Default: 0.4, with --all 0.25.",
+            help="Largest distance from the set point. Default: 0.4, with --all as the volume allows.",
         ),
     ] = None,
     from_files: Annotated[
@@ -82,8 +81,7 @@ def identify(
         if running is None:
             flights = {names[0]: [_loaded(file, names[0], one) for one in from_files or ()]}
         else:
-            wanted = (seconds, strength, reach or (TOGETHER_REACH_M if together else REACH_M))
-            flights, failures = _flown(running, names, wanted, say)
+            flights, failures = _flown(running, names, (seconds, strength, reach), say)
         if save is not None and flights:
             flights[names[0]][0].save(save)
             say(f"recording: {save}")
@@ -121,18 +119,20 @@ def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
 
 
 def _flown(
-    running: "Fleet", names: list[str], wanted: tuple[float, float, float], say: Say
+    running: "Fleet", names: list[str], wanted: tuple[float, float, float | None], say: Say
 ) -> tuple[dict[str, list["FlightRecording"]], dict[str, str]]:
     """Fly the excitation of some vehicles, or with all of a formation; return recordings and failures."""
     from rcopterx.ground_station.identification import identification as flights
 
-    excitation = flights.Wanted(*wanted)
+    seconds, strength, reach = wanted
     flown = names or running.present()
     running.wait_for_status(flown)
     if not names:
         say(f"{', '.join(flown)}: move apart")
-    with nullcontext() if names else flights.room_for_all(running, flown, excitation.reach_m):
-        say(f"{', '.join(flown)}: excitation for {excitation.duration_s:g} s")
+    room = nullcontext(reach or REACH_M) if names else flights.room_for_all(running, flown, reach)
+    with room as reach_m:
+        say(f"{', '.join(flown)}: excitation for {seconds:g} s within {reach_m:g} m")
+        excitation = flights.Wanted(seconds, strength, reach_m)
         found, failures = flights.excited_flights(
             running, flown, excitation, lambda left_s: say(f"{left_s:.0f} s left")
         )

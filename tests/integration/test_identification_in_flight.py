@@ -11,7 +11,7 @@ import pytest
 from integration_support import Flying, Truth, fleet_text, free_port
 from support.vehicle_types import COAXIAL
 
-from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.vehicles.model import IDENTIFIED
 
@@ -20,11 +20,15 @@ pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout
 Launch = Callable[..., Flying]
 
 
-def formation(launch: Launch, conditions: str) -> tuple[Flying, Truth]:
+def formation(launch: Launch, conditions: str, vehicles: str | None = None) -> tuple[Flying, Truth]:
     """A formation that hovers in the simulated laboratory, watched from then on."""
     hosts = {"main": ("127.0.0.1", free_port())}
     text = fleet_text(
-        free_port(), hosts, simulator=f'conditions = "{conditions}"', control='controller = "cascade"'
+        free_port(),
+        hosts,
+        simulator=f'conditions = "{conditions}"',
+        control='controller = "cascade"\nhorizon = 20',
+        vehicles=vehicles,
     )
     flying = launch(text)
     truth = Truth(flying)
@@ -63,6 +67,22 @@ def test_a_formation_is_identified_at_the_same_time_and_returns(launch: Launch) 
     changed = load_fleet(flying.path)
     found = [model_of(changed, name).uncertainty for name in changed.vehicles]
     assert all(replace(uncertainty, tilt_damping=None) == IDENTIFIED for uncertainty in found)
+    flying.fleet.wait_for_formation()
+    truth.assert_none_touched_down()
+    flying.fleet.land()
+
+
+@pytest.mark.timeout(300)
+def test_five_vehicles_find_room_in_a_volume_that_their_enlarged_formation_would_leave(
+    launch: Launch,
+) -> None:
+    shipped = fleet_path("quintet").read_text()
+    volume = shipped[shipped.index("[volume]") : shipped.index("[tracker]")]
+    chain = shipped[shipped.index("[vehicles.h1]") : shipped.index("[avoidance]")]
+    flying, truth = formation(launch, "helicopter", volume + chain)
+    document = identified(flying, "--all", 200)
+    assert document["failed"] == {}
+    assert len(document["vehicles"]) == 5
     flying.fleet.wait_for_formation()
     truth.assert_none_touched_down()
     flying.fleet.land()

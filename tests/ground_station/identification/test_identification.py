@@ -9,7 +9,8 @@ from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.session import RawMessage
-from rcopterx.ground_station.identification.identification import IdentificationError, recording_of
+from rcopterx.ground_station.identification.identification import recording_of
+from rcopterx.ground_station.identification.spacing import IdentificationError
 from rcopterx.ground_station.report.recorder import Recording
 
 ROWS = 40
