@@ -116,6 +116,15 @@ def remarks_on_latency(report: Mapping[str, Any]) -> list[str]:
     ]
 
 
+FORMATION: Final = "formation error at most"
+
+
+def remarks_on_models(report: Mapping[str, Any]) -> list[str]:
+    """Advice where a formation was not held as precisely as a manoeuvre demands."""
+    held = all(check["passed"] for check in report["checks"] if check["name"].startswith(FORMATION))
+    return [] if held else ["identified vehicles are more precise: rcopterx identify --all"]
+
+
 def formation_held(rms_mm: float = 40.0, max_mm: float = 150.0) -> Check:
     """Formation error of every follower, also while offsets change."""
 
@@ -128,7 +137,7 @@ def formation_held(rms_mm: float = 40.0, max_mm: float = 150.0) -> Check:
         good = all(error["rms"] <= rms_mm and error["max"] <= max_mm for error in errors.values())
         return bool(errors) and good, errors
 
-    return Check(f"formation error at most {rms_mm:g} mm rms, {max_mm:g} mm", judge)
+    return Check(f"{FORMATION} {rms_mm:g} mm rms, {max_mm:g} mm", judge)
 
 
 def ends_at(name: str, position_m: tuple[float, float, float], tolerance_m: float = 0.1) -> Check:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rcopterx.experiments.checks import Check, remarks_on_latency
+from rcopterx.experiments.checks import Check, remarks_on_latency, remarks_on_models
 from rcopterx.experiments.paper_sequence import Say, Wait
 from rcopterx.experiments.steps import Step
 from rcopterx.fleet.reading import fleet_path, load_fleet
@@ -112,7 +112,7 @@ def report_of(
         "vehicles": tables,
         "journal": [{"at_s": at_s, "text": text} for at_s, text in flown.journal],
     }
-    report["remarks"] = remarks_on_latency(report)
+    report["remarks"] = remarks_on_models(report) + remarks_on_latency(report)
     return report, figures
 
 
@@ -134,9 +134,9 @@ def not_flown(manoeuvre: Manoeuvre, verdict: str, problem: str | None) -> dict[s
 
 
 def reason_of(report: Mapping[str, Any]) -> str:
-    """Why a manoeuvre failed or was not flown; remarks on one that passed."""
+    """Why a manoeuvre failed or was not flown, and remarks."""
     failed = [check["name"] for check in report["checks"] if not check["passed"]]
-    return report["problem"] or "; ".join(failed or report["remarks"])
+    return report["problem"] or "; ".join((*failed, *report["remarks"]))
 
 
 def write_report(report: dict[str, Any], directory: Path) -> Path:

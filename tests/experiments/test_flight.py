@@ -17,13 +17,21 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle
 from rcopterx.bus.requests import GoTo
 from rcopterx.bus.session import BusAddress, RawMessage, Session
-from rcopterx.experiments.checks import ALWAYS, Check, in_time, remarks_on_latency
+from rcopterx.experiments.checks import (
+    ALWAYS,
+    Check,
+    formation_held,
+    in_time,
+    remarks_on_latency,
+    remarks_on_models,
+)
 from rcopterx.experiments.flight import (
     Flown,
     Manoeuvre,
     fly,
     not_flown,
     reason_not_to_fly,
+    reason_of,
     report_of,
     write_report,
 )
@@ -119,6 +127,18 @@ def test_latencies_above_those_of_an_idle_computer_are_remarked_on(
         "frame_to_radio_ms": {"p99": radio_ms},
     }
     assert remarks_on_latency(report) == remarks
+
+
+@pytest.mark.parametrize(("rms_mm", "advised"), [(39.0, False), (41.0, True)])
+def test_a_formation_that_is_not_held_is_advised_to_be_identified(rms_mm: float, advised: bool) -> None:
+    table = {"formation_error_mm": {"rms": rms_mm, "max": 90.0}}
+    line = formation_held().run(FlightFigures(recording((False, False)), ["h1"]), {"h1": table})
+    report = {"problem": None, "checks": [line]}
+    remarks = remarks_on_models(report)
+    assert any("rcopterx identify --all" in remark for remark in remarks) == advised
+    reason = reason_of({**report, "remarks": remarks})
+    assert reason.startswith("formation error at most 40 mm" if advised else "")
+    assert ("identify" in reason) == advised
 
 
 def manoeuvre(flown: Callable[[Fleet, Say, Wait], None], *checks: Check) -> Manoeuvre:
