@@ -119,7 +119,8 @@ class Absolute(NamedTuple):
     """Errors of the vehicles of a chain from the head on, shape (n,): not relative to their leaders [m]."""
 
     hover_m: Array  # rms per horizontal axis in hover
-    overshoot_m: Array  # beyond the end of the step
+    overshoot_m: Array  # beyond the end of the step, gusts included
+    step_overshoot_m: Array  # the same of the difference to a flight in the same gusts without the step
 
 
 def fly_helicopters(
@@ -131,31 +132,39 @@ def fly_helicopters(
     seed: int,
     progress: Progress | None = None,
 ) -> Absolute:
-    """Fly a chain of helicopters: hover, then a step of the head across the chain."""
+    """Fly a chain of helicopters twice: hover, then a step of the head across the chain, or none."""
     names = [f"h{number}" for number in range(1, length + 1)]
     links: FormationGraph = {HEAD: ()}
     links |= {name: (_behind(leader, -APART_M, 0.0, "inertial"),) for leader, name in pairwise(names)}
     scheme = replace(CASCADE, knowledge=knowledge, horizon=QUICK_HORIZON if quick else DEEP_HORIZON)
     x, y, z, yaw = DEEP_START
-    low_m, high_m = (x - ROOM_M, y - ROOM_M, 0.0), (x + ROOM_M, y + ROOM_M, 2.0 * z)
-    rig = Rig(
-        [
-            replace(vehicle, model=vehicle.model.within(low_m, high_m), deviation_share=share)
-            for vehicle in vehicles(links, conditions, seed, scheme, DEEP_START)
-        ],
-        replace(conditions, volume_min_m=low_m, volume_max_m=high_m),
-        seed,
-    )
     stepped_s, end_s = (HOVER_FROM_S + 1.0, HOVER_FROM_S + 3.0) if quick else (STEPPED_S, STEPPED_S + STEP_S)
-    record = rig.fly(end_s, [GoTo(stepped_s, HEAD, (x, y + STEP_M, z), yaw)], progress)
+    step = GoTo(stepped_s, HEAD, (x, y + STEP_M, z), yaw)
+    records = [
+        _chain_rig(links, scheme, share, conditions, seed).fly(end_s, events, progress)
+        for events in ([step], [])
+    ]
     where = places(links, {HEAD: np.array(DEEP_START)})
-    hover, overshoot = [], []
+    hover, overshoot, step_overshoot = [], [], []
     for name in names:
-        flown = record[name]
-        error = flown.motion[:, :2] - where[name][:2]
-        hover.append(rms(error[(flown.time_s > HOVER_FROM_S) & (flown.time_s < stepped_s)]))
-        overshoot.append(float(error[flown.time_s >= stepped_s, 1].max()) - STEP_M)
-    return Absolute(np.array(hover), np.array(overshoot))
+        time_s = records[0][name].time_s
+        stepped, still = (record[name].motion[:, :2] - where[name][:2] for record in records)
+        hover.append(rms(still[(time_s > HOVER_FROM_S) & (time_s < stepped_s)]))
+        after = time_s >= stepped_s
+        overshoot.append(stepped[after, 1].max() - STEP_M)
+        step_overshoot.append((stepped - still)[after, 1].max() - STEP_M)
+    return Absolute(np.array(hover), np.array(overshoot), np.array(step_overshoot))
+
+
+def _chain_rig(links: FormationGraph, scheme: Scheme, share: float, conditions: Conditions, seed: int) -> Rig:
+    """Rig of a chain of helicopters in a volume with as much room on every side as others have."""
+    x, y, z, _ = DEEP_START
+    low_m, high_m = (x - ROOM_M, y - ROOM_M, 0.0), (x + ROOM_M, y + ROOM_M, 2.0 * z)
+    found = [
+        replace(vehicle, model=vehicle.model.within(low_m, high_m), deviation_share=share)
+        for vehicle in vehicles(links, conditions, seed, scheme, DEEP_START)
+    ]
+    return Rig(found, replace(conditions, volume_min_m=low_m, volume_max_m=high_m), seed)
 
 
 def cases(options: Options) -> Cases[Any]:
@@ -178,13 +187,13 @@ def figures(case: str, flights: Mapping[int, Any]) -> dict[str, Any]:
 
 
 def absolute_errors(flights: Mapping[int, Absolute]) -> dict[str, Any]:
-    """Absolute errors [mm] from the head on: rms in hover of all flights, largest overshoot."""
-    hover = np.sqrt(np.mean([flown.hover_m**2 for flown in flights.values()], axis=0))
-    overshoot = np.max([flown.overshoot_m for flown in flights.values()], axis=0)
-    return {
-        "hover_mm": np.round(1000 * hover, 1).tolist(),
-        "overshoot_mm": np.round(1000 * overshoot, 1).tolist(),
+    """Absolute errors [mm] from the head on: rms in hover of all flights, largest overshoots."""
+    found = {
+        "hover_mm": np.sqrt(np.mean([flown.hover_m**2 for flown in flights.values()], axis=0)),
+        "overshoot_mm": np.max([flown.overshoot_m for flown in flights.values()], axis=0),
+        "step_overshoot_mm": np.max([flown.step_overshoot_m for flown in flights.values()], axis=0),
     }
+    return {name: np.round(1000 * values, 1).tolist() for name, values in found.items()}
 
 
 def errors_by_generation(
@@ -227,14 +236,15 @@ def draw_chain(result: Result[Any], figure: Any) -> None:
 
 def draw_depth(chain: Mapping[str, Mapping[str, Mapping[str, list[float]]]], figure: Any) -> None:
     """Draw absolute errors of a chain of helicopters against the generation."""
-    figure.set_size_inches(8, 7)
-    rows = figure.subplots(2, sharex=True)
+    figure.set_size_inches(8, 9)
+    rows = figure.subplots(3, sharex=True)
     for knowledge, by_share in chain.items():
         for share, errors in by_share.items():
             for axes, values in zip(rows, errors.values(), strict=True):
                 axes.plot(values, "o-", label=f"{knowledge}, {share}")
     rows[0].set(ylabel="rms in hover [mm]", ylim=(0, None))
-    rows[1].set(ylabel="overshoot after a step [mm]", xlabel="generation below the head")
+    rows[1].set(ylabel="overshoot in gusts [mm]")
+    rows[2].set(ylabel="overshoot by the step [mm]", xlabel="generation below the head")
     rows[0].legend(fontsize="small", ncols=2)
     finish_figure(figure, "Absolute errors along a chain of helicopters")
 

@@ -63,9 +63,13 @@ def test_chains_of_helicopters_are_flown_with_the_default_and_with_plans_alone()
     names = list(cases(Options((100,), preset="helicopters", knowledge=("default",))))
     assert names[0] == "5 vehicles / default / copies 0.25"
     assert len(names) == 6
-    flights = {seed: Absolute(np.full(5, 0.003 + seed), np.full(5, 0.01 * seed)) for seed in (0, 1)}
+    flights = {
+        seed: Absolute(np.full(5, 0.003 + seed), np.full(5, 0.01 * seed), np.full(5, 0.004 * seed))
+        for seed in (0, 1)
+    }
     table = figures(names[0], flights)
     assert table["overshoot_mm"] == 5 * [10.0]
+    assert table["step_overshoot_mm"] == 5 * [4.0]
     assert table["hover_mm"] == 5 * [pytest.approx(709.2)]
 
 
@@ -75,5 +79,6 @@ def test_errors_do_not_grow_along_a_chain_of_twenty() -> None:
     """The head hovers within 25 mm; a drawn vehicle that alone hovers worse does so in the chain as well."""
     flown, alone = (fly_helicopters(20, "default", share, False, HELICOPTERS, 0) for share in (0.25, 0.0))
     assert flown.overshoot_m.max() < 0.06
+    assert flown.step_overshoot_m.max() < 0.03
     assert flown.hover_m[0] < 0.025
     assert (flown.hover_m < 1.1 * alone.hover_m + 0.001).all()
