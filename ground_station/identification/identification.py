@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from rcopterx.ground_station.identification.spacing import IdentificationError, 
 from rcopterx.ground_station.report.recorder import Recorder, Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.observer import Observer
+from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 from rcopterx.vehicles.state import four
 
 BEGIN_LIMIT_S: Final = 2.0
@@ -35,11 +37,18 @@ class Wanted(NamedTuple):
     reach_m: float = 0.4  # largest distance from the set point on every axis
 
 
+class Apart(NamedTuple):
+    """Vehicles that hover apart."""
+
+    reach_m: float  # how far each one may move
+    not_back: dict[str, str]  # why vehicles did not return to their formation; filled at the end
+
+
 @contextmanager
-def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float | None) -> Iterator[float]:
+def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float | None) -> Iterator[Apart]:
     """Let vehicles hover apart, without leaders, then return to formation; `IdentificationError`.
 
-    Yields how far each may move then: `reach_m`, by default as far as the flight volume has room.
+    They have room for `reach_m`, by default for as much as is usual and fits into the flight volume.
     """
     states = {name: fleet.state_of(name) for name in names}
     flying = {name: state.agent for name, state in states.items() if state.agent and state.phase == "flying"}
@@ -49,27 +58,38 @@ def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float | None) -> I
         name: (states[name].assigned and status.position_m) or status.set_point.position_m
         for name, status in flying.items()
     }
+    yaws_rad = {name: status.yaw_rad or 0.0 for name, status in flying.items()}
     volume_m = fleet.file.volume.min_m, fleet.file.volume.max_m
     distance_m = limits_of(fleet.file, names[0]).surveillance.minimum_distance_m or 0.0
     reach_m = reach_m or usual_reach(len(names), distance_m, volume_m)
     apart = spread(places, reach_m, distance_m, volume_m)
+    not_back: dict[str, str] = {}
     try:
         for name, state in states.items():
             if state.assigned:
                 fleet[name].lead()
         for name, place_m in apart.items():
-            fleet[name].go_to(place_m, flying[name].yaw_rad or 0.0)
+            fleet[name].go_to(place_m, yaws_rad[name])
         fleet.wait_for_arrival(names, timeout_s=ARRIVAL_S)
-        yield reach_m
+        yield Apart(reach_m, not_back)
     finally:
-        # Leaders first go where followers find room behind them.
+        # Each one first returns to its place, where its followers find room behind it.
         present = [name for name in names if fleet.state_of(name).phase == "flying"]
         for name in present:
-            fleet[name].go_to(places[name], flying[name].yaw_rad or 0.0)
-        fleet.wait_for_arrival(present, timeout_s=ARRIVAL_S)
+            _attempt(partial(fleet[name].go_to, places[name], yaws_rad[name]), name, not_back)
+        arriving = [name for name in present if name not in not_back]
+        _attempt(partial(fleet.wait_for_arrival, arriving, timeout_s=ARRIVAL_S), "formation", not_back)
         for name in present:
             if states[name].assigned:
-                fleet[name].follow(states[name].assigned)
+                _attempt(partial(fleet[name].follow, states[name].assigned), name, not_back)
+
+
+def _attempt(request: Callable[[], object], name: str, failures: dict[str, str]) -> None:
+    """Make a request; add its failure, if any, to those that are known."""
+    try:
+        request()
+    except FLIGHT_ERRORS as error:
+        failures[name] = str(error)
 
 
 def excited_flights(

@@ -129,14 +129,14 @@ def _flown(
     running.wait_for_status(flown)
     if not names:
         say(f"{', '.join(flown)}: move apart")
-    room = nullcontext(reach or REACH_M) if names else flights.room_for_all(running, flown, reach)
-    with room as reach_m:
-        say(f"{', '.join(flown)}: excitation for {seconds:g} s within {reach_m:g} m")
-        excitation = flights.Wanted(seconds, strength, reach_m)
+    hovering = nullcontext(flights.Apart(reach or REACH_M, {}))
+    with hovering if names else flights.room_for_all(running, flown, reach) as apart:
+        say(f"{', '.join(flown)}: excitation for {seconds:g} s within {apart.reach_m:g} m")
+        excitation = flights.Wanted(seconds, strength, apart.reach_m)
         found, failures = flights.excited_flights(
             running, flown, excitation, lambda left_s: say(f"{left_s:.0f} s left")
         )
-    return {name: [recording] for name, recording in found.items()}, failures
+    return {name: [recording] for name, recording in found.items()}, failures | apart.not_back
 
 
 def _fit(file: "FleetFile", name: str, flights: "list[FlightRecording]", say: Say) -> "Identification":
