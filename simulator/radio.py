@@ -108,7 +108,7 @@ class RadioPty(RadioEnd):
             try:
                 os.write(self._master, answers)
             except BlockingIOError:
-                self.counters["answers nobody read"] += 1
+                self.counters["unread answers"] += 1
 
     def _read(self, now_s: float) -> None:
         try:

@@ -45,7 +45,7 @@ class ExternalControl:
     def release(self, source: str) -> str | None:
         """End the control of a client; return the reason of a refusal, or None."""
         if self.client != source:
-            return f"{self.client or 'nobody'} flies it from outside, not {source}"
+            return f"{self.client or 'no program'} flies it from outside, not {source}"
         self._return_control()
         return None
 

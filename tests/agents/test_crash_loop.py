@@ -54,7 +54,7 @@ class Launcher:
 
     def __init__(self, reply: RecallReply) -> None:
         self._reply = reply
-        self.told: list[Intent] = []
+        self.intents: list[Intent] = []
 
     def clock(self) -> float:
         return 0.0
@@ -66,7 +66,7 @@ class Launcher:
         return self._reply
 
     def publish(self, _: object, __: str, intent: Intent) -> None:
-        self.told.append(decode(encode(intent), Intent))
+        self.intents.append(decode(encode(intent), Intent))
 
 
 class Restarted:
@@ -132,8 +132,8 @@ def test_a_predecessor_that_reported_nothing_is_followed_by_what_the_file_says_a
 def test_while_the_predecessors_settings_are_prepared_they_are_what_a_successor_is_told() -> None:
     agent = Restarted(0)
     agent.handover.publish()
-    told = agent.launcher.told[-1]
-    assert (told.controller, told.previous) == ("lqr", INTENT.previous)
+    intent = agent.launcher.intents[-1]
+    assert (intent.controller, intent.previous) == ("lqr", INTENT.previous)
     agent.settle()
 
 
@@ -143,10 +143,10 @@ def test_a_change_tells_a_successor_what_flew_before() -> None:
     agent.tuning.begin(FILE)
     agent.settle()
     agent.handover.publish()
-    told = agent.launcher.told[-1]
-    assert told.controller == "pid"
-    assert told.previous is not None
-    assert told.previous.controller == "lqr"
+    intent = agent.launcher.intents[-1]
+    assert intent.controller == "pid"
+    assert intent.previous is not None
+    assert intent.previous.controller == "lqr"
 
 
 def test_a_change_on_the_way_along_a_path_is_told_at_once_and_the_path_itself_only_now_and_then() -> None:
@@ -157,13 +157,13 @@ def test_a_change_on_the_way_along_a_path_is_told_at_once_and_the_path_itself_on
     agent.settle()
     agent.handover.publish()
     agent.handover.publish()
-    assert len(agent.launcher.told) == 1
+    assert len(agent.launcher.intents) == 1
     agent.tuning.begin(FILE)
     agent.settle()
     agent.handover.publish()
-    told = agent.launcher.told[-1]
-    assert told.path is not None
-    assert told.controller == "pid"
+    intent = agent.launcher.intents[-1]
+    assert intent.path is not None
+    assert intent.controller == "pid"
 
 
 def test_what_somebody_chooses_ends_the_remark() -> None:

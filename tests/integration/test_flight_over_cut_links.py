@@ -80,7 +80,7 @@ def test_links_are_cut_and_everybody_flies_again_when_they_are_back(
         assert all("cut" not in obeyed.states(name, began_s) for name in NAMES)
     truth.assert_none_touched_down()
     assert all(missed <= MOST_MISSED for missed, _ in short)
-    assert not any("cut" in told for _, states in short for told in states)
+    assert not any("cut" in state for _, states in short for state in states)
     cut_for(net, "compute1", 10.0)
     assert all(landed_gently(truth, name) for name in NAMES)
     flying.fleet.wait_ready(timeout_s=20)

@@ -124,13 +124,13 @@ def test_without_a_stated_delay_the_delay_of_the_model_acts() -> None:
 @settings(max_examples=25, deadline=None)
 @given(inputs=sticks, after_s=st.floats(0.0, 0.02))
 def test_sticks_moved_later_act_as_if_they_were_moved_then(inputs: tuple[float, ...], after_s: float) -> None:
-    told, waited = flying(height_m=50.0), flying(height_m=50.0)
-    told.set_input(inputs, after_s)
-    told.advance(0.04)
+    commanded, waited = flying(height_m=50.0), flying(height_m=50.0)
+    commanded.set_input(inputs, after_s)
+    commanded.advance(0.04)
     waited.advance(after_s)
     waited.set_input(inputs)
     waited.advance(0.04 - after_s)
-    assert told.motion == pytest.approx(waited.motion, abs=1e-5)
+    assert commanded.motion == pytest.approx(waited.motion, abs=1e-5)
 
 
 def test_motors_stop_and_start_when_they_are_told_to() -> None:

@@ -76,7 +76,7 @@ class LeaseMachine(RuleBasedStateMachine):
         super().__init__()
         self.leases = Leases()
         self.now_s = 0.0
-        self.told: dict[int, int] = {}
+        self.numbers: dict[int, int] = {}
         self.commanded: list[int] = []
 
     @rule(seconds=st.floats(0, 0.3))
@@ -88,11 +88,11 @@ class LeaseMachine(RuleBasedStateMachine):
         number = self.leases.bid(agent, self.now_s, fresh=fresh, take_over=take_over)
         if number:
             assert not self.leases.lost(number)
-            self.told[agent] = number
+            self.numbers[agent] = number
 
     @rule(agent=AGENTS)
     def command(self, agent: int) -> None:
-        lease = self.told.get(agent, 0)
+        lease = self.numbers.get(agent, 0)
         if self.leases.was_issued(lease) and not self.leases.lost(lease):
             self.leases.command(lease)
             self.commanded.append(lease)
@@ -105,7 +105,7 @@ class LeaseMachine(RuleBasedStateMachine):
 
     @invariant()
     def no_lease_has_two_agents(self) -> None:
-        assert len(set(self.told.values())) == len(self.told)
+        assert len(set(self.numbers.values())) == len(self.numbers)
 
     @invariant()
     def leases_that_command_only_grow(self) -> None:

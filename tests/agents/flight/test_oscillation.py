@@ -38,7 +38,7 @@ def first_s(
     return next((time_s for time_s, _ in seen(signal, channel, seconds, error, resting)), None)
 
 
-def told(signal: Callable[[float], float], channel: int, seconds: float, error: Array) -> set[Loop]:
+def found_in(signal: Callable[[float], float], channel: int, seconds: float, error: Array) -> set[Loop]:
     """All loops that were found to oscillate."""
     return set().union(*(loops for _, loops in seen(signal, channel, seconds, error)))
 
@@ -90,8 +90,8 @@ def test_the_yaw_stick_counts_by_its_own_range() -> None:
     [(PITCH, Loop.HORIZONTAL), (ROLL, Loop.HORIZONTAL), (THRUST, Loop.HEIGHT), (YAW, Loop.YAW)],
 )
 def test_the_loop_that_oscillates_is_told(channel: int, loop: Loop) -> None:
-    assert told(wave(2.0, 0.38), channel, 6.0, AT_REFERENCE) == (set() if channel < THRUST else {loop})
-    assert told(wave(2.0, 0.9), channel, 6.0, AT_REFERENCE) == {loop}
+    assert found_in(wave(2.0, 0.38), channel, 6.0, AT_REFERENCE) == (set() if channel < THRUST else {loop})
+    assert found_in(wave(2.0, 0.9), channel, 6.0, AT_REFERENCE) == {loop}
 
 
 @pytest.mark.parametrize("deviation", [0.1, 0.2, 0.3])

@@ -48,7 +48,7 @@ class Scene:
     def __init__(self) -> None:
         self.launcher = Inbox(channels.LAUNCHER)
         self.bus, self.pacing = NoteBus(), Pacing(0.02)
-        self.traffic = Traffic("h1", None, lambda _: pytest.fail("nobody is near"))
+        self.traffic = Traffic("h1", None, lambda _: pytest.fail("no vehicle is near"))
         self.used_s = 0.0
         self.relief = LoadRelief(
             self.bus,  # type: ignore[arg-type]  # what it needs of a bus
@@ -156,11 +156,11 @@ def test_an_agent_at_quarter_rate_rests_until_shortly_before_its_turn(bench: Ben
     bench.start()
     status = LauncherStatus(running=("h1", "h9"), absent=(), flies=(0, 1, 1, 2))
 
-    def told() -> bool:
+    def ordered() -> bool:
         bench.others.publish(channels.LAUNCHER, "main", status)
         return bench.agent.parts.relief.relief is Relief.QUARTER_RATE
 
-    bench.step_until(told, "the agent does not hear the launcher")
+    bench.step_until(ordered, "the agent receives no order of the launcher")
     for _ in range(8):
         bench.see()
     assert bench.agent.parts.pacing.every == 4

@@ -53,12 +53,12 @@ def test_answers_to_others_give_no_lease() -> None:
     assert not lease.held
 
 
-@pytest.mark.parametrize("told", ["answer", "frame"])
-def test_an_agent_has_lost_as_soon_as_a_later_lease_commands(told: str) -> None:
+@pytest.mark.parametrize("source", ["answer", "frame"])
+def test_an_agent_has_lost_as_soon_as_a_later_lease_commands(source: str) -> None:
     lease = holding()
     lease.note_applied(3, 0.02)
     assert lease.held
-    if told == "answer":
+    if source == "answer":
         lease.on_answer(OTHER, 4, commanding=4, now_s=0.03)
     else:
         lease.note_applied(4, 0.03)

@@ -78,10 +78,10 @@ def test_what_oscillated_is_told_until_somebody_tunes_the_vehicle() -> None:
     watched = Watched()
     assert watched.guard.remark == ""
     watched.swing(1.8, amplitude=0.9, stick_index=1)
-    told = "bandwidth lowered: roll stick oscillated at 2.0 Hz by 0.8"
-    assert watched.guard.remark.startswith(told)
+    lowered = "bandwidth lowered: roll stick oscillated at 2.0 Hz by 0.8"
+    assert watched.guard.remark.startswith(lowered)
     watched.swing(3.0, amplitude=0.1)
-    assert watched.guard.remark.startswith(told)
+    assert watched.guard.remark.startswith(lowered)
     watched.flight.tuning.begin(without_guard(watched.flight.tuning.configuration))
     watched.flight.tuning.wait()
     watched.flight.tuning.finish()

@@ -61,8 +61,8 @@ def test_all_fly_on_whichever_process_hangs_and_hangs_are_reported(flying: Flyin
     hang_spare(flying)
     fly_to(flying, truth, (0.2, 0.0, 0.9))
     truth.assert_none_touched_down()
-    told = "; ".join(flying.launcher_of("router").events)
-    assert all(f"{victim}: hung: no progress for" in told for victim in VICTIMS)
+    events = "; ".join(flying.launcher_of("router").events)
+    assert all(f"{victim}: hung: no progress for" in events for victim in VICTIMS)
     flying.fleet.wait_until(
         lambda: any(re.search(r"agent-h2 \d+ \([1-9]\d* hung\)", note) for note in flying.fleet.notes()),
         30,

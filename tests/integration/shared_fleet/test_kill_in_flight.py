@@ -28,11 +28,11 @@ def first_killed_s(flying: Flying, name: str, applied: Inbox[Applied]) -> float:
     """When the motors were first cut: the reply to the kill may overtake its message."""
     written_s: list[float] = []
 
-    def told() -> bool:
+    def cut() -> bool:
         written_s.extend(one.message.written_s for one in applied.drain() if one.message.state == "killed")
         return bool(written_s)
 
-    flying.fleet.wait_until(told, 10.0, "motors cut", [name])
+    flying.fleet.wait_until(cut, 10.0, "motors cut", [name])
     return written_s[0]
 
 
