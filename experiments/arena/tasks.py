@@ -130,14 +130,17 @@ def _five(name: str, what: str, **changes: Any) -> Task:
     return replace(FIVE, name=name, title=f"5 vehicles{what}", **changes)
 
 
+_FORMATION: Final = replace(
+    THREE,
+    name="formation",
+    title="the paper's formation: set points and distances in turns",
+    events=(*PAPER, *_slots(FAR, 9.0), *_slots(LINE, 21.0)),
+    duration_s=29.0,
+)
 _ROWS: Final = (
-    replace(
-        THREE,
-        name="formation",
-        title="the paper's formation: set points and distances in turns",
-        events=(*PAPER, *_slots(FAR, 9.0), *_slots(LINE, 21.0)),
-        duration_s=29.0,
-    ),
+    _FORMATION,
+    replace(_FORMATION, name="third", title="the same in a third of the turbulence", turbulence=1.0 / 3.0),
+    replace(_FORMATION, name="still", title="the same in still air", turbulence=0.0),
     _five("geometry", " change to a row and back", events=tuple(_row()), duration_s=14.0),
     replace(
         THREE,

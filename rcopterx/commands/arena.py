@@ -49,6 +49,7 @@ def arena(
     from rcopterx.experiments.arena.arena import DEFAULT_SCHEMES, arena, digest, foreign_digests
     from rcopterx.experiments.arena.flying import arena_schemes
     from rcopterx.experiments.arena.page import write_arena
+    from rcopterx.experiments.arena.ratios import error_ratios
     from rcopterx.experiments.arena.real_processes import FLOWN
     from rcopterx.experiments.arena.tasks import TASKS
     from rcopterx.experiments.runner import Options
@@ -74,14 +75,15 @@ def arena(
             result = arena(chosen, flown, up).fly(options, progress.show_share)
     except SettingsError as error:
         raise typer.BadParameter(str(error), param_hint="--schemes") from None
-    document = {"digest": digest(result.document), "tasks": result.document}
+    ratios = error_ratios(result.flown, flown, chosen)
+    document = {"digest": digest(result.document), "tasks": result.document, "ratios": ratios}
     if page is not None:
         typer.echo(f"page: {write_arena(page, result)}", err=True)
     print_document(document, as_json, _text)
 
 
 def _text(document: dict[str, Any]) -> str:
-    """A line for each flight, best first, and the digest."""
+    """A line for each task and scheme, best first, ratios with their intervals, and the digest."""
     from rcopterx.experiments.arena.page import ranked
 
     columns = ("rms", "max", "task rms", "closest", "violated", "messages", "kB/s")
@@ -94,4 +96,13 @@ def _text(document: dict[str, Any]) -> str:
             )  # fmt: skip
             lost = sum(map(len, row["lost"].values()))
             lines.append(f"{task:14} {scheme:16}" + "".join(f" {one:9.1f}" for one in numbers) + f" {lost:4}")
+    for task, by_scheme in document["ratios"].items():
+        for scheme, row in by_scheme.items():
+            rms, largest = (_interval(row[name]) for name in ("rms", "max"))
+            lines.append(f"{task:14} {scheme:16} times the first scheme's error: rms {rms}, max {largest}")
     return "\n".join([*lines, f"digest {document['digest']}"])
+
+
+def _interval(ratio: dict[str, Any]) -> str:
+    low, high = ratio["median_95%"]
+    return f"{ratio['median']:g} ({low:g} to {high:g})"

@@ -18,6 +18,7 @@ from rcopterx.experiments.arena import arena as arena_module
 from rcopterx.experiments.arena.arena import DEFAULT_SCHEMES, arena, digest, foreign_digests
 from rcopterx.experiments.arena.flying import Flown, arena_scheme, arena_schemes, fly_task
 from rcopterx.experiments.arena.page import ranked, write_arena
+from rcopterx.experiments.arena.ratios import error_ratios
 from rcopterx.experiments.arena.tasks import HEAD, TASKS, wedge
 from rcopterx.experiments.events import GoTo
 from rcopterx.experiments.rig import RigOptions
@@ -99,6 +100,20 @@ def test_digest_depends_on_figures_and_not_on_the_computer(monkeypatch: pytest.M
 
     assert digest(document()) == digest(document(step_mean_ms=9.0))
     assert digest(document()) != digest(document(rms_mm=21.0))
+
+
+def test_ratios_compare_the_same_fleets() -> None:
+    flights = {
+        "three / cascade": {seed: flown(10.0 + seed, max_mm=50.0) for seed in range(9)},
+        "three / paper": {seed: flown(20.0 + 2 * seed, max_mm=75.0) for seed in range(9)},
+        "crossing / cascade": {seed: flown(0.0) for seed in range(9)},
+        "crossing / paper": {seed: flown(0.0) for seed in range(9)},
+    }
+    ratios = error_ratios(flights, ("three", "crossing"), ("cascade", "paper"))
+    assert list(ratios) == ["three"], "vehicles of a crossing follow no other one"
+    paper = ratios["three"]["paper"]
+    assert paper["rms"] == {"median": 2.0, "median_95%": [2.0, 2.0], "worst": 2.0}
+    assert paper["max"]["median"] == 1.5
 
 
 def test_page_shows_every_task_with_its_schemes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
