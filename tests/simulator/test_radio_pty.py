@@ -113,7 +113,7 @@ def test_frames_glued_together_are_lost_when_somebody_looks_in_time(radio: Radio
     os.close(descriptor)
 
 
-def test_answers_nobody_reads_do_not_block_the_simulator(radio: RadioPty) -> None:
+def test_unread_answers_do_not_block_the_simulator(radio: RadioPty) -> None:
     descriptor = opened(radio)
     now_s = 0.0
     while not radio.counters["unread answers"] and now_s < 2000:
