@@ -18,16 +18,19 @@ from rcopterx.vehicles.model import IDENTIFIED
 pytestmark = [pytest.mark.integration, pytest.mark.campaign, pytest.mark.timeout(180)]
 
 Launch = Callable[..., Flying]
+CASCADE = 'controller = "cascade"'
 
 
-def formation(launch: Launch, conditions: str, vehicles: str | None = None) -> tuple[Flying, Truth]:
+def formation(
+    launch: Launch, conditions: str, control: str = CASCADE, vehicles: str | None = None
+) -> tuple[Flying, Truth]:
     """A formation that hovers in the simulated laboratory, watched from then on."""
     hosts = {"main": ("127.0.0.1", free_port())}
     text = fleet_text(
         free_port(),
         hosts,
         simulator=f'conditions = "{conditions}"',
-        control='controller = "cascade"\nhorizon = 20',
+        control=control,
         vehicles=vehicles,
     )
     flying = launch(text)
@@ -79,7 +82,7 @@ def test_five_vehicles_find_room_in_a_volume_that_their_enlarged_formation_would
     shipped = fleet_path("quintet").read_text()
     volume = shipped[shipped.index("[volume]") : shipped.index("[tracker]")]
     chain = shipped[shipped.index("[vehicles.h1]") : shipped.index("[avoidance]")]
-    flying, truth = formation(launch, "helicopter", volume + chain)
+    flying, truth = formation(launch, "helicopter", f"{CASCADE}\nhorizon = 30", volume + chain)
     document = identified(flying, "--all", 200)
     assert document["failed"] == {}
     assert len(document["vehicles"]) == 5
