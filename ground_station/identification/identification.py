@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from rcopterx.bus import channels
-from rcopterx.bus.messages import AgentStatus, Applied, Pose
+from rcopterx.bus.messages import AgentStatus, Applied, Pose, SetPoint
 from rcopterx.bus.requests import Excite
 from rcopterx.control.identification.excitation import COMBS, DONE, UNDER_WAY, excitation_for
 from rcopterx.control.identification.recording import FlightLog, FlightRecording, RecordingError
@@ -54,11 +54,13 @@ def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float | None) -> I
     flying = {name: state.agent for name, state in states.items() if state.agent and state.phase == "flying"}
     if standing := [name for name in names if name not in flying]:
         raise IdentificationError(f"{', '.join(standing)}: must hover (rcopterx takeoff)")
-    places = {
-        name: (states[name].assigned and status.position_m) or status.set_point.position_m
+    homes = {
+        name: SetPoint(position_m=status.position_m, yaw_rad=status.yaw_rad or 0.0)
+        if states[name].assigned and status.position_m
+        else status.set_point
         for name, status in flying.items()
     }
-    yaws_rad = {name: status.yaw_rad or 0.0 for name, status in flying.items()}
+    places = {name: home.position_m for name, home in homes.items()}
     volume_m = fleet.file.volume.min_m, fleet.file.volume.max_m
     distance_m = limits_of(fleet.file, names[0]).surveillance.minimum_distance_m or 0.0
     reach_m = reach_m or usual_reach(len(names), distance_m, volume_m)
@@ -69,14 +71,14 @@ def room_for_all(fleet: Fleet, names: Sequence[str], reach_m: float | None) -> I
             if state.assigned:
                 fleet[name].lead()
         for name, place_m in apart.items():
-            fleet[name].go_to(place_m, yaws_rad[name])
+            fleet[name].go_to(place_m, homes[name].yaw_rad)
         fleet.wait_for_arrival(names, timeout_s=ARRIVAL_S)
         yield Apart(reach_m, not_back)
     finally:
         # Each one first returns to its place, where its followers find room behind it.
         present = [name for name in names if fleet.state_of(name).phase == "flying"]
         for name in present:
-            _attempt(partial(fleet[name].go_to, places[name], yaws_rad[name]), name, not_back)
+            _attempt(partial(fleet[name].go_to, places[name], homes[name].yaw_rad), name, not_back)
         arriving = [name for name in present if name not in not_back]
         _attempt(partial(fleet.wait_for_arrival, arriving, timeout_s=ARRIVAL_S), "formation", not_back)
         for name in present:

@@ -33,7 +33,7 @@ def lab(
             vehicle.plan_at(PLACES[name])
         for name, leader in (("h2", "h1"), ("h3", "h2")):
             vehicles[name].assigned = (LeaderLink(leader=leader, offset_m=(-0.35, 0.0, 0.0)),)
-        vehicles["h1"].set_point = SetPoint(position_m=PLACES["h1"], yaw_rad=0.0)
+        vehicles["h1"].set_point = SetPoint(position_m=PLACES["h1"], yaw_rad=0.5)
         wait_for(
             lambda: all(state.phase == "flying" for state in map(fleet.state_of, NAMES)), "no status arrives"
         )
@@ -53,6 +53,7 @@ def test_all_are_at_their_places_before_they_follow(lab: Lab) -> None:
     assert vehicles["h3"].verbs == ["Lead", "GoTo", "GoTo", "Follow"]
     for name, vehicle in vehicles.items():
         assert vehicle.position_m == pytest.approx(PLACES[name])
+    assert vehicles["h1"].set_point.yaw_rad == 0.5, "a head keeps the heading of its set point"
     assert vehicles["h3"].assigned[0].leader == "h2"
 
 

@@ -43,6 +43,11 @@ def test_ways_do_not_meet(found: list[Three]) -> None:
         assert (before[first] - before[second]) @ (after[first] - after[second]) >= -1e-9
 
 
+def test_a_formation_with_room_stays_where_it_is() -> None:
+    wide: dict[str, Three] = {"h1": (0.0, 0.0, 1.0), "h2": (1.0, 0.0, 1.0)}
+    assert spread(wide, REACH_M, DISTANCE_M, ROOM) == wide
+
+
 def test_heights_stay_where_the_volume_has_room() -> None:
     apart = spread({"h1": (0.0, 0.0, 1.1), "h2": (0.0, 0.0, 0.1)}, REACH_M, DISTANCE_M, ROOM)
     assert apart["h1"][2] == 1.1
