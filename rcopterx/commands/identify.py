@@ -81,7 +81,7 @@ def identify(
         if running is None:
             flights = {names[0]: [_loaded(file, names[0], one) for one in from_files or ()]}
         else:
-            flights, failures = _flown(running, names, (seconds, strength, reach), say)
+            flights, failures = _flown(running, names, (seconds, strength), reach, say)
         if save is not None and flights:
             flights[names[0]][0].save(save)
             say(f"recording: {save}")
@@ -119,20 +119,19 @@ def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
 
 
 def _flown(
-    running: "Fleet", names: list[str], wanted: tuple[float, float, float | None], say: Say
+    running: "Fleet", names: list[str], wanted: tuple[float, float], reach: float | None, say: Say
 ) -> tuple[dict[str, list["FlightRecording"]], dict[str, str]]:
     """Fly the excitation of some vehicles, or with all of a formation; return recordings and failures."""
     from rcopterx.ground_station.identification import identification as flights
 
-    seconds, strength, reach = wanted
     flown = names or running.present()
     running.wait_for_status(flown)
     if not names:
         say(f"{', '.join(flown)}: move apart")
-    hovering = nullcontext(flights.Apart(reach or REACH_M, {}))
-    with hovering if names else flights.room_for_all(running, flown, reach) as apart:
-        say(f"{', '.join(flown)}: excitation for {seconds:g} s within {apart.reach_m:g} m")
-        excitation = flights.Wanted(seconds, strength, apart.reach_m)
+    in_place = nullcontext(flights.Apart(reach or REACH_M, {}))
+    with in_place if names else flights.room_for_all(running, flown, reach) as apart:
+        excitation = flights.Wanted(*wanted, apart.reach_m)
+        say(f"{', '.join(flown)}: excitation for {excitation.duration_s:g} s within {apart.reach_m:g} m")
         found, failures = flights.excited_flights(
             running, flown, excitation, lambda left_s: say(f"{left_s:.0f} s left")
         )
