@@ -63,7 +63,7 @@ def test_parameters_of_a_vehicle_are_found(found: Identification) -> None:
 
 def test_offsets_of_flights_are_separated_from_the_model(flight: FlightRecording) -> None:
     found = identify(flight, COAXIAL, simulated_flight(other_helicopter(), seed=2))
-    # Of a single flight, the mean of the wind alone is worth a trim of 0.01.
+    # The mean of the wind in a single flight shifts the trim by 0.01.
     assert found.offsets.trim == pytest.approx((0.01, -0.02), abs=0.01)
     assert found.offsets.body_rad == pytest.approx((0.03, -0.04), abs=0.006)
 
