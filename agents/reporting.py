@@ -227,6 +227,7 @@ def diagnostics_of(
         remarks=tuple(filter(None, remarks)),
         processor_share=relief.processor_share(),
         late_share=relief.overload.late_share,
+        model=flown.model,
     )
 
 

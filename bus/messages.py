@@ -20,6 +20,7 @@ from rcopterx.bus.message import (
     Message,
     Name,
     Number,
+    Parameters,
     Period,
     Place,
     Seconds,
@@ -302,6 +303,8 @@ class Diagnostics(Struct, frozen=True, kw_only=True):
     """Share of one processor that the agent has used since the previous status."""
     late_share: Seconds = 0.0
     """Share of the commands of the last second that were late or missing."""
+    model: Parameters = {}
+    """Parameters of the model that a request changed; all others are those of the fleet file."""
 
 
 class AgentStatus(Message, frozen=True, kw_only=True):

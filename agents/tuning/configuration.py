@@ -8,6 +8,7 @@ import msgspec
 
 from rcopterx.bus.intent import FlownBy
 from rcopterx.bus.message import Parameters, Setting
+from rcopterx.bus.messages import Diagnostics
 from rcopterx.control.interfaces import Controller, Estimator
 from rcopterx.control.plugins import ESTIMATORS, flying
 from rcopterx.vehicles.model import Model, with_parameters
@@ -45,6 +46,17 @@ class Configuration:
             settings = getattr(self, name).items()
             plain = {key: tuple(value) if isinstance(value, list) else value for key, value in settings}
             object.__setattr__(self, name, plain)
+
+    @classmethod
+    def reported(cls, diagnostics: Diagnostics) -> "Configuration":
+        """The configuration that an agent reports in its status."""
+        return cls(
+            diagnostics.controller,
+            diagnostics.estimator,
+            diagnostics.controller_settings,
+            diagnostics.estimator_settings,
+            diagnostics.model,
+        )
 
     @property
     def message(self) -> FlownBy:

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 from html import escape
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import viser
 
+from rcopterx.bus.message import Setting
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.fleet.vehicle_models import model_of
@@ -28,6 +29,7 @@ _STATES: Final[Mapping[str, tuple[int, ...]]] = {
 }
 EFFORT: Final = "sticks"
 GROUPS: Final = (*_STATES, EFFORT)  # names of the factors on the weights of the cascade
+CASCADE: Final = "cascade"
 
 
 def add_formation_controls(server: viser.ViserServer, fleet: Fleet, steering: Steering) -> None:
@@ -88,19 +90,25 @@ class VehicleControls:
             self._steering.tune(self._name, self.controller.value)
 
 
-def _weights_of(fleet: FleetFile, name: str, powers: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-    """Settings of the cascade: default weights times 2 to the given power for each of `GROUPS`."""
+def _default_weights(fleet: Fleet, name: str) -> dict[str, tuple[float, ...]]:
+    """Return the default weights of the cascade for the model with which a vehicle flies."""
     # Compiled kernels take longer to import than the rest of the page.
+    from rcopterx.agents.tuning.configuration import Configuration
     from rcopterx.control.controllers.cascade.weights import default_weights
 
-    model = model_of(fleet, name)
-    default = default_weights(model, fleet.vehicles[name].control.period_s)
-    states = list(default.states)
-    for group, indices in _STATES.items():
-        for index in indices:
-            states[index] *= 2.0 ** powers[group]
-    inputs = (weight * 2.0 ** powers[EFFORT] for weight in default.inputs)
-    return {"state_weights": tuple(states), "input_weights": tuple(inputs)}
+    model, agent = model_of(fleet.file, name), fleet[name].state.agent
+    if agent is not None:
+        model = Configuration.reported(agent.diagnostics).flown_model(model)
+    default = default_weights(model, fleet.file.vehicles[name].control.period_s)
+    return {"state_weights": default.states, "input_weights": default.inputs}
+
+
+class Tuned(NamedTuple):
+    """Powers of 2 of the sliders, and what flies with them."""
+
+    powers: Mapping[str, float]
+    controller: str
+    settings: Mapping[str, Setting]
 
 
 class WeightControls:
@@ -110,7 +118,8 @@ class WeightControls:
         self._fleet = fleet
         self._name = name
         self._steering = steering
-        self._history: list[dict[str, float]] = [dict.fromkeys(GROUPS, 0.0)]
+        self._powers: Mapping[str, float] = dict.fromkeys(GROUPS, 0.0)
+        self._history: list[Tuned] = []  # before each change
         with server.gui.add_folder("weights of the cascade, × default", expand_by_default=False):
             self.sliders: dict[str, Any] = {
                 group: server.gui.add_slider(f"{group} [powers of 2]", -3.0, 3.0, 0.25, 0.0)
@@ -123,21 +132,37 @@ class WeightControls:
 
     def on_apply(self) -> None:
         """Fly with the weights of the sliders."""
-        wanted = {group: float(slider.value) for group, slider in self.sliders.items()}
-        if self._fly_with(wanted):
-            self._history.append(wanted)
+        powers = {group: float(slider.value) for group, slider in self.sliders.items()}
+        default = _default_weights(self._fleet, self._name)
+        before, states = self._tuned(default), list(default["state_weights"])
+        for group, indices in _STATES.items():
+            for index in indices:
+                states[index] *= 2.0 ** powers[group]
+        inputs = tuple(weight * 2.0 ** powers[EFFORT] for weight in default["input_weights"])
+        if self._steering.tune(self._name, CASCADE, state_weights=tuple(states), input_weights=inputs):
+            self._powers = powers
+            self._history.append(before)
+
+    def _tuned(self, default: Mapping[str, Setting]) -> Tuned:
+        """Return what flies now; weights that no setting gives are the default ones."""
+        agent = self._fleet[self._name].state.agent
+        if agent is None:
+            return Tuned(self._powers, CASCADE, default)
+        flown = agent.diagnostics
+        missing = default if flown.controller == CASCADE else {}
+        return Tuned(self._powers, flown.controller, {**missing, **flown.controller_settings})
 
     def on_undo(self) -> None:
-        """Fly with the weights before the last change."""
-        if len(self._history) < 2 or not self._fly_with(self._history[-2]):
+        """Fly as before the last change."""
+        if not self._history:
+            return
+        powers, controller, settings = self._history[-1]
+        if not self._steering.tune(self._name, controller, **settings):
             return
         self._history.pop()
-        for group, value in self._history[-1].items():
+        self._powers = powers
+        for group, value in powers.items():
             self.sliders[group].value = value
-
-    def _fly_with(self, powers: dict[str, float]) -> bool:
-        weights = _weights_of(self._fleet.file, self._name, powers)
-        return self._steering.tune(self._name, "cascade", **weights)
 
 
 class Waypoints:

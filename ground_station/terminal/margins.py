@@ -192,23 +192,19 @@ def configured_warnings(file: FleetFile) -> list[str]:
 
 
 def flying_warnings(fleet: Fleet) -> list[str]:
-    """A line for every axis below the rule, as the vehicles of a running fleet are tuned now."""
-    lines = []
-    for vehicle in fleet:
-        agent = vehicle.state.agent
-        if agent is not None:
-            used = agent.diagnostics
-            configuration = Configuration(
-                used.controller, used.estimator, used.controller_settings, used.estimator_settings
-            )
-            lines += _warnings(fleet.file, vehicle.name, configuration)
-    return lines
+    """A line for every axis below the rule, as a running fleet is tuned and identified now."""
+    return [
+        line
+        for vehicle in fleet
+        if (agent := vehicle.state.agent) is not None
+        for line in _warnings(fleet.file, vehicle.name, Configuration.reported(agent.diagnostics))
+    ]
 
 
 def _warnings(file: FleetFile, name: str, used: Configuration) -> list[str]:
     if _unknown_loops(used) is not None:
         return []
-    uncertainty = model_of(file, name).uncertainty
+    uncertainty = used.flown_model(model_of(file, name)).uncertainty
     return [
         f"{name}: margins of {axis} below the rule: {', '.join(names)}; raise its input weight, "
         "or identify the vehicle"
@@ -219,8 +215,8 @@ def _warnings(file: FleetFile, name: str, used: Configuration) -> list[str]:
 
 def _loops(file: FleetFile, name: str, used: Configuration) -> dict[str, FeedbackLoop]:
     """Return the loops of a vehicle by axis, with a controller and an estimator whose loops are known."""
-    period_s = file.vehicles[name].control.period_s
-    return loops_of(model_of(file, name), period_s, used.controller_settings, used.estimator_settings)
+    model, period_s = used.flown_model(model_of(file, name)), file.vehicles[name].control.period_s
+    return loops_of(model, period_s, used.controller_settings, used.estimator_settings)
 
 
 def _unknown_loops(configuration: Configuration) -> str | None:

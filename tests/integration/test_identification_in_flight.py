@@ -11,6 +11,7 @@ import pytest
 from integration_support import Flying, Truth, fleet_text, free_port
 from support.vehicle_types import COAXIAL
 
+from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.vehicles.model import IDENTIFIED
@@ -59,6 +60,10 @@ def test_a_leader_is_identified_while_its_follower_flies_on(launch: Launch) -> N
     written = model_of(load_fleet(flying.path), "h1")
     assert replace(written.uncertainty, tilt_damping=None) == IDENTIFIED
     assert written.input_gain != COAXIAL.input_gain
+    status = flying.fleet["h1"].state.agent
+    assert status is not None
+    flown = Configuration.reported(status.diagnostics).flown_model(COAXIAL)
+    assert flown.input_gain == written.input_gain, "in flight already"
     truth.assert_none_touched_down()
     flying.fleet.land()
 

@@ -1,6 +1,7 @@
 """Promises of `margins`, and of the warnings that `up` and `check` take from it."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,12 @@ from support.scripted import ScriptedVehicle, fleet_file_text
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
+from rcopterx.control.controllers.cascade.weights import default_weights
 from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
 from rcopterx.ground_station.terminal.margins import configured_warnings
+from rcopterx.vehicles.model import IDENTIFIED, with_parameters
 
 LOOSE = "[vehicles.h2.control.settings]\ninput_weights = [0.002, 0.002, 80.0, 100.0]\n"
 
@@ -132,3 +136,23 @@ def test_check_tells_of_weights_that_were_tuned_below_the_rule(
     assert "note: h2: margins of horizontal below the rule" in result.output
     assert "h1" not in result.output
     assert result.exit_code == 0
+
+
+def test_check_uses_the_models_that_were_identified_in_flight(
+    up: str, vehicles: dict[str, ScriptedVehicle]
+) -> None:
+    file = load_fleet(Path(up))
+    found = {"uncertainty": asdict(IDENTIFIED)}
+    weights = default_weights(
+        with_parameters(model_of(file, "h1"), found), file.vehicles["h1"].control.period_s
+    )
+    flown = {
+        "controller": "cascade",
+        "estimator": "extended_kalman",
+        "controller_settings": {"state_weights": weights.states, "input_weights": weights.inputs},
+    }
+    vehicles["h1"].diagnostics = flown | {"model": found}
+    vehicles["h2"].diagnostics = flown
+    result = run("check", "-f", up, "--wait", "0.3")
+    assert "note: h2: margins of horizontal below the rule" in result.output
+    assert "h1" not in result.output

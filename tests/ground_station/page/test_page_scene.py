@@ -2,7 +2,9 @@
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +14,12 @@ from support.waiting import wait_for
 
 from rcopterx.bus.messages import LeaderLink, SetPoint
 from rcopterx.bus.requests import Follow, GoTo, Tune
+from rcopterx.control.controllers.cascade.weights import default_weights
+from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.ground_station.page.guard import PageServer
 from rcopterx.ground_station.page.page import FleetPage, PageFrame
 from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.vehicles.model import IDENTIFIED, with_parameters
 
 Vehicles = dict[str, ScriptedVehicle]
 BY_HAND = SimpleNamespace(client=object())
@@ -212,25 +217,74 @@ def test_waypoints_are_flown_from_where_the_vehicle_is_and_none_is_a_refusal(
     assert page.waypoints.places == []
 
 
-def test_weights_are_factors_of_the_defaults_and_undo_brings_the_last_ones_back(
-    page: FleetPage, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[Tune] = []
+def tunings(page: FleetPage, monkeypatch: pytest.MonkeyPatch) -> list[Tune]:
+    """Requests to tune that the page sends from now on; all succeed."""
+    requests: list[Tune] = []
 
     def tune(name: str, controller: str | None = None, **settings: object) -> bool:
-        asked.append(Tune(controller=controller, controller_settings=settings))  # type: ignore[arg-type]
+        requests.append(Tune(controller=controller, controller_settings=settings))  # type: ignore[arg-type]
         return True
 
     monkeypatch.setattr(page.steering, "tune", tune)
+    return requests
+
+
+def report(fleet: Fleet, vehicle: ScriptedVehicle, **diagnostics: Any) -> None:
+    """Report other diagnostics of a vehicle, and wait until the fleet has them."""
+    vehicle.diagnostics |= diagnostics
+    wait_for(
+        lambda: (
+            (agent := fleet[vehicle.name].state.agent)
+            and all(getattr(agent.diagnostics, name) == value for name, value in diagnostics.items())
+        ),
+        "no report",
+    )
+
+
+def test_weights_are_factors_of_the_defaults_and_undo_brings_the_last_ones_back(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report(fleet, vehicles["h1"], controller="cascade")
+    requests = tunings(page, monkeypatch)
     weights = page.vehicles["h1"].weights
     weights.on_undo()
-    assert asked == [], "there is nothing to undo"
+    assert requests == [], "there is nothing to undo"
     weights.sliders["position"].value = 1.0
     weights.on_apply()
     weights.on_undo()
-    doubled, default = (np.array(one.controller_settings["state_weights"]) for one in asked)
+    doubled, default = (np.array(one.controller_settings["state_weights"]) for one in requests)
     assert doubled / default == pytest.approx([2, 2, 2, 1, 1, 1, 1, 1])
     assert weights.sliders["position"].value == 0.0
+    weights.on_undo()
+    assert len(requests) == 2, "there is nothing more to undo"
+
+
+def test_weights_of_identified_vehicles_are_factors_of_those_of_the_identified_model(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = model_of(fleet.file, "h1")
+    found = {"uncertainty": asdict(IDENTIFIED)}
+    report(fleet, vehicles["h1"], controller="cascade", model=found)
+    requests = tunings(page, monkeypatch)
+    page.vehicles["h1"].weights.on_apply()
+    expected = default_weights(with_parameters(model, found), fleet.file.vehicles["h1"].control.period_s)
+    assert requests[0].controller_settings["input_weights"] == pytest.approx(expected.inputs)
+    assert requests[0].controller_settings["state_weights"] == pytest.approx(expected.states)
+
+
+@pytest.mark.parametrize("controller", ["cascade", "lqr"])
+def test_undo_restores_what_the_vehicle_flew_with_before(
+    page: FleetPage, fleet: Fleet, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch, controller: str
+) -> None:
+    flown = {"input_weights": (20.0, 20.0, 30.0, 200.0), "horizon": 30}
+    report(fleet, vehicles["h1"], controller=controller, controller_settings=flown)
+    requests = tunings(page, monkeypatch)
+    weights = page.vehicles["h1"].weights
+    weights.on_apply()
+    weights.on_undo()
+    assert requests[0].controller == "cascade"
+    assert requests[1].controller == controller
+    assert requests[1].controller_settings.items() >= flown.items()
 
 
 def test_ellipsoids_of_uncertainty_are_there_if_they_are_wanted_and_told(
