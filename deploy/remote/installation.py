@@ -1,6 +1,7 @@
 """The installation of a host as steps, which can be shown before they are taken over ssh, and repeated."""
 
 import hashlib
+import math
 import shlex
 import subprocess
 from collections.abc import Callable, Iterable, Iterator
@@ -9,7 +10,10 @@ from pathlib import Path
 from typing import Final
 
 from rcopterx.deploy.certificates.files import AUTHORITY, directory_of, host_name
+from rcopterx.deploy.processes.supervisor import STOP_LIMIT_S
+from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.vehicle_models import longest_shutdown_s
 
 DIRECTORY: Final = "rcopterx"  # directory of the installation, in the home of the user
 UNIT: Final = """\
@@ -17,16 +21,18 @@ UNIT: Final = """\
 Description=Host {host} of the fleet {fleet}
 After=network-online.target
 Wants=network-online.target
+StartLimitIntervalSec=0
 
 [Service]
 User={user}
 SupplementaryGroups=dialout
 WorkingDirectory={home}/{directory}
 ExecStart={home}/{directory}/venv/bin/rcopterx host {fleet}.toml --host {host}
-LimitRTPRIO=40
-KillMode=mixed
-TimeoutStopSec=30
+LimitRTPRIO={highest_priority}
+KillMode=process
+TimeoutStopSec={stop_s}
 Restart=on-failure
+RestartSec=5
 
 [Install]
 WantedBy=multi-user.target
@@ -76,16 +82,28 @@ def steps(fleet: FleetFile, fleet_text: bytes, host: str, login: Login, wheel: P
             (f"{host_name(host)}.key", 0o600),
         ):
             yield _file(f"{there}/{name}", (directory / name).read_bytes(), mode)
-    unit = UNIT.format(
-        host=host, fleet=fleet.name, user=login.user, home=login.home, directory=DIRECTORY
-    ).encode()
-    yield _file(f"{DIRECTORY}/{unit_name(fleet)}", unit, 0o644)
+    yield _file(f"{DIRECTORY}/{unit_name(fleet)}", _unit(fleet, host, login).encode(), 0o644)
     yield _enabled(unit_name(fleet))
 
 
 def unit_name(fleet: FleetFile) -> str:
     """Return the name of the systemd unit of a host of this fleet."""
     return f"rcopterx-{fleet.name}.service"
+
+
+def _unit(fleet: FleetFile, host: str, login: Login) -> str:
+    """Return the systemd unit of a host; gateways may land their vehicles before it is killed."""
+    landing_s = fleet.clock.real_s(longest_shutdown_s(fleet, host))
+    return UNIT.format(
+        host=host,
+        fleet=fleet.name,
+        user=login.user,
+        home=login.home,
+        directory=DIRECTORY,
+        highest_priority=max(Priority).of(fleet),
+        # A hung agent is killed after the limit, then a gateway after the limit and a landing.
+        stop_s=math.ceil(2 * STOP_LIMIT_S + landing_s),
+    )
 
 
 def _file(path: str, content: bytes, mode: int) -> Step:

@@ -35,10 +35,8 @@ NOT_TYPED = {
     "docker build -t rcopterx .": (DAEMON, IMAGE),
     "docker run --rm -it --cap-add SYS_NICE --ulimit rtprio=40 rcopterx": (DAEMON, IMAGE),
     f"{DOCKER} rcopterx demo": (DAEMON, IMAGE),
-    f'{DOCKER} --group-add 20 --device /dev/ttyUSB0 -v "$PWD:/home/lab/fleet" rcopterx up fleet/lab.toml': (
-        DAEMON,
-        IMAGE,
-    ),
+    f"{DOCKER} --stop-timeout 60 --group-add 20 --device /dev/ttyUSB0 "
+    '-v "$PWD:/home/lab/fleet" rcopterx up fleet/lab.toml': (DAEMON, IMAGE),
     "docker compose -f examples/two_hosts/compose.yaml up --build": (
         DAEMON,
         "tests/examples/test_compose_example.py",

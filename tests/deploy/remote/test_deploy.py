@@ -12,7 +12,10 @@ from typer.testing import CliRunner
 
 from rcopterx.command_line import app
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
+from rcopterx.deploy.processes.supervisor import STOP_LIMIT_S
+from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.vehicle_models import longest_shutdown_s
 
 PROGRAMS = {
     "ssh": 'for last; do :; done; case "$*" in *192.0.2.9*) echo "no route" >&2; exit 255;; esac\n'
@@ -88,3 +91,18 @@ def test_a_host_that_cannot_be_reached_is_reported_and_the_others_go_on(lab: Pat
     assert result.exit_code == 1
     assert "error: far: 192.0.2.9: no route" in result.output
     assert result.output.count("main: done: ") == 8
+
+
+def test_the_unit_lets_gateways_land_and_permits_every_priority(lab: Path, home: Path) -> None:
+    lab.write_text(lab.read_text() + "[bus]\nrealtime_priority = 60\n[volume]\nmax_m = [2.0, 2.0, 30.0]\n")
+    deploy(lab)
+    unit = (home / "unit").read_text().splitlines()
+    fleet = load_fleet(lab)
+    assert {
+        "KillMode=process",
+        "RestartSec=5",
+        f"LimitRTPRIO={max(each.of(fleet) for each in Priority)}",
+    } <= {*unit}
+    (stop,) = (line for line in unit if line.startswith("TimeoutStopSec="))
+    assert int(stop.partition("=")[2]) >= 2 * STOP_LIMIT_S + longest_shutdown_s(fleet, "main") > 100.0
+    assert unit.index("StartLimitIntervalSec=0") < unit.index("[Service]")
