@@ -3,7 +3,7 @@
 from datetime import datetime
 
 from rcopterx.deploy.certificates.files import AUTHORITY, certificate_names, directory_of, host_name, key_path
-from rcopterx.deploy.certificates.issuing import due, issue, read_authority
+from rcopterx.deploy.certificates.issuing import due, issue, problem, read_authority
 from rcopterx.deploy.certificates.issuing import new_authority as made_authority
 from rcopterx.fleet.schema import FleetError, FleetFile
 
@@ -13,11 +13,11 @@ LOCAL_NAMES = ("127.0.0.1", "localhost")  # further names by which processes of 
 def make_certificates(
     fleet: FleetFile, now: datetime, days: float, *, renew: bool = False, new_authority: bool = False
 ) -> list[str]:
-    """Make the certificates that are missing, expire soon, or are for another address; report each.
+    """Make the certificates that are missing, unusable, expire soon, or are for another address; report each.
 
     `now`: present time, with its zone. `days`: validity of new certificates. `renew`: issue every certificate
     again. `new_authority`: replace the authority, so that all earlier certificates become invalid. Raises
-    `FleetError`: the fleet file names no directory, or files in it are damaged. Raises `OSError`: files
+    `FleetError`: the fleet file names no directory, or its authority cannot be used. Raises `OSError`: files
     cannot be read or written.
     """
     directory = directory_of(fleet)
@@ -36,6 +36,8 @@ def make_certificates(
                 )
             authority = made_authority(fleet.name, directory, now)
             lines.append(f"{directory}: new authority; keep {AUTHORITY}.key to yourself")
+        elif (why := problem(directory, AUTHORITY, now)) is not None:
+            raise FleetError(f"{why}; or begin anew by --new-authority")
         else:
             authority = read_authority(directory)
     except ValueError as error:
@@ -43,7 +45,7 @@ def make_certificates(
     addresses = {host_name(name): {host.address, *LOCAL_NAMES} for name, host in fleet.hosts.items()}
     for name in certificate_names(fleet):
         own = addresses.get(name, set())
-        why = "renewed" if renew else due(authority, directory, name, own, now)
+        why = "renewed" if renew else due(directory, name, own, now)
         if why is not None:
             issue(authority, directory, name, own, now, days)
             lines.append(f"{name}: issued ({why}), valid for {days:g} days")

@@ -128,18 +128,15 @@ def issue(
     _keep(directory, name, builder.sign(authority.key, hashes.SHA256()), key)
 
 
-def due(
-    authority: Authority, directory: Path, name: str, addresses: Collection[str], now: datetime
-) -> str | None:
-    """Return why a certificate has to be issued, in a word or two; None if the present one is good."""
+def due(directory: Path, name: str, addresses: Collection[str], now: datetime) -> str | None:
+    """Return why a certificate has to be issued; None if the present one is good."""
     path = certificate_path(directory, name)
     if not path.exists() or not key_path(directory, name).exists():
         return "new"
-    try:
-        present = read_certificate(path)
-        present.verify_directly_issued_by(authority.certificate)
-    except Exception:  # noqa: BLE001 - a damaged one is issued again as well
-        return "not of this authority"
+    why = problem(directory, name, now)
+    if why is not None:
+        return why
+    present = read_certificate(path)
     if present.not_valid_after_utc - now < timedelta(days=RENEW_DAYS):
         return "expires soon"
     if _addresses(present) != {_address(address) for address in addresses}:

@@ -9,8 +9,14 @@ import pytest
 from support.fleets import PAIR
 
 from rcopterx.deploy.certificates.files import CHOICE, own_credentials, own_name
-from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.deploy.certificates.issuing import expiry_warning, problem
+from rcopterx.deploy.certificates.fleet_certificates import LOCAL_NAMES, make_certificates
+from rcopterx.deploy.certificates.issuing import (
+    AUTHORITY_DAYS,
+    expiry_warning,
+    issue,
+    problem,
+    read_authority,
+)
 from rcopterx.deploy.hosts.resources import check_certificate
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
@@ -67,6 +73,34 @@ def test_only_what_is_missing_moved_or_expires_soon_is_issued_again(tmp_path: Pa
     assert [line.split(":")[0] for line in make_certificates(moved, NOW + timedelta(days=11), 365)] == [
         "host.second", "agent.h1",
     ]  # fmt: skip
+
+
+def test_what_a_host_refuses_is_issued_again(tmp_path: Path) -> None:
+    fleet = made(tmp_path)
+    (tmp_path / "host.main.key").write_text("nonsense")
+    shutil.copy(tmp_path / "agent.h2.key", tmp_path / "agent.h1.key")
+    (tmp_path / "operator.ann.key").chmod(0o644)
+    authority = read_authority(tmp_path)
+    issue(authority, tmp_path, "host.second", ["192.0.2.2", *LOCAL_NAMES], NOW + timedelta(days=2), 365)
+    lines = make_certificates(fleet, NOW, 365)
+    assert [line.split(":")[0] for line in lines] == ["host.main", "host.second", "agent.h1", "operator.ann"]
+    assert [problem(tmp_path, name, NOW) for name in NAMES] == [None] * len(NAMES)
+
+
+@pytest.mark.parametrize("damage", ["expired", "another key"])
+def test_an_authority_that_cannot_be_used_is_refused_with_the_option_that_replaces_it(
+    tmp_path: Path, damage: str
+) -> None:
+    fleet = made(tmp_path)
+    now = NOW
+    if damage == "expired":
+        now += timedelta(days=AUTHORITY_DAYS)
+    else:
+        shutil.copy(tmp_path / "host.main.key", tmp_path / "authority.key")
+    with pytest.raises(FleetError, match=r"authority\.(pem|key): .* --new-authority"):
+        make_certificates(fleet, now, 365)
+    make_certificates(fleet, now, 365, new_authority=True)
+    assert [problem(tmp_path, name, now) for name in NAMES] == [None] * len(NAMES)
 
 
 def test_renewing_changes_every_key_and_a_new_authority_makes_the_old_ones_worthless(tmp_path: Path) -> None:
