@@ -8,7 +8,7 @@ from typing import Final
 from rcopterx.bus.requests import IdentifyReply, Reply, Request, StartHost, StopHost
 from rcopterx.bus.session import BusUnreachableError, NotServedError, RequestFailedError
 from rcopterx.deploy.hosts.running import running_fleets
-from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.joining import check_identity
 
@@ -54,14 +54,23 @@ class Daemons:
         ]
 
     def start(self, without: Collection[str] = ()) -> list[str]:
-        """Start the processes of every host that was found; return their answers, none without daemons."""
+        """Start the processes of every host that was found; return their answers, none without daemons.
+
+        Raises `FleetError`: a host does not start; those that were started are stopped again.
+        """
         answers, request = [], StartHost(without=tuple(without))
-        for host in tuple(self._there):
+        found, self._there = self._there, []
+        for host in found:
             try:
-                answers.append(self._request(host, request).reason)
+                reply = self._request(host, request)
             except NotServedError:
                 # It has no daemon: its processes belong to the program that started them.
-                self._there.remove(host)
+                continue
+            if not reply.accepted:
+                self.stop()
+                raise FleetError(f"host {host} does not start: {reply.reason}")
+            self._there.append(host)
+            answers.append(reply.reason)
         return answers
 
     def stop(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""Starting a fleet: `up` and `demo`."""
+"""Starting a fleet: `up`, `host` and `demo`."""
 
 import threading
 import time
@@ -161,7 +161,7 @@ def up(
     from rcopterx.ground_station.terminal.margin_warnings import warnings_apart
 
     file = fleet_file(fleet, speed, lockstep)
-    if host is None and _by_daemons(file, without or ()):
+    if host is None and _by_daemons(file, without or (), watchdog=watchdog, record=record):
         return
     with interruptible(file, host, without or (), watchdog=watchdog, record=record) as (running, interrupts):
         lines: deque[str] = deque()
@@ -174,12 +174,14 @@ def up(
         show_fleet(running, interrupts, lines)
 
 
-def _by_daemons(file: "FleetFile", without: Sequence[str]) -> bool:
+def _by_daemons(file: "FleetFile", without: Sequence[str], *, watchdog: bool, record: bool) -> bool:
     """Start a fleet through the daemons of its hosts and show it; False without daemons."""
+    from rcopterx.deploy.hosts.resources import check_without
     from rcopterx.deploy.hosts.running import running_fleets
     from rcopterx.fleet.schema import FleetError
     from rcopterx.ground_station.scripting.daemons import Daemons, joined_fleet
 
+    check_without(file, without)
     here = any(running.fleet == file.name for running in running_fleets())
     if len(file.hosts) == 1 and not here:
         return False
@@ -192,6 +194,12 @@ def _by_daemons(file: "FleetFile", without: Sequence[str]) -> bool:
             )
         return False
     with closing(fleet):
+        if not watchdog:
+            raise FleetError(
+                "--no-watchdog: daemons start this fleet; set watchdog.enabled = false in its file"
+            )
+        if not record:
+            raise FleetError("--no-record: daemons start this fleet; give the option to rcopterx host")
         interrupts = counted_interrupts()
         daemons = Daemons(fleet)
         warnings = daemons.find()
