@@ -12,7 +12,7 @@ from typing import Final
 from rcopterx.deploy.certificates.files import AUTHORITY, directory_of, host_name
 from rcopterx.deploy.processes.supervisor import STOP_LIMIT_S
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import longest_shutdown_s
 
 DIRECTORY: Final = "rcopterx"  # directory of the installation, in the home of the user
@@ -67,12 +67,18 @@ class Login:
     home: str
 
 
-def steps(fleet: FleetFile, fleet_text: bytes, host: str, login: Login, wheel: Path) -> Iterator[Step]:
-    """Yield the steps of the installation of a host, in order; `OSError` if a file cannot be read."""
+def steps(fleet: FleetFile, fleet_path: Path, host: str, login: Login, wheel: Path) -> Iterator[Step]:
+    """Yield the steps of the installation of a host, in order; `OSError` if a file cannot be read.
+
+    Raises `FleetError`: a vehicle type cannot be used, or its file is not below that of the fleet file.
+    """
+    type_files, unit = _type_files(fleet), _unit(fleet, host, login)
     software = wheel.read_bytes()
     yield _file(f"{DIRECTORY}/{wheel.name}", software, 0o644)
     yield _installed(wheel.name, hashlib.sha256(software).hexdigest())
-    yield _file(f"{DIRECTORY}/{fleet.name}.toml", fleet_text, 0o644)
+    yield _file(f"{DIRECTORY}/{fleet.name}.toml", fleet_path.read_bytes(), 0o644)
+    for name in type_files:
+        yield _file(f"{DIRECTORY}/{name}", (fleet_path.parent / name).read_bytes(), 0o644)
     directory = directory_of(fleet)
     if directory is not None:
         there = str(fleet.security.certificates).removeprefix("~/")
@@ -82,8 +88,17 @@ def steps(fleet: FleetFile, fleet_text: bytes, host: str, login: Login, wheel: P
             (f"{host_name(host)}.key", 0o600),
         ):
             yield _file(f"{there}/{name}", (directory / name).read_bytes(), mode)
-    yield _file(f"{DIRECTORY}/{unit_name(fleet)}", _unit(fleet, host, login).encode(), 0o644)
+    yield _file(f"{DIRECTORY}/{unit_name(fleet)}", unit.encode(), 0o644)
     yield _enabled(unit_name(fleet))
+
+
+def _type_files(fleet: FleetFile) -> list[str]:
+    """Return the paths of the files of vehicle types, relative to the fleet file."""
+    found = dict.fromkeys(one.type for one in fleet.vehicles.values() if one.type.endswith(".toml"))
+    for name in found:
+        if name.startswith("/") or ".." in Path(name).parts:
+            raise FleetError(f"{name}: a type file must be in or below the directory of the fleet file")
+    return list(found)
 
 
 def unit_name(fleet: FleetFile) -> str:

@@ -46,14 +46,14 @@ def deploy(
 
     failed = False
     file = fleet_file(fleet)
-    text = fleet_path(fleet).read_bytes()
+    path = fleet_path(fleet)
     check_known(only or (), file.hosts, "host", "--host")
     for host in only or file.hosts:
         address = file.hosts[host].address
         run = on(address if user is None else f"{user}@{address}")
         changed = False
         try:
-            for step, done in take(run, steps(file, text, host, login(run), wheel), dry=dry_run):
+            for step, done in take(run, steps(file, path, host, login(run), wheel), dry=dry_run):
                 changed = changed or not done
                 typer.echo(f"{host}: {'there' if done else 'to do' if dry_run else 'done'}: {step.what}")
         except RemoteError as error:

@@ -106,3 +106,23 @@ def test_the_unit_lets_gateways_land_and_permits_every_priority(lab: Path, home:
     (stop,) = (line for line in unit if line.startswith("TimeoutStopSec="))
     assert int(stop.partition("=")[2]) >= 2 * STOP_LIMIT_S + longest_shutdown_s(fleet, "main") > 100.0
     assert unit.index("StartLimitIntervalSec=0") < unit.index("[Service]")
+
+
+def test_files_of_vehicle_types_are_brought_with_the_fleet_file(lab: Path, home: Path) -> None:
+    (lab.parent / "types").mkdir()
+    (lab.parent / "types" / "mine.toml").write_text('base = "coaxial"\ntext = "mine"\n')
+    lab.write_text(lab.read_text().replace("[vehicles.h2]", '[vehicles.h2]\ntype = "types/mine.toml"'))
+    result = deploy(lab)
+    assert result.exit_code == 0, result.output
+    load_fleet(home / "rcopterx" / "lab.toml")
+
+
+@pytest.mark.parametrize("place", ["{directory}/mine.toml", "../mine.toml"])
+def test_a_vehicle_type_that_the_hosts_would_not_find_is_refused(place: str, lab: Path, home: Path) -> None:
+    place = place.format(directory=lab.parent)
+    (lab.parent / place).write_text('base = "coaxial"\ntext = "mine"\n')
+    lab.write_text(lab.read_text().replace("[vehicles.h2]", f'[vehicles.h2]\ntype = "{place}"'))
+    result = deploy(lab)
+    assert result.exit_code == 2
+    assert f"error: {place}: a type file must be in or below the directory of the fleet file" in result.stderr
+    assert list(home.iterdir()) == []
