@@ -19,6 +19,7 @@ def check_consistency(fleet: FleetFile) -> None:
     _check_vehicles(fleet)
     _check_hosts(fleet)
     _check_security(fleet)
+    _check_files(fleet)
     _check_leaders(fleet)
 
 
@@ -91,10 +92,10 @@ def _check_security(fleet: FleetFile) -> None:
     if security.certificates is not None:
         if security.insecure:
             raise FleetError("security.insecure: true, but there are certificates; leave out one of them")
-        if not security.certificates.startswith(("/", "~")):
+        if not security.certificates.startswith(("/", "~/")):
             raise FleetError(
-                f"security.certificates: {security.certificates!r} must be an absolute path or begin with ~, "
-                "because every host reads it"
+                f"security.certificates: {security.certificates!r} must be an absolute path or begin with "
+                "~/, because every host reads it"
             )
         return
     for name, host in fleet.hosts.items():
@@ -104,6 +105,14 @@ def _check_security(fleet: FleetFile) -> None:
                 "any program there can steer the fleet; name a directory in security.certificates and make "
                 "them by rcopterx certs, or write insecure = true under [security]"
             )
+
+
+def _check_files(fleet: FleetFile) -> None:
+    """Refuse paths in the home directory of a named user, who may be missing."""
+    files = {"log.directory": fleet.log.directory, "tracker.record_raw": fleet.tracker.record_raw}
+    for where, path in files.items():
+        if path is not None and path.startswith("~") and not path.startswith("~/"):
+            raise FleetError(f"{where}: {path!r}: a path that begins with ~ must begin with ~/")
 
 
 def _check_leaders(fleet: FleetFile) -> None:

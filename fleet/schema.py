@@ -122,7 +122,7 @@ class SecurityConfig(Table, frozen=True, kw_only=True):
 
     certificates: Text | None = None
     """Directory of the certificates that `rcopterx certs` makes, on every host: an absolute path, or one that
-    begins with `~`. With certificates hosts and people are authenticated, and the bus is encrypted."""
+    begins with `~/`. With certificates hosts and people are authenticated, and the bus is encrypted."""
     insecure: bool = False
     """Allow hosts on a network without certificates: every program that reaches them can steer."""
     operators: list[Name] = field(default_factory=lambda: ["lab"])

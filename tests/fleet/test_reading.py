@@ -233,6 +233,7 @@ def test_an_address_only_this_computer_reaches_needs_no_certificates(address: st
     ("table", "message"),
     [
         ('certificates = "certs"', "security.certificates: 'certs' must be an absolute path"),
+        ('certificates = "~nobody_here/c"', "security.certificates: '~nobody_here/c' must be an absolute"),
         ('certificates = "/a"\ninsecure = true', "security.insecure: true, but there are certificates"),
         ('operators = ["a", "b", "a"]', "security.operators[2]: 'a' is named twice"),
     ],
@@ -240,6 +241,14 @@ def test_an_address_only_this_computer_reaches_needs_no_certificates(address: st
 def test_contradictions_about_access_are_refused(table: str, message: str) -> None:
     with pytest.raises(FleetError, match=re.escape(message)):
         parse_fleet(f"{PAIR}[security]\n{table}")
+
+
+@pytest.mark.parametrize("path", ["~nobody_here/c", "~root/c", "~"])
+def test_files_in_the_home_directory_of_a_named_user_are_refused(path: str) -> None:
+    for table, field in (("log", "directory"), ("tracker", "record_raw")):
+        with pytest.raises(FleetError, match=rf"^{table}\.{field}: '{path}': .* must begin with ~/"):
+            parse_fleet(f'{PAIR}[{table}]\n{field} = "{path}"')
+        parse_fleet(f'{PAIR}[{table}]\n{field} = "~/c"')
 
 
 def test_errors_of_a_file_begin_with_its_path(tmp_path: Path) -> None:
