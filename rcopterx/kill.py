@@ -1,7 +1,7 @@
 """`rcopterx kill`: cuts the motors of every fleet that is up, and reports whether the arbiters confirm it.
 
 It must work a tenth of a second after it was typed, so nothing here imports the command line, message types
-or numerical libraries: the few bytes of a kill are packed by hand.
+or numerical libraries: the message is packed from a plain table.
 """
 
 import os
@@ -229,7 +229,7 @@ def run(vehicles: Sequence[str], fleet: str | None) -> int:
         try:
             file = load_fleet(fleet_path(fleet))
             named = record_of(file, next(iter(file.hosts)))
-        except FleetError as error:
+        except (FleetError, OSError) as error:
             print(f"error: {error}", file=sys.stderr)
             return EXIT_USAGE
         fleets, only = [named], named.fleet

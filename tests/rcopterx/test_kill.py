@@ -110,6 +110,16 @@ def test_a_fleet_that_is_down_is_an_error_for_each_of_its_vehicles(
     assert "error: nowhere.toml: no such file" in capsys.readouterr().err
 
 
+def test_a_run_directory_that_cannot_be_created_is_an_error_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "down.toml"
+    path.write_text(fleet_file_text(own_address()))
+    monkeypatch.setenv("RCOPTERX_RUN", "/proc/x")
+    assert run([], str(path)) == 2
+    assert capsys.readouterr().err.startswith("error: run directory /proc/x/lab")
+
+
 def test_without_any_fleet_it_is_said_how_to_name_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert run([], None) == 1
     assert capsys.readouterr().err.startswith("error: no fleet is up on this computer; name the file")
