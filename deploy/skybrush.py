@@ -10,6 +10,7 @@ import csv
 import json
 import math
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -46,7 +47,7 @@ def read_show(path: Path) -> list[Drone]:
             else:
                 names = sorted(name for name in archive.namelist() if name.lower().endswith(".csv"))
                 drones = [_drone_of_csv(archive, name) for name in names]
-    except (OSError, zipfile.BadZipFile) as error:
+    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, csv.Error) as error:
         raise ShowError(f"{path}: {error}") from None
     if not drones:
         raise ShowError(f"{path}: neither show.json nor CSV files in it")

@@ -56,6 +56,8 @@ def _check_hosts(fleet: FleetFile) -> None:
     addresses = {name: f"{host.address}:{fleet.router_port(name)}" for name, host in fleet.hosts.items()}
     _check_unique("hosts", "router_port", addresses)
     for name, address in addresses.items():
+        if not address.isascii():
+            raise FleetError(f"hosts.{name}.address: {fleet.hosts[name].address!r} must be in ASCII")
         if fleet.simulator is not None and address == fleet.tracker.address:
             raise FleetError(f"tracker.address: {address} is already that of the router of hosts.{name}")
     uses = {"tracker.host": fleet.tracker.host}

@@ -11,7 +11,7 @@ import msgspec
 import tomlkit
 
 from rcopterx.fleet.radios import calibration_of
-from rcopterx.fleet.reading import load_fleet, parse_fleet, shipped_fleets, text_of
+from rcopterx.fleet.reading import SUFFIX, load_fleet, parse_fleet, shipped_fleets, text_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.transmitter_gateway.calibration import Calibration
@@ -109,15 +109,17 @@ def _text(value: Any) -> str:
 
 
 def _own(path: Path) -> Path:
-    """Return the resolved path of a file that does not come with the package."""
+    """Return the resolved path of a fleet file that does not come with the package, and is no snapshot."""
     path = path.resolve()
+    if path.suffix == SUFFIX:
+        raise FleetError(f"{path}: a snapshot is not changed; name the fleet file (TOML)")
     if path in (shipped.resolve() for shipped in shipped_fleets().values()):
         raise FleetError(f"{path}: comes with the package and is not changed; copy it and use the copy")
     return path
 
 
 def check_own(path: Path) -> None:
-    """Check that a fleet file can be read and does not come with the package."""
+    """Check that a fleet file can be read and changed."""
     load_fleet(_own(path))
 
 

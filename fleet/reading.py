@@ -175,9 +175,11 @@ def converted(raw: object, kind: type[T], where: str, *, strict: bool = True) ->
 
 
 def _check_values(value: object, where: str, depth: int = 0) -> None:
-    """Refuse nan and inf, which TOML permits, and deeply nested tables and arrays."""
+    """Refuse nan, inf and NUL, which TOML permits, and deeply nested tables and arrays."""
     if isinstance(value, float) and not math.isfinite(value):
         raise FleetError(f"{where}: {value} is not a finite number")
+    if isinstance(value, str) and "\0" in value:
+        raise FleetError(f"{where}: contains the character NUL")
     if depth > DEEPEST:
         raise FleetError(f"{where}: nested more than {DEEPEST} times")
     if isinstance(value, dict):

@@ -75,7 +75,9 @@ def certs(
             "--new-authority", help="Replace the authority, too: all earlier certificates become invalid."
         ),
     ] = False,
-    days: Annotated[float, typer.Option(metavar="DAYS", min=1, help="Validity of the certificates.")] = 365,
+    days: Annotated[
+        float, typer.Option(metavar="DAYS", min=1, max=36500, help="Validity of the certificates.")
+    ] = 365,
 ) -> None:
     """Make the certificates that a fleet file requires; existing valid ones are kept.
 

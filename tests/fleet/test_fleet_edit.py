@@ -5,9 +5,9 @@ import pytest
 from support.fleets import PAIR
 from support.vehicle_types import COAXIAL
 
-from rcopterx.fleet.editing import write_calibration, write_model
+from rcopterx.fleet.editing import check_own, write_calibration, write_model
 from rcopterx.fleet.radios import calibration_of
-from rcopterx.fleet.reading import load_fleet, shipped_fleets
+from rcopterx.fleet.reading import load_fleet, shipped_fleets, write_snapshot
 from rcopterx.fleet.schema import FleetError
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.transmitter_gateway.calibration import Calibration
@@ -52,6 +52,13 @@ def test_a_file_that_comes_with_the_package_is_not_changed() -> None:
     with pytest.raises(FleetError, match="copy it and use the copy"):
         write_calibration(trio, "h1", present(trio).trimmed((0.1, 0.0, 0.0, 0.0)))
     assert trio.read_text() == before
+
+
+def test_a_snapshot_is_refused_before_the_flight_whose_result_it_would_keep(path: Path) -> None:
+    snapshot = path.with_suffix(".json")
+    write_snapshot(load_fleet(path), snapshot)
+    with pytest.raises(FleetError, match="a snapshot is not changed; name the fleet file"):
+        check_own(snapshot)
 
 
 def test_a_link_to_the_file_stays_a_link(path: Path, tmp_path: Path) -> None:

@@ -97,6 +97,11 @@ def test_merging_keeps_every_value_and_the_upper_table_wins(base: dict, over: di
         (ONE.replace("vehicles.h1", "vehicles.fleet"), r"vehicles\.fleet: the name is reserved"),
         (ONE + "[gateways.router]", r"gateways\.router: the name is reserved"),
         (ONE + "[bus]\nrealtime_priority = 99", r"bus\.realtime_priority"),
+        (
+            ONE + '[hosts.main]\naddress = "lab-münchen"',
+            r"hosts\.main\.address: 'lab-münchen' must be in ASCII",
+        ),
+        (ONE + 'type = "a\\u0000.toml"', r"vehicles\.h1\.type: contains the character NUL"),
         (ONE + '[bus]\nnamespace = "a/b"', r"bus\.namespace"),
         (ONE + "[hosts.main]\nrouter_port = 0", r"hosts\.main\.router_port"),
         (ONE + "[volume]\nmax_m = [1, 1, -1]", r"volume\.max_m\[2\]"),

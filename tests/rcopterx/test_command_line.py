@@ -103,6 +103,7 @@ def test_manoeuvres_are_listed() -> None:
         (("follow", "h2", "h1", "--frame", "body"), "unknown frame 'body', known are inertial, heading"),
         (("arm", "--colour", "red"), "No such option"),
         (("agent",), "Missing argument 'VEHICLE'"),
+        (("certs", "trio", "--days", "1e9"), "--days"),
         (("disarm",), "name the vehicles, or give --all"),
         (("disarm", "h1", "--all"), "name the vehicles, or give --all"),
     ],

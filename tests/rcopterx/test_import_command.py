@@ -161,3 +161,30 @@ def test_show_that_cannot_be_used_is_refused(tmp_path: Path, names: tuple[str, .
     assert result.exit_code == 2
     assert words in result.stderr
     assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("offset", "value"),
+    [(6, 1), (8, 99), (40, 0x55)],  # encrypted, compressed by an unknown method, with damaged content
+)
+def test_damaged_archive_is_an_error_line(tmp_path: Path, offset: int, value: int) -> None:
+    source, path = tmp_path / "show.zip", tmp_path / "show.toml"
+    with zipfile.ZipFile(source, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.csv", 9 * "0,0,0,1\n")
+    content = bytearray(source.read_bytes())
+    # Methods and flags are also in the directory at the end.
+    for start in (0, content.rindex(b"PK\x01\x02") + 2) if offset < 40 else (0,):
+        content[start + offset] = value
+    source.write_bytes(content)
+    result = imported(source, path, of="skybrush")
+    assert result.exit_code == 2, result.output
+    assert result.stderr.startswith(f"error: {source}: ")
+
+
+def test_table_with_a_field_that_is_too_long_is_an_error_line(tmp_path: Path) -> None:
+    source = tmp_path / "show.zip"
+    with zipfile.ZipFile(source, "w") as archive:
+        archive.writestr("a.csv", "t,x,y,z\n0," + 200_000 * "1")
+    result = imported(source, tmp_path / "show.toml", of="skybrush")
+    assert result.exit_code == 2, result.output
+    assert result.stderr.startswith(f"error: {source}: field larger than field limit")
