@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar, get_args
 
 import typer
 
@@ -46,11 +46,10 @@ def new_lab(
 ) -> None:
     """Write the fleet file of a laboratory with hardware; asks for addresses, vehicles and the volume."""
     from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
-    from rcopterx.fleet.schema import FleetError
     from rcopterx.fleet.vehicle_types import type_names
 
-    if file.exists():
-        raise FleetError(f"{file}: exists already and is not overwritten")
+    name = name_of(file.stem)
+    _check(file, name, vehicle_type, protocol)
     _print("vehicle types, for --type", type_names())
     address = _prompt("Tracker, HOST:PORT", "127.0.0.1:801", _address)
     vehicles = _prompt_vehicles(address)
@@ -58,9 +57,25 @@ def new_lab(
         _prompt("Lower corner of the volume, X,Y,Z in metres", "-1.5,-1.5,0", three),
         _prompt("Upper corner of the volume, X,Y,Z in metres", "1.5,1.5,2", three),
     )
-    name = name_of(file.stem)
     write_fleet_file(file, NewLaboratory(name, address, *corners, protocol, vehicle_type, vehicles))
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
+
+
+def _check(file: Path, name: str, vehicle_type: str, protocol: str | None) -> None:
+    """Check what no answer changes, before the first question; raises `FleetError`."""
+    from rcopterx.bus.message import Name
+    from rcopterx.fleet.reading import converted
+    from rcopterx.fleet.schema import FleetError, ProtocolName, check_known
+    from rcopterx.fleet.vehicle_types import type_names
+
+    if file.exists():
+        raise FleetError(f"{file}: exists already and is not overwritten")
+    if not file.parent.is_dir():
+        raise FleetError(f"{file.parent}: no such directory")
+    converted(name, Name, f"{file}: name of the fleet")
+    check_known("--type", "type", vehicle_type, type_names())
+    if protocol is not None:
+        check_known("--protocol", "protocol", protocol, get_args(ProtocolName))
 
 
 def _prompt_vehicles(address: str) -> "list[NewVehicle]":

@@ -140,7 +140,6 @@ def test_a_file_that_is_there_is_not_overwritten(tmp_path: Path) -> None:
     ("arguments", "answers", "reason"),
     [
         ((), NO_TRACKER + TWO + "1,1,1\n0,0,0\n", "volume"),
-        (("--protocol", "pigeon"), ANSWERS, "protocol"),
         ((), NO_TRACKER + TWO, "no answer to 'Lower corner"),
     ],
 )
@@ -151,6 +150,24 @@ def test_answers_that_cannot_be_used_are_told_and_nothing_is_written(
     assert result.exit_code == 2, result.output
     assert reason in result.stderr
     assert not (tmp_path / "lab.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "option", "reason"),
+    [
+        ("9.toml", (), "name of the fleet: expected"),
+        ("nowhere/lab.toml", (), "nowhere: no such directory"),
+        ("lab.toml", ("--type", "plane"), "--type: unknown type 'plane', known are "),
+        ("lab.toml", ("--protocol", "pigeon"), "--protocol: unknown protocol 'pigeon', known are multi, "),
+    ],
+)
+def test_what_no_answer_changes_is_refused_before_the_first_question(
+    file: str, option: tuple[str, ...], reason: str, tmp_path: Path
+) -> None:
+    result = new_lab(tmp_path / file, *option)
+    assert result.exit_code == 2, result.output
+    assert reason in result.stderr
+    assert "Tracker" not in result.stderr
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"]), min_size=1))
