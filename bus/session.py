@@ -295,15 +295,16 @@ class Session:
         """Send a request to a unit and wait for the reply; the type of the request determines the verb.
 
         `timeout_s`: for the reply of a process that serves the verb, in the time of the fleet. `patience_s`:
-        for a process to serve it: one that has just been replaced is not found for a moment. Raises
-        `NotServedError`: no process serves it. Raises `RequestFailedError`: no reply in time, rejected as
-        malformed, the reply is malformed, or the session is closed.
+        for a process to serve it, in the time of the fleet and at least in real time: one that has just been
+        replaced is not found for a moment. Raises `NotServedError`: no process serves it. Raises
+        `RequestFailedError`: no reply in time, rejected as malformed, the reply is malformed, or the session
+        is closed.
         """
         verb = verb_of(type(request))
         key = channels.request_key(self.address.fleet, unit, verb.name)
         payload = encode(request)
         limit_s = self.address.clock.real_s(timeout_s)
-        give_up_s = self.clock() + patience_s
+        give_up_s = self.clock() + patience_s * max(1.0, self.address.clock.speed)
         while True:
             sent_s = time.monotonic()
             try:

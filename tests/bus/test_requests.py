@@ -1,6 +1,8 @@
 """Promises of the bus over a real router: requests are answered, or fail with the reason."""
 
+import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import msgpack
 import pytest
@@ -9,11 +11,13 @@ from support.bus import answer_of, answering, raw_session
 from support.waiting import DEADLINE_S, wait_for
 
 from rcopterx.bus import channels
+from rcopterx.bus.clock import Clock
 from rcopterx.bus.messages import SetPoint
 from rcopterx.bus.requests import GoTo, Land, Lead, Recall, RecallReply, Reply, Request
 from rcopterx.bus.session import (
     BusAddress,
     Incoming,
+    NotServedError,
     RequestFailedError,
     Session,
 )
@@ -172,3 +176,14 @@ def test_a_malformed_answer_fails_the_request_and_nothing_else_is_raised(
 
         wait_for(answered_wrongly, "the malformed answer does not arrive")
         served.undeclare()
+
+
+def test_a_successor_has_the_whole_patience_to_start_in_a_fleet_that_is_faster_than_real_time(
+    bus_address: BusAddress,
+) -> None:
+    patience_s, resolution_s = 0.2, 0.001
+    with Session(replace(bus_address, clock=Clock(10.0)), timeout_s=DEADLINE_S) as asker:
+        began_s = time.monotonic()
+        with pytest.raises(NotServedError):
+            asker.request("h1", Land(), timeout_s=DEADLINE_S, patience_s=patience_s)
+    assert time.monotonic() - began_s > patience_s - resolution_s
