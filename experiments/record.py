@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.agents.formation.topology import station
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.ground_station.geometry import inertial_offset
 from rcopterx.vehicles.state import YAW, Array
 
 UNKNOWN: Final = np.full(4, np.nan)
@@ -45,14 +45,7 @@ def station_of(following: Iterable[LeaderLink], motions: Mapping[str, Array]) ->
     `motions`: motion states, or their first four numbers, of the leaders by name.
     """
     links = tuple(following)
-    if not links:
-        return UNKNOWN
-    place, total = np.zeros(4), sum(link.weight for link in links)
-    for link in links:
-        leader = motions[link.leader][:4]
-        offset = inertial_offset(link, float(leader[YAW]))
-        place += link.weight / total * (leader + np.append(offset, link.yaw_offset_rad))
-    return place
+    return station(links, [motions[link.leader][:4] for link in links]) if links else UNKNOWN
 
 
 class FlightRecord(dict[str, VehicleRecord]):

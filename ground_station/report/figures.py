@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rcopterx.agents.formation.topology import station
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.host_messages import LaboratoryVehicle, RouterStatus
@@ -143,14 +144,14 @@ class FlightFigures:
         for plan in self.plans[name]:
             if not plan.following or plan.reference is None or plan.frame not in own:
                 continue
-            total = sum(link.weight for link in plan.following)
-            places = [
-                link.weight / total * (leader[:3] + inertial_offset(link, float(leader[3])))
+            leading = [
+                leader
                 for link in plan.following
                 if (leader := self._positions.get(link.leader, {}).get(plan.frame)) is not None
             ]
-            if len(places) == len(plan.following):
-                errors.append(float(np.linalg.norm(own[plan.frame][:3] - np.sum(places, axis=0))))
+            if len(leading) == len(plan.following):
+                place = station(plan.following, leading)
+                errors.append(float(np.linalg.norm((own[plan.frame] - place)[:3])))
         return np.array(errors)
 
     def tracking_errors(self, name: str) -> tuple[Array, Array]:
