@@ -20,7 +20,12 @@ class Recording:
         self._records: dict[tuple[str, str], list[RawMessage]] = {}
         for record in records:
             self._records.setdefault((record.topic, record.unit), []).append(record)
-        self.rejected: Counter[str] = Counter()
+        self._rejected: dict[tuple[str, str], Counter[str]] = {}
+
+    @property
+    def rejected(self) -> Counter[str]:
+        """Rejected messages of the channels and units that were read, by topic and kind."""
+        return sum(self._rejected.values(), Counter[str]())
 
     def units(self, channel: Channel[Any]) -> list[str]:
         """Units with messages on a channel."""
@@ -30,12 +35,13 @@ class Recording:
 
     def messages(self, channel: Channel[M], unit: str) -> list[tuple[M, float]]:
         """Valid messages of a channel and unit with their arrival times, in order."""
-        found = []
+        found, rejected = [], Counter[str]()
         for record in self._records.get((channel.topic, unit), ()):
             try:
                 found.append((decode(record.payload, channel.message), record.arrived_s))
             except RejectedError as error:
-                self.rejected[f"{channel.topic}.{error.kind}"] += 1
+                rejected[f"{channel.topic}.{error.kind}"] += 1
+        self._rejected[channel.topic, unit] = rejected
         return found
 
     def in_order(self, channels: Iterable[Channel[M]]) -> list[tuple[float, str, M]]:
