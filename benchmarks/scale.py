@@ -251,7 +251,8 @@ def draw_scale(document: dict[str, Any], figure: Any) -> None:
         if row["missed_ticks"]:
             place = (row["vehicles"], row["pose_to_command_ms"]["p50"])
             left.annotate(f"{row['missed_ticks']} missed", place, fontsize="small", rotation=60)
-    title = f"N = {rows[0]['horizon']}, Tracker {document['rate_hz']:g} Hz, {document['seconds']:g} s each"
+    horizon, rate_hz = document["runs"][0]["horizon"], document["rate_hz"]
+    title = f"N = {horizon}, Tracker {rate_hz:g} Hz, {document['seconds']:g} s each"
     left.set(title=title, ylabel="pose to command [ms]")
     bottom = [0.0] * len(rows)
     for role in ROLES:

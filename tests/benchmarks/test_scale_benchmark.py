@@ -87,6 +87,15 @@ def test_figure_shows_latency_and_load() -> None:
     assert "7 missed" in [text.get_text() for text in figure.axes[0].texts]
 
 
+def test_figure_without_a_fleet_that_flew_is_empty() -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    failed = {"vehicles": 2, "horizon": 30, "missed_ticks": None, "pose_to_command_ms": None}
+    scale.draw_scale({"seconds": 60.0, "rate_hz": 50.0, "runs": [failed]}, figure)
+    assert figure.axes[0].get_title() == "N = 30, Tracker 50 Hz, 60 s each"
+
+
 def test_processor_time_of_a_process_grows(tmp_path: Path) -> None:
     import os
 
