@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import inspect, structs
 
-from rcopterx.bus.message import Name
+from rcopterx.bus.message import Four, Name
 from rcopterx.fleet.consistency import check_consistency
 from rcopterx.fleet.schema import FleetError, FleetFile, GatewayConfig, HostConfig, Speed, VehicleConfig
 
@@ -75,6 +75,15 @@ def at_speed(fleet: FleetFile, speed: float | None, lockstep: bool = False) -> F
 T = TypeVar("T")
 
 DEEPEST = 16  # tables and arrays within each other
+MAPPINGS: Any = (
+    ("vehicles", Name, VehicleConfig),
+    ("hosts", Name, HostConfig),
+    ("gateways", Name, GatewayConfig),
+    ("simulator.start", Name, Four),
+    ("tracker.settings", str, str),
+    ("types", str, dict[str, Any]),
+)
+"""Mappings of the fleet file, with the types of their keys and values."""
 _STEP = re.compile(r"\.(\w+)|\[")
 _type_info = cache(inspect.type_info)
 
@@ -124,15 +133,21 @@ def parse_fleet(text: str, directory: Path = Path()) -> FleetFile:
         }
     elif defaults:
         raise FleetError("defaults: must be a table of vehicle fields")
-    # One by one first, because msgspec reports errors in a mapping without their key.
-    for group, kind in (("vehicles", VehicleConfig), ("hosts", HostConfig), ("gateways", GatewayConfig)):
-        tables = raw.get(group)
-        for name, table in tables.items() if isinstance(tables, dict) else ():
-            converted(name, Name, f"{group}.{name}")
-            converted(table, kind, f"{group}.{name}")
+    _check_mappings(raw)
     fleet = converted(raw, FleetFile, "")
     check_consistency(fleet)
     return structs.replace(fleet, types=fleet.types | _type_files(fleet, directory))
+
+
+def _check_mappings(raw: dict[str, Any]) -> None:
+    """Convert the items of mappings one by one: msgspec reports errors in a mapping without their key."""
+    for group, key_kind, kind in MAPPINGS:
+        table: Any = raw
+        for step in group.split("."):
+            table = table.get(step) if isinstance(table, dict) else None
+        for key, item in table.items() if isinstance(table, dict) else ():
+            converted(key, key_kind, f"{group}.{key}")
+            converted(item, kind, f"{group}.{key}")
 
 
 def _type_files(fleet: FleetFile, directory: Path) -> dict[str, dict[str, Any]]:

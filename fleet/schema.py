@@ -19,8 +19,11 @@ ProtocolName = Literal["multi", "dsm2_serial", "dsmp", "ppm", "crazyflie", "mavl
 
 DEFAULT_HOST = "main"
 ROUTER_PORT = 7447
-RESERVED_PROCESSES = ("router", "simulator", "tracker", "recorder", "spare")
-"""Names of processes other than transmitter gateways."""
+RESERVED_PROCESSES = (
+    *("router", "simulator", "tracker", "recorder", "spare"),
+    *("membership", "recall", "script"),  # which take turns in lockstep
+)
+"""Names of processes and services other than transmitter gateways."""
 
 
 class FleetError(ValueError):
@@ -276,7 +279,8 @@ class WatchdogConfig(Table, frozen=True, kw_only=True):
     enabled: bool = True
     """False for debugging, as `rcopterx up --no-watchdog`."""
     flight_s: Annotated[float, Meta(ge=0.1, le=60)] = 0.15
-    """While vehicles fly; must be shorter than the inputs of a plan and the hold after them last."""
+    """While vehicles fly; must be shorter than `descend_after_s` of all vehicles (0.2 by default): they land
+    when commands are older."""
     floor_s: Annotated[float, Meta(ge=0.1, le=60)] = 1.0
     """While no vehicle flies; always for spare processes."""
     start_s: Annotated[float, Meta(ge=5, le=600)] = 30.0

@@ -90,6 +90,10 @@ def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
             PAIR + "[safety.settings.surveillance]\nx = 1",
             r"^safety\.settings\.surveillance\.x: unknown field",
         ),
+        (
+            PAIR + "[watchdog]\nflight_s = 0.3",
+            r"^watchdog\.flight_s: 0\.3 must be shorter than descend_after_s = 0\.2 of h1",
+        ),
         (PAIR + '[tracker]\naddress = "lab"', r"^tracker\.address: 'lab', must be HOST:PORT"),
         (PAIR + '[tracker]\naddress = "lab:70000"', r"^tracker\.address: 'lab:70000', must be HOST:PORT"),
         (PAIR + '[tracker]\naddress = "lab:²"', r"^tracker\.address: 'lab:²', must be HOST:PORT"),

@@ -96,6 +96,9 @@ def test_merging_keeps_every_value_and_the_upper_table_wins(base: dict, over: di
         (ONE.replace("vehicles.h1", "vehicles.tracker"), r"vehicles\.tracker: the name is reserved"),
         (ONE.replace("vehicles.h1", "vehicles.fleet"), r"vehicles\.fleet: the name is reserved"),
         (ONE + "[gateways.router]", r"gateways\.router: the name is reserved"),
+        (ONE + "[gateways.recall]", r"gateways\.recall: the name is reserved"),
+        (ONE + "[gateways.membership]", r"gateways\.membership: the name is reserved"),
+        (ONE + "[gateways.script]", r"gateways\.script: the name is reserved"),
         (ONE + "[bus]\nrealtime_priority = 99", r"bus\.realtime_priority"),
         (
             ONE + '[hosts.main]\naddress = "lab-münchen"',
@@ -114,6 +117,9 @@ def test_merging_keeps_every_value_and_the_upper_table_wins(base: dict, over: di
         (ONE + "[simulator]\nrate_hz = 1000", r"simulator\.rate_hz"),
         (ONE + "[simulator]\nrate_hz = nan", r"simulator\.rate_hz: nan is not a finite number"),
         (ONE + '[simulator]\nprofile = "tracker9"', r"simulator\.profile"),
+        (ONE + "[simulator.start]\nh1 = [0, 0, 0]", r"^simulator\.start\.h1: expected"),
+        (ONE + "[tracker.settings]\nport = 1", r"^tracker\.settings\.port: expected"),
+        (ONE + "[types]\nmine = 1", r"^types\.mine: expected"),
         (ONE + "[simulator.start]\nh7 = [0, 0, 0, 0]", r"simulator\.start\.h7: unknown vehicle"),
         (
             ONE.replace('"p"', '"p", gateway = "roof"'),
