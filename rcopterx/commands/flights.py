@@ -40,6 +40,8 @@ def flights(
     ] = None,
 ) -> None:
     """List recorded flights, the newest last."""
+    if check is not None and digest is not None:
+        raise typer.BadParameter("give one of them", param_hint="--check, --digest")
     if check is not None:
         _check(_flight(check))
         return
@@ -137,6 +139,8 @@ def replay(
 
     Exit code 1 if the agent does not repeat the flight.
     """
+    if changes and agent is None:
+        raise typer.BadParameter("needs --agent", param_hint="--with")
     # Sums of several threads have other last bits; numerical libraries read this when they are loaded.
     os.environ.update(ONE_THREAD)
     found = _flight(flight)

@@ -31,7 +31,9 @@ def trajectory(
     end_radius: Annotated[
         float | None, typer.Option(metavar="METRES", help="Spiral: radius at the end.")
     ] = None,
-    climb: Annotated[float, typer.Option(metavar="METRES", help="Spiral: height gained.")] = 0.0,
+    climb: Annotated[
+        float | None, typer.Option(metavar="METRES", help="Spiral: height gained. Default: 0.")
+    ] = None,
     period: Annotated[float, typer.Option(metavar="SECONDS", help="Time of a turn.")] = 8.0,
     turns: Annotated[float, typer.Option(metavar="N", help="Turns; negative for clockwise.")] = 1.0,
     heading: Annotated[str, typer.Option(help="One of fixed, along, center.")] = "fixed",
@@ -47,6 +49,10 @@ def trajectory(
     from rcopterx.control.references.paths import PathError
 
     check_known([shape], SHAPES, "shape", "SHAPE")
+    if shape != "waypoints" and file is not None:
+        raise typer.BadParameter("only waypoints need a file", param_hint="FILE")
+    if shape != "spiral" and (end_radius is not None or climb is not None):
+        raise typer.BadParameter("are only for a spiral", param_hint="--end-radius, --climb")
     middle = three(center)
     try:
         if shape == "circle":
@@ -55,7 +61,7 @@ def trajectory(
             path = figure_eight(middle, (radius, 0.5 * radius), period, turns, heading)
         elif shape == "spiral":
             ends = (radius, radius if end_radius is None else end_radius)
-            path = spiral(middle, ends, climb, period, turns, heading)
+            path = spiral(middle, ends, climb or 0.0, period, turns, heading)
         else:
             path = through(_waypoints(file))
     except PathError as error:
