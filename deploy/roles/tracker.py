@@ -1,6 +1,5 @@
 """The role of the Vicon gateway: address, brand and raw recording of the motion capture."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -19,16 +18,12 @@ USUAL_PORTS: Final = {"optitrack": 1510, "qualisys": 22222, "vrpn": 3883}
 """For error messages: the fleet file has to name the port."""
 
 
-def run(fleet: FleetFile, _host: str, record_raw: Path | None = None) -> None:
-    """Publish the poses of the motion capture; `record_raw` is a file for the stream. Raises `FleetError`."""
-    settings = tracker_settings(fleet)
-    if record_raw is not None and settings.brand is not None:
-        raise FleetError("--record-raw: only the stream of brand 'vicon' can be recorded")
-    field = "tracker.record_raw" if record_raw is None else "--record-raw"
+def run(fleet: FleetFile, _host: str) -> None:
+    """Publish the poses of the motion capture; raises `FleetError`."""
     try:
-        run_tracker_gateway(replace(settings, record_raw=record_raw or settings.record_raw))
+        run_tracker_gateway(tracker_settings(fleet))
     except RecordingFileError as error:
-        raise FleetError(f"{field}: {error}") from None
+        raise FleetError(f"tracker.record_raw: {error}") from None
     except LibraryMissingError as error:
         raise FleetError(f"tracker.brand: {error}") from None
 

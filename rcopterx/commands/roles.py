@@ -1,30 +1,21 @@
 """One command per process role, for hosts that start processes by hand or with systemd."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, fleet_file
 
-if TYPE_CHECKING:
-    from rcopterx.fleet.schema import FleetFile
-
 Host = Annotated[str, typer.Argument(metavar="HOST", help="Host of the fleet file.")]
 Gateway = Annotated[str, typer.Argument(metavar="GATEWAY", help="Gateway of the fleet file.")]
 
 
-def _file(fleet: str) -> "FleetFile":
-    """Read a fleet file, for a process that joins its fleet if that is up."""
+def _run(role: str, unit: str, fleet: str) -> None:
+    """Run a process, which joins its fleet if that is up."""
+    from rcopterx.deploy.roles.run import run_role
     from rcopterx.ground_station.scripting.joining import as_running
 
-    return as_running(fleet_file(fleet))
-
-
-def _run(role: str, unit: str, fleet: str) -> None:
-    from rcopterx.deploy.roles.run import run_role
-
-    run_role(role, unit, _file(fleet))
+    run_role(role, unit, as_running(fleet_file(fleet)))
 
 
 def router(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
@@ -42,22 +33,9 @@ def simulator(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
     _run("simulator", host, fleet)
 
 
-def tracker(
-    host: Host = "main",
-    record_raw: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="New file for the Tracker's raw stream.")
-    ] = None,
-    fleet: FleetOption = DEFAULT_FLEET,
-) -> None:
+def tracker(host: Host = "main", fleet: FleetOption = DEFAULT_FLEET) -> None:
     """Run the Vicon gateway: motion capture to poses."""
-    from rcopterx.deploy.roles.run import check_unit
-
-    file = _file(fleet)
-    check_unit(file, "tracker", host)
-    # Only what a role needs is imported.
-    from rcopterx.deploy.roles.tracker import run
-
-    run(file, host, record_raw)
+    _run("tracker", host, fleet)
 
 
 def transmitters(gateway: Gateway = "transmitters", fleet: FleetOption = DEFAULT_FLEET) -> None:

@@ -52,12 +52,6 @@ def down(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_a_recording_that_cannot_be_created_is_a_wrong_option(down: str, tmp_path: Path) -> None:
-    result = run("tracker", "--record-raw", str(tmp_path), "-f", down)
-    assert result.exit_code == 2
-    assert result.stderr == f"error: --record-raw: {tmp_path} is a directory, a file is needed\n"
-
-
 def test_the_help_names_all_commands() -> None:
     shown = plain(run("--help"))
     for name in (*NAMES, "bench"):
