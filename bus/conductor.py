@@ -8,7 +8,7 @@ from contextlib import suppress
 from math import ceil
 from typing import Final
 
-from rcopterx.bus.lockstep_page import Player
+from rcopterx.bus.lockstep_page import Participant
 from rcopterx.bus.rounding import TIME_BITS
 from rcopterx.bus.turns import Turns
 
@@ -27,8 +27,8 @@ class Conductor(Turns):
 
     def begin(self) -> None:
         """Begin a turn, which no process takes yet."""
-        self._bells: list[int] = []
-        self._players: list[Player] = []
+        self._pipes: list[int] = []
+        self._participants: list[Participant] = []
         self._own.wanted, self._own.process = 1, os.getpid()
         # A predecessor may have died during a turn.
         self.page.turn += 1
@@ -41,75 +41,79 @@ class Conductor(Turns):
     def _take_turn(self) -> bool:
         """Let the others take the present turn, and begin the next one."""
         page, now_s = self.page, self.page.now()
-        self._wait_for_players()
-        players = self._players
-        there = [index for index, player in enumerate(players) if index and player.process]
-        doomed = [index for index in there if players[index].doomed]
-        acting = [index for index in there if index not in doomed and players[index].return_s <= now_s]
-        taking = [index for index in acting if self._has_work(players[index], now_s)]
+        self._wait_for_participants()
+        participants = self._participants
+        there = [index for index, participant in enumerate(participants) if index and participant.process]
+        dying = [index for index in there if participants[index].to_be_killed]
+        acting = [index for index in there if index not in dying and participants[index].return_s <= now_s]
+        taking = [index for index in acting if self._has_work(participants[index], now_s)]
         for index in taking:
-            self._ring(self._bells[index])
+            self._notify(self._pipes[index])
         self._acted = False
         self._wait_until_finished(taking)
-        for index in doomed:
+        for index in dying:
             self._kill(index)
-        due_s = min(players[index].due_s for index in (self.index, *acting))
+        due_s = min(participants[index].due_s for index in (self.index, *acting))
         if page.sent_turn == page.turn:
             due_s = now_s
         # Also of processes that are missing: a successor may be there or not.
-        back_s = min((player.return_s for player in self._players if player.return_s > now_s), default=due_s)
+        back_s = min((each.return_s for each in participants if each.return_s > now_s), default=due_s)
         page.time_s = ceil(max(min(due_s, back_s), now_s + STEP_S) * _TICKS) / _TICKS
         page.turn += 1
         self._collect()
         return True
 
-    def _has_work(self, player: Player, now_s: float) -> bool:
+    def _has_work(self, participant: Participant, now_s: float) -> bool:
         return bool(
-            player.due_s <= now_s
-            or player.called
-            or player.mail_turn >= player.finished
-            or (player.listens and self._acted)
+            participant.due_s <= now_s
+            or participant.called
+            or participant.mail_turn >= participant.finished
+            or (participant.listens and self._acted)
             or self.page.counter_turn >= self.page.turn - 1
         )
 
-    def _wait_for_players(self) -> None:
+    def _wait_for_participants(self) -> None:
         """Wait until no process is missing."""
         page = self.page
         while True:
-            for index in range(len(self._players), page.used_players):
-                self._players.append(page.players[index])
-                self._bells.append(os.open(page.bell(index), os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC))
-            missing = any(player.missing(page.time_s) for player in self._players[1:])
+            for index in range(len(self._participants), page.used_participants):
+                self._participants.append(page.participants[index])
+                self._pipes.append(os.open(page.pipe(index), os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC))
+            missing = any(participant.missing(page.time_s) for participant in self._participants[1:])
             if self.interrupted() or not missing:
                 return
-            self._rings(self._conductor)
+            self._notified(self._conductor)
 
     def _wait_until_finished(self, taking: list[int]) -> None:
         """Wait until processes have finished the turn, have left, or have died."""
-        turn, players = self.page.turn, self._players
+        turn, participants = self.page.turn, self._participants
         while taking and not self.interrupted():
-            taking = [index for index in taking if players[index].process and players[index].finished != turn]
-            if taking and not self._rings(self._conductor):
+            taking = [
+                index
+                for index in taking
+                if participants[index].process and participants[index].finished != turn
+            ]
+            if taking and not self._notified(self._conductor):
                 for index in taking:
                     try:
-                        os.kill(players[index].process, 0)
+                        os.kill(participants[index].process, 0)
                     except ProcessLookupError:
-                        self._bury(index)
+                        self._note_death(index)
 
     def _kill(self, index: int) -> None:
         """Kill a process, and wait until its descriptors are closed."""
-        process = self._players[index].process
+        process = self._participants[index].process
         # Before the supervisor notices.
-        self._bury(index)
+        self._note_death(index)
         with suppress(ProcessLookupError):
             descriptor = os.pidfd_open(process)
             signal.pidfd_send_signal(descriptor, signal.SIGKILL)
             select.select([descriptor], [], [])
             os.close(descriptor)
 
-    def _bury(self, index: int) -> None:
+    def _note_death(self, index: int) -> None:
         """Note the death of a process."""
-        player = self._players[index]
+        participant = self._participants[index]
         self.page.release(index)
-        player.lived_s = self.page.time_s - player.began_s
-        player.doomed, player.return_s = 0, self.page.time_s + RETURN_S
+        participant.lived_s = self.page.time_s - participant.began_s
+        participant.to_be_killed, participant.return_s = 0, self.page.time_s + RETURN_S

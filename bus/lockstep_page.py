@@ -19,14 +19,14 @@ PROCESSES: Final = 512
 COUNTERS: Final = 16_384
 
 
-class Player(ctypes.Structure):
+class Participant(ctypes.Structure):
     """A process that takes turns."""
 
     _fields_ = (
         ("name", c_char * 64),
         ("process", c_uint64),  # its id, 0 for none
         ("wanted", c_uint64),  # whether time waits for it while it is missing
-        ("doomed", c_uint64),  # whether the conductor kills it
+        ("to_be_killed", c_uint64),  # whether the conductor kills it
         ("finished", c_uint64),  # its last turn
         ("due_s", c_double),  # when it has something to do
         ("called", c_uint64),  # whether it has something to do in the next turn
@@ -58,34 +58,34 @@ class LockstepPage(ctypes.Structure):
         ("sent_turn", c_uint64),  # last turn in which anything was sent
         ("reading_turn", c_uint64),  # last turn in which a process began to receive
         ("counter_turn", c_uint64),  # last turn in which a counter was added
-        ("used_players", c_uint64),
+        ("used_participants", c_uint64),
         ("used_counters", c_uint64),
         ("lost_routers", c_uint64),  # how often the router has died
-        ("players", Player * PROCESSES),
+        ("participants", Participant * PROCESSES),
         ("counters", Counter * COUNTERS),
     )
     path: Path
-    used_players: int
+    used_participants: int
     used_counters: int
 
     def now(self) -> float:
         """Return the time of the fleet [s]."""
         return float(self.time_s)
 
-    def player(self, name: str) -> int:
+    def index_of(self, name: str) -> int:
         """Return the index of a process, which is added if missing."""
         with self.path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
-            for index in range(self.used_players):
-                if self.players[index].name == name.encode():
+            for index in range(self.used_participants):
+                if self.participants[index].name == name.encode():
                     return index
-            index = int(self.used_players)
-            self.players[index].name = name.encode()
-            os.mkfifo(self.bell(index), 0o600)
-            self.used_players = index + 1
+            index = int(self.used_participants)
+            self.participants[index].name = name.encode()
+            os.mkfifo(self.pipe(index), 0o600)
+            self.used_participants = index + 1
             return index
 
-    def bell(self, index: int) -> Path:
+    def pipe(self, index: int) -> Path:
         """Return the pipe that wakes a process."""
         return self.path.with_name(f"{self.path.name}.{index}")
 
@@ -105,26 +105,26 @@ class LockstepPage(ctypes.Structure):
 
     def want(self, name: str, wanted: bool) -> None:
         """Let the time wait for a process that is started, or end one."""
-        player = self.players[self.player(name)]
-        player.wanted, player.doomed = wanted, not wanted and player.process > 0
+        participant = self.participants[self.index_of(name)]
+        participant.wanted, participant.to_be_killed = wanted, not wanted and participant.process > 0
 
     def lived_s(self, name: str) -> float:
         """Return, once, for how long a process that has died took turns [s]; 0 if it never did."""
-        player = self.players[self.player(name)]
-        lived_s, player.lived_s = float(player.lived_s), 0.0
+        participant = self.participants[self.index_of(name)]
+        lived_s, participant.lived_s = float(participant.lived_s), 0.0
         return lived_s
 
     def want_none(self) -> None:
         """Let the time pass without processes that are missing."""
-        for player in self.players[1 : self.used_players]:
-            player.wanted = 0
+        for participant in self.participants[1 : self.used_participants]:
+            participant.wanted = 0
 
     def release(self, index: int) -> None:
         """Note that a process is gone: no process waits for what it has sent."""
         for counter in self.counters[: self.used_counters]:
             if counter.owner == index:
                 counter.count = 0
-        self.players[index].process = 0
+        self.participants[index].process = 0
 
 
 @cache
@@ -147,7 +147,7 @@ def create_page(path: Path, names: Iterable[str]) -> None:
     page = opened_page(path)
     page.time_s, page.turn = FIRST_S, 1
     for name in names:
-        page.players[page.player(name)].wanted = 1
+        page.participants[page.index_of(name)].wanted = 1
 
 
 def remove_page(path: Path) -> None:

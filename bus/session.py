@@ -154,7 +154,7 @@ class Session:
         """The turns of this process in lockstep; None if it takes none."""
         if address.clock.page is not None and address.process:
             kind = Conductor if address.process == CONDUCTOR else Turns
-            self.turns = kind(opened_page(address.clock.page), address.process, self.fence)
+            self.turns = kind(opened_page(address.clock.page), address.process, self.await_subscriptions)
             self.wake = self.turns.wake
             if begin:
                 self.turns.begin()
@@ -172,7 +172,7 @@ class Session:
             self.turns = None
         self._close()
 
-    def fence(self) -> None:
+    def await_subscriptions(self) -> None:
         """Wait for an answer of the router, which has handled all earlier subscriptions by then."""
         key = channels.request_key(self.address.fleet, self.address.host, "identify")
         for _ in self._zenoh.get(key, payload=encode(Identify()), timeout=LONG_S):

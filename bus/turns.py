@@ -20,9 +20,9 @@ from typing import Any, Final
 
 from zenoh import ZBytes
 
-from rcopterx.bus.lockstep_page import Counter, LockstepPage, Player
+from rcopterx.bus.lockstep_page import Counter, LockstepPage, Participant
 
-POLL_S: Final = 0.1  # real time between two checks for what rings no bell
+POLL_S: Final = 0.1  # real time between two checks for what wakes no process
 LOST_S: Final = 1.0  # real time after which messages are lost, once a router has died with some of them
 CONDUCTOR: Final = "simulator"  # process that advances the time; its index is 0
 SCRIPT: Final = "script"  # program that started the fleet, if time stands still while it does not wait
@@ -95,18 +95,18 @@ class Turns:
         self,
         page: LockstepPage,
         name: str,  # of the process
-        fence: Callable[[], None],  # returns when the router has taken notice of all subscriptions
+        await_subscriptions: Callable[[], None],  # returns when the router knows all subscriptions
     ) -> None:
-        self.page, self.index = page, page.player(name)
-        self._own, self._fence = page.players[self.index], fence
-        self._bell, self._conductor = (
-            os.open(page.bell(index), os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC) for index in (self.index, 0)
+        self.page, self.index = page, page.index_of(name)
+        self._own, self._await_subscriptions = page.participants[self.index], await_subscriptions
+        self._pipe, self._conductor = (
+            os.open(page.pipe(index), os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC) for index in (self.index, 0)
         )
         self.arrived = threading.Event()
         self.interrupted: Callable[[], bool] = lambda: False  # whether to end instead of waiting for a turn
         self.held: deque[Held] = deque()
         self._counters: dict[str, tuple[int, Counter]] = {}
-        self._readers: dict[int, tuple[int, list[Player]]] = {}  # by counter, with the turn they are of
+        self._readers: dict[int, tuple[int, list[Participant]]] = {}  # by counter, with the turn they are of
         self._woken = False
         self._numbers = count()
         self._receptions: list[Reception] = []
@@ -119,7 +119,7 @@ class Turns:
         """Take the first turn, once no process is missing."""
         self._taken = self.page.turn - 1
         with suppress(BlockingIOError):
-            os.read(self._bell, 4096)
+            os.read(self._pipe, 4096)
         self._own.due_s = -inf
         self._own.process = os.getpid()
         self._take_turn()
@@ -136,14 +136,14 @@ class Turns:
 
     def _others_missing(self) -> list[str]:
         page = self.page
-        others = [page.players[index] for index in range(page.used_players) if index != self.index]
-        return [player.name.decode() for player in others if player.missing(page.time_s)]
+        others = [page.participants[index] for index in range(page.used_participants) if index != self.index]
+        return [participant.name.decode() for participant in others if participant.missing(page.time_s)]
 
     def leave(self) -> None:
         """Take no further turns."""
         self._own.wanted = 0
         self.page.release(self.index)
-        self._ring(self._conductor)
+        self._notify(self._conductor)
 
     def stamp(self, key: str) -> bytes:
         """Count what is about to be sent on a key, and return its attachment."""
@@ -154,16 +154,16 @@ class Turns:
         index, counter = self._counters[key]
         counter.count += 1
         page.sent_turn = turn = page.turn
-        for player in self._readers_of(index):
-            player.mail_turn = turn
+        for participant in self._readers_of(index):
+            participant.mail_turn = turn
         return STAMP.pack(counter.count, index, self.index, page.time_s)
 
-    def _readers_of(self, counter: int) -> list[Player]:
+    def _readers_of(self, counter: int) -> list[Participant]:
         """Return the processes that have begun before this turn to receive what is counted."""
         turn, readers = self._readers.get(counter, (0, []))
         if turn <= self.page.reading_turn:
-            players = self.page.players[: self.page.used_players]
-            readers = [player for player in players if player.reads[counter >> 3] >> (counter & 7) & 1]
+            participants = self.page.participants[: self.page.used_participants]
+            readers = [each for each in participants if each.reads[counter >> 3] >> (counter & 7) & 1]
             self._readers[counter] = self.page.turn, readers
         return readers
 
@@ -202,12 +202,12 @@ class Turns:
 
     def kill(self, name: str) -> None:
         """Let the conductor kill a process after the next turn; time waits for its successor after 0.3 s."""
-        self.page.players[self.page.player(name)].doomed = 1
+        self.page.participants[self.page.index_of(name)].to_be_killed = 1
 
     def stop(self, name: str, seconds: float) -> None:
         """Let a process take no turns for a time, as if it were stopped."""
-        player = self.page.players[self.page.player(name)]
-        player.return_s, player.called = self.page.now() + seconds, 1
+        participant = self.page.participants[self.page.index_of(name)]
+        participant.return_s, participant.called = self.page.now() + seconds, 1
 
     def call(self) -> None:
         """Take the next turn, whenever it is; any thread may call this."""
@@ -237,7 +237,7 @@ class Turns:
         """Wait until new subscriptions receive all that is sent after this turn."""
         if not self._new_receptions:
             return
-        self._fence()
+        self._await_subscriptions()
         for reception in self._new_receptions:
             for index in range(self.page.used_counters):
                 reception.await_counter(index, self.page.counters[index], beyond=True)
@@ -247,9 +247,9 @@ class Turns:
     def _take_turn(self) -> bool:
         """Finish the turn and wait for the next one; return False if there is none."""
         self._own.finished = self._taken
-        self._ring(self._conductor)
-        while not (self._rings(self._bell) and self.page.turn != self._taken):
-            if self.interrupted() or not self.page.players[0].wanted:
+        self._notify(self._conductor)
+        while not (self._notified(self._pipe) and self.page.turn != self._taken):
+            if self.interrupted() or not self.page.participants[0].wanted:
                 return False
         self._taken, self._own.called = self.page.turn, 0
         self._collect()
@@ -269,16 +269,16 @@ class Turns:
         for *_, deliver in sorted((item for item in held if item[0] < now_s), key=itemgetter(0, 1, 2, 3)):
             deliver()
 
-    def _ring(self, bell: int) -> None:
+    def _notify(self, pipe: int) -> None:
         with suppress(BlockingIOError):
-            os.write(bell, b".")
+            os.write(pipe, b".")
 
-    def _rings(self, bell: int) -> bool:
-        """Wait until a bell rings; return False if it does not for a while."""
-        rung = bool(select.select([bell], [], [], POLL_S)[0])
-        if rung:
-            os.read(bell, 4096)
-        return rung
+    def _notified(self, pipe: int) -> bool:
+        """Wait until there is something in a pipe, and read it; return False if there is not for a while."""
+        notified = bool(select.select([pipe], [], [], POLL_S)[0])
+        if notified:
+            os.read(pipe, 4096)
+        return notified
 
 
 def attached(attachment: ZBytes | None) -> bytes:
@@ -291,8 +291,8 @@ def sent_at(attachment: bytes) -> float | None:
     return STAMP.unpack(attachment)[3] if len(attachment) == STAMP.size else None
 
 
-def attend(page: LockstepPage, name: str) -> None:
-    """Be there, so that the time of the fleet begins, without taking turns."""
-    player = page.players[page.player(name)]
-    player.return_s = inf
-    player.process = os.getpid()
+def join_without_turns(page: LockstepPage, name: str) -> None:
+    """Enter a process that takes no turns, so that the time of the fleet need not wait for it."""
+    participant = page.participants[page.index_of(name)]
+    participant.return_s = inf
+    participant.process = os.getpid()

@@ -1,1 +1,1 @@
-"""The fleet file, the supervisor and the ready fleets."""
+"""Processes of a fleet on its hosts: roles, launcher, watchdog, certificates and installation."""

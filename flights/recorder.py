@@ -15,7 +15,7 @@ from rcopterx.bus.lockstep_page import opened_page
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.session import BusAddress, RawMessage, Session
-from rcopterx.bus.turns import attend
+from rcopterx.bus.turns import join_without_turns
 from rcopterx.flights.flight_writing import FlightSettings, FlightWriter
 from rcopterx.flights.mcap_writing import LoggedMessage
 
@@ -132,8 +132,8 @@ def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) ->
         # `rcopterx kill` uses keys of every fleet.
         session.tap(waiting.store, channels.KILL.topic, channels.EVERY_FLEET)
         if settings.bus.clock.page is not None:
-            session.fence()
-            attend(opened_page(settings.bus.clock.page), RECORDER_PROCESS)
+            session.await_subscriptions()
+            join_without_turns(opened_page(settings.bus.clock.page), RECORDER_PROCESS)
         writer = FlightWriter(settings.flight())
         recorder = Recorder(waiting, writer, settings.wall_ns)
         report_at_s, stopped = 0.0, False

@@ -15,7 +15,7 @@ from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 
 
 def check_resources(fleet: FleetFile, host: str, directory: Path, without: Collection[str] = ()) -> list[str]:
-    """Check that addresses are free and that serial devices exist, but for vehicles `without` a device.
+    """Check that addresses are free and that serial devices exist, except those of vehicles in `without`.
 
     A fleet also flies when the device of one of its vehicles is missing; that vehicle joins once it is there.
     Returns a line for every such vehicle. Raises `FleetError`: names the field and the address or device.

@@ -12,7 +12,7 @@ from setproctitle import setproctitle, setthreadtitle
 
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.deploy.processes.process_log import set_up
-from rcopterx.deploy.roles.last_to_end import PR_SET_PDEATHSIG, outlive_launcher
+from rcopterx.deploy.roles.outliving import PR_SET_PDEATHSIG, outlive_launcher
 from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 
 _LOG = logging.getLogger(__name__)
@@ -85,11 +85,11 @@ def runner(role: str) -> Callable[[FleetFile, str], None]:
     if role == "transmitters":
         return run
 
-    def run_to_the_last(fleet: FleetFile, host: str) -> None:
+    def run_beyond_launcher(fleet: FleetFile, host: str) -> None:
         outlive_launcher(fleet, host)
         run(fleet, host)
 
-    return run_to_the_last
+    return run_beyond_launcher
 
 
 def run_reporting(run: Callable[[], None]) -> None:

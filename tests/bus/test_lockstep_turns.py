@@ -16,7 +16,7 @@ from support.waiting import wait_for
 
 from rcopterx.bus.conductor import RETURN_S, STEP_S, Conductor
 from rcopterx.bus.lockstep_page import FIRST_S, LockstepPage, create_page, opened_page, remove_page
-from rcopterx.bus.turns import CONDUCTOR, STAMP, Reception, Turns, attend
+from rcopterx.bus.turns import CONDUCTOR, STAMP, Reception, Turns, join_without_turns
 
 
 class Bytes(bytes):
@@ -118,11 +118,11 @@ def test_waiting_for_other_processes_ends_with_the_names_of_those_that_do_not_st
     page: LockstepPage,
 ) -> None:
     script = Turns(page, "script", no_fence)
-    attend(page, CONDUCTOR)
-    attend(page, "a")
+    join_without_turns(page, CONDUCTOR)
+    join_without_turns(page, "a")
     with pytest.raises(TimeoutError, match=r"missing after 0\.2 s: b$"):
         script.await_others(0.2)
-    attend(page, "b")
+    join_without_turns(page, "b")
     script.await_others(0.0)
 
 
@@ -130,7 +130,7 @@ def test_a_process_takes_no_turns_without_anything_to_do(page: LockstepPage) -> 
     scripts = [Script("a", [0.001] * 20), Script("b", [0.5])]
     threads = started(*scripts, page=page)
     conduct(page, lambda: not threads[0].is_alive())
-    took = [page.players[page.player(name)].finished for name in "ab"]
+    took = [page.participants[page.index_of(name)].finished for name in "ab"]
     assert took[0] > took[1] + 10
     page.want_none()
     conduct(page, lambda: not threads[1].is_alive())
@@ -207,7 +207,7 @@ def test_time_begins_when_all_awaited_processes_are_there(page: LockstepPage) ->
     end = threading.Event()
     conducting = threading.Thread(target=conduct, args=(page, end.is_set), daemon=True)
     conducting.start()
-    wait_for(lambda: page.players[page.player("a")].process, "a is not there")
+    wait_for(lambda: page.participants[page.index_of("a")].process, "a is not there")
     assert page.now() == FIRST_S
     second = started(Script("b", [0.01]), page=page)
     for thread in (*first, *second):
@@ -219,7 +219,7 @@ def test_time_begins_when_all_awaited_processes_are_there(page: LockstepPage) ->
 
 
 def test_time_stands_still_while_a_process_computes(page: LockstepPage) -> None:
-    attend(page, "b")
+    join_without_turns(page, "b")
     computing, ready = threading.Event(), threading.Event()
 
     def compute() -> None:
@@ -254,7 +254,7 @@ def test_messages_count_in_the_same_order_however_they_arrive(
         seen: list[Sample] = []
         reception = conductor.receive("fleet/*/pose")
         conductor.wait(0.01)
-        counters = {name: page.counter(f"fleet/{name}/pose", page.player(name)) for name in "ab"}
+        counters = {name: page.counter(f"fleet/{name}/pose", page.index_of(name)) for name in "ab"}
         for name in arrivals:
             page.counters[counters[name]].count += 1
             reception.hold(seen.append, sample_of(page, counters[name]))
@@ -268,7 +268,7 @@ def test_messages_count_in_the_same_order_however_they_arrive(
 
 
 def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: LockstepPage) -> None:
-    attend(page, "b")
+    join_without_turns(page, "b")
     receiving = threading.Event()
     arrived: list[str] = []
 
@@ -277,7 +277,7 @@ def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: Lo
         turns.begin()
         reception = turns.receive("key")
         turns.wait(0.001)
-        counter = page.counter("key", page.player("b"))
+        counter = page.counter("key", page.index_of("b"))
         page.counters[counter].count = 1
         late = sample_of(page, counter)
 
@@ -300,9 +300,9 @@ def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: Lo
 def test_what_was_sent_before_a_subscription_does_not_count(page: LockstepPage) -> None:
     conductor = Conductor(page, CONDUCTOR, no_fence)
     conductor.begin()
-    attend(page, "a")
-    attend(page, "b")
-    counter = page.counter("key", page.player("a"))
+    join_without_turns(page, "a")
+    join_without_turns(page, "b")
+    counter = page.counter("key", page.index_of("a"))
     page.counters[counter].count = 7
     conductor.receive("key")
     conductor.wait(0.01)
@@ -322,19 +322,21 @@ while True:
 
 
 def test_a_killed_process_stops_the_time_only_from_the_turn_of_its_successor_on(page: LockstepPage) -> None:
-    attend(page, "b")
+    join_without_turns(page, "b")
     end = threading.Event()
     conducting = threading.Thread(target=conduct, args=(page, end.is_set), daemon=True)
     conducting.start()
     command = [sys.executable, "-c", PLAYER, str(page.path)]
     with subprocess.Popen(command) as first:
         wait_for(lambda: page.now() > FIRST_S + 1.0, "no time passes")
-        player = page.players[page.player("a")]
-        player.doomed = 1
+        participant = page.participants[page.index_of("a")]
+        participant.to_be_killed = 1
         assert first.wait(20) == -signal.SIGKILL
-        wait_for(lambda: player.return_s > 0 and page.now() >= player.return_s, "time waits too early")
+        wait_for(
+            lambda: participant.return_s > 0 and page.now() >= participant.return_s, "time waits too early"
+        )
         stopped_s = page.now()
-        assert stopped_s <= player.return_s + 0.021
+        assert stopped_s <= participant.return_s + 0.021
         assert page.lived_s("a") >= 1.0
         assert page.lived_s("a") == 0.0
         with subprocess.Popen(command) as second:

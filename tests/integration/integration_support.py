@@ -108,7 +108,7 @@ class Flying:
         page = self.fleet.session.address.clock.page
         if page is not None:
             opened = opened_page(page)
-            return float(opened.players[opened.player(process)].began_s)
+            return float(opened.participants[opened.index_of(process)].began_s)
         return self.launcher_of(process).supervisor.children[process].started_s
 
     @contextmanager
