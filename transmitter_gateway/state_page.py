@@ -99,12 +99,12 @@ def _check_private(path: Path, status: os.stat_result, kind: int) -> None:
         raise PermissionError(errno.EPERM, "is not private to this user", str(path))
 
 
-def begin_page(path: Path) -> None:
-    """State in a page that the vehicle does not fly, unless it is valid, before gateways first start."""
+def begin_page(path: Path) -> StatePage:
+    """Open a page; unless it is valid, state in it that the vehicle does not fly. For before a gateway."""
     page = open_page(path)
     if page.last is None:
         page.save(NOT_FLYING)
-    page.close()
+    return page
 
 
 def page_of_process() -> StatePage:

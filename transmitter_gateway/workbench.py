@@ -1,6 +1,7 @@
 """One transmitter without bus, agents and arming: binding, range check and calibration at the workbench.
 
-The serial port is opened exclusively, so nothing here is possible while a gateway has it.
+A serial port is opened exclusively; where the port is the address of a vehicle, the caller has to ensure
+that no gateway serves it.
 """
 
 from __future__ import annotations

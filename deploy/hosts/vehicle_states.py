@@ -8,7 +8,7 @@ from typing import Final
 from rcopterx.bus.lockstep_page import remove_page
 from rcopterx.deploy.hosts.run_directory import LOCKSTEP, states_directories, states_directory
 from rcopterx.fleet.schema import FleetError
-from rcopterx.transmitter_gateway.state_page import begin_page, open_page
+from rcopterx.transmitter_gateway.state_page import StatePage, begin_page, open_page
 
 OWNER: Final = ".run"  # link from a directory of pages to its run directory; no vehicle can have this name
 
@@ -21,15 +21,27 @@ def begin_states(vehicles: Iterable[str], directory: Path) -> None:
     states = states_directory(directory)
     _remove_abandoned(states)
     for name in vehicles:
-        path = states / name
-        try:
-            begin_page(path)
-        except BlockingIOError:
-            raise FleetError(f"vehicles.{name}: another transmitter gateway serves it") from None
-        except OSError as error:
-            raise FleetError(f"vehicles.{name}: its state cannot be kept in {path}: {error}") from None
+        _begun(states / name).close()
     with suppress(OSError):
         (states / OWNER).symlink_to(directory.absolute())
+
+
+def reserved_state(vehicle: str, directory: Path) -> StatePage:
+    """Return the page of a vehicle that no gateway can serve until it is closed; as `begin_states`."""
+    begin_states([vehicle], directory)
+    return _begun(states_directory(directory) / vehicle)
+
+
+def _begun(path: Path) -> StatePage:
+    name = path.name
+    try:
+        return begin_page(path)
+    except BlockingIOError:
+        raise FleetError(
+            f"vehicles.{name}: another transmitter gateway or workbench command serves it"
+        ) from None
+    except OSError as error:
+        raise FleetError(f"vehicles.{name}: its state cannot be kept in {path}: {error}") from None
 
 
 def remove_states(vehicles: Iterable[str], directory: Path) -> None:

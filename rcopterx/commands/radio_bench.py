@@ -6,7 +6,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from rcopterx.commands.fleet_option import failure, running_fleet
 from rcopterx.commands.output import print_changes
 from rcopterx.commands.parsing import check_known
 from rcopterx.deploy.hosts.run_directory import run_directory
+from rcopterx.deploy.hosts.vehicle_states import reserved_state
 from rcopterx.deploy.roles.transmitters import gateway_settings
 from rcopterx.fleet.editing import write_calibration
 from rcopterx.fleet.radios import calibration_of
@@ -72,7 +73,10 @@ class Dialogue:
 
 @contextmanager
 def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workbench]]:
-    """Exclusive access to the transmitter of a vehicle; throttle-low frames end it in any case."""
+    """Exclusive access to the transmitter of a vehicle; throttle-low frames end it in any case.
+
+    Raises `FleetError` while a transmitter gateway of this computer serves the vehicle.
+    """
 
     def stop(number: int, _frame: object) -> None:
         raise SystemExit(128 + number)
@@ -81,11 +85,16 @@ def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workb
     file = load_fleet(path)
     check_known([vehicle], file.vehicles, "vehicle", "VEHICLE")
     gateway = file.vehicles[vehicle].transmitter.gateway
-    settings = gateway_settings(file, gateway, run_directory(file.name, file.bus.namespace))
+    directory = run_directory(file.name, file.bus.namespace)
+    settings = gateway_settings(file, gateway, directory)
     own = next(item for item in settings.transmitters if item.vehicle == vehicle)
     before = signal.signal(signal.SIGTERM, stop)
     try:
-        with Workbench(own, time.monotonic, _wait) as bench:
+        # A serial port is exclusive by itself, the address of a vehicle is not.
+        with (
+            closing(reserved_state(vehicle, directory)),
+            Workbench(own, time.monotonic, _wait) as bench,
+        ):
             yield file, path, bench
     except (WorkbenchError, CalibrationError) as error:
         raise failure(error) from None

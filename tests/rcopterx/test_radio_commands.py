@@ -4,20 +4,25 @@ import os
 import pty
 import re
 import select
+import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from operator import call
 from pathlib import Path
 
 import pytest
 from support.waiting import DEADLINE_S, wait_for
 
+from rcopterx.commands.radio_bench import workbench
 from rcopterx.deploy.hosts.run_directory import run_directory, serial_path
+from rcopterx.deploy.hosts.vehicle_states import begin_states, reserved_state
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.schema import FleetError
 from rcopterx.fleet.vehicle_models import model_of
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_kinds import module_of
@@ -176,6 +181,31 @@ def test_nothing_is_possible_while_a_gateway_has_the_port(
     assert done.returncode == 1
     assert "another program has it; if it is a gateway, land the fleet and stop it first" in done.stderr
     assert not laboratory.frames
+
+
+def test_a_vehicle_with_an_address_that_a_gateway_serves_gets_no_packet(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.bind(("127.0.0.1", 0))
+        vehicle.setblocking(False)
+        path = tmp_path / "air.toml"
+        port = f"udp://127.0.0.1:{vehicle.getsockname()[1]}"
+        path.write_text(
+            f'name = "air"\n[tracker]\naddress = "127.0.0.1:801"\n[vehicles.h1]\ntype = "crazyflie"\n'
+            f'subject = "cf1"\ntransmitter = {{ port = "{port}" }}\n'
+        )
+        with (
+            closing(reserved_state("h1", run_directory("air", None))),
+            pytest.raises(FleetError, match="another transmitter gateway or workbench command serves it"),
+            workbench(str(path), "h1") as (_, _, bench),
+        ):
+            bench.run(0.1)
+        with pytest.raises(BlockingIOError):
+            vehicle.recv(2048)
+        with (
+            workbench(str(path), "h1"),
+            pytest.raises(FleetError, match="another transmitter gateway or workbench command serves it"),
+        ):
+            begin_states(["h1"], run_directory("air", None))
 
 
 @pytest.mark.integration

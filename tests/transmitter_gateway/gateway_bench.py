@@ -128,7 +128,7 @@ class Laboratory(Wakeup):
             directory / "states",
         )
         for name in NAMES:
-            begin_page(self.settings.states / name)
+            begin_page(self.settings.states / name).close()
         self.begin()
 
     def begin(self) -> None:

@@ -162,12 +162,12 @@ def test_links_are_not_followed(tmp_path: Path) -> None:
 
 def test_a_new_page_says_that_its_vehicle_does_not_fly_and_a_valid_one_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "states" / "h1"
-    begin_page(path)
+    begin_page(path).close()
     first = open_page(path)
     assert first.last == NOT_FLYING
     first.save(FLYING)
     first.close()
-    begin_page(path)
+    begin_page(path).close()
     second = open_page(path)
     assert second.last == FLYING
     second.close()

@@ -32,7 +32,7 @@ def test_two_run_directories_keep_apart(states: Path, tmp_path: Path) -> None:
 def test_a_vehicle_that_another_gateway_serves_is_named(states: Path, tmp_path: Path) -> None:
     begin_states(["h1"], tmp_path / "run")
     page = open_page(states / "h1")
-    with pytest.raises(FleetError, match=r"vehicles\.h1: another transmitter gateway serves it"):
+    with pytest.raises(FleetError, match=r"vehicles\.h1: another transmitter gateway or workbench command"):
         begin_states(["h1"], tmp_path / "run")
     page.close()
 
