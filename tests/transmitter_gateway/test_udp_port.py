@@ -1,11 +1,14 @@
-"""Promises of UDP ports with a port number of their own: a successor is found at the same one."""
+"""Promises of UDP ports: a successor is found at the port number of its own, long datagrams are rejected."""
 
 import socket
 from collections.abc import Iterator
 
 import pytest
 from support.udp import udp_paths
+from support.waiting import wait_for
 
+from rcopterx.transmitter_gateway.protocols import crtp
+from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
 from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import MavlinkSettings
 from rcopterx.transmitter_gateway.udp_port import PROBE_S, UdpPort, udp_address
@@ -39,3 +42,24 @@ def test_a_port_and_its_successor_send_from_the_number_of_the_settings(vehicle: 
     assert not successor.service(2 * PROBE_S)
     assert vehicle.recvfrom(2048)[1] == sender
     successor.close()
+
+
+def test_a_datagram_that_is_too_long_is_counted_and_those_beside_it_are_read(vehicle: socket.socket) -> None:
+    protocol = CrazyflieProtocol()
+    port = UdpPort(f"udp://127.0.0.1:{vehicle.getsockname()[1]}", protocol)
+    port.service(0.0)
+    _, sender = vehicle.recvfrom(2048)
+    vehicle.sendto(crtp.NULL_PACKET, sender)
+    wait_for(lambda: port.service(2 * PROBE_S), "the port does not open")
+    protocol.link_opened(0.0)
+    state = crtp.SupervisorState(can_be_armed=True).packet().to_bytes()
+    for packet in (bytes(300), bytes(crtp.LONGEST_DATA + 2), state):
+        vehicle.sendto(packet, sender)
+
+    def ready() -> bool:
+        protocol.receive(port.read_available(0.0), 0.0)
+        return protocol.status(0.0).ready
+
+    wait_for(ready, "the state does not arrive")
+    assert protocol.counters == {"crtp: packet that is empty or longer than 31 bytes": 2}
+    port.close()

@@ -44,7 +44,7 @@ class Packet(Struct, frozen=True):
     def from_bytes(raw: bytes) -> Packet:
         """Decode; raises `FrameDecodeError` for a packet that is empty or too long."""
         if not 1 <= len(raw) <= 1 + LONGEST_DATA:
-            raise FrameDecodeError(f"crtp: packet of {len(raw)} bytes, 1 to {1 + LONGEST_DATA} are possible")
+            raise FrameDecodeError(f"crtp: packet that is empty or longer than {1 + LONGEST_DATA} bytes")
         return Packet(raw[0] >> 4, raw[0] & 0x03, raw[1:])
 
 
@@ -105,8 +105,10 @@ def arm_request(*, on: bool) -> Packet:
 
 
 def joined(packets: Iterable[bytes]) -> bytes:
-    """Join packets into a frame: each after a byte with its length."""
-    return b"".join(bytes((len(packet),)) + packet for packet in packets)
+    """Join packets into a frame, each after a byte with its length; one that is too long stays too long."""
+    # A datagram may be longer than a byte can state.
+    cut = [packet[: 2 + LONGEST_DATA] for packet in packets]
+    return b"".join(bytes((len(packet),)) + packet for packet in cut)
 
 
 def separated(frame: bytes) -> list[bytes]:
