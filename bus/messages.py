@@ -165,7 +165,8 @@ class Command(Message, frozen=True, kw_only=True):
 
     epoch: Count
     frame: Count
-    """Epoch and frame of the pose it was computed from."""
+    """Epoch and frame of the pose it was computed from; an agent that bridges missing poses states the frame
+    of the present, which it predicted."""
     lease: Count
     """Control lease of the agent; commands of an earlier lease than the present one are rejected."""
     sequence: Count

@@ -30,6 +30,7 @@ class Rejection(StrEnum):
     OLDER_EPOCH = "older epoch"
     UNKNOWN_EPOCH = "epoch not in the raw poses"
     OLD_POSE = "command computed from an old pose"
+    FUTURE_POSE = "command ahead of the raw poses"
     NO_LEASE = "no such control lease"
     LEASE_LOST = "control lease lost"
 
@@ -70,14 +71,23 @@ class Admission:
         self.leases = Leases()
 
     def consider(
-        self, command: CommandInput, now_s: float, *, pose: PoseInput | None, flying: bool
+        self,
+        command: CommandInput,
+        now_s: float,
+        *,
+        pose: PoseInput | None,
+        epoch_since_s: float = -math.inf,
+        flying: bool,
     ) -> Rejection | None:
-        """Accept `command` or return why not, by the newest raw pose; a later lease takes over."""
+        """Accept `command` or return why not, by the newest raw pose; a later lease takes over.
+
+        `epoch_since_s` is when the first raw pose of its epoch arrived.
+        """
         checked = self._check_form(command)
         if isinstance(checked, AcceptedCommand):
             rejection = self._check_order(checked.cause, None if pose is None else pose.epoch, flying)
             if rejection is None and pose is not None:
-                rejection = self._check_age(checked.cause, pose)
+                rejection = self._check_age(checked.cause, pose, now_s - epoch_since_s)
             if rejection is None:
                 self._store(checked, now_s)
         else:
@@ -145,8 +155,8 @@ class Admission:
         """Check lease, epoch and sequence number against the last accepted command.
 
         The epoch changes only when the raw poses, which do not come from the agent, carry the new one: then
-        the Tracker's stream has restarted. A new epoch or lease starts a new count of sequence numbers. An
-        agent may be behind the raw poses for a moment, but never ahead of them.
+        the Tracker's stream has restarted. A new epoch or lease starts a new count of sequence numbers. The
+        epoch of the last command still passes here after that; `_check_age` limits for how long.
         """
         if self.leases.lost(cause.lease):
             return Rejection.LEASE_LOST
@@ -165,12 +175,20 @@ class Admission:
             return Rejection.UNKNOWN_EPOCH if flying else None
         return None if cause.epoch == pose_epoch else Rejection.UNKNOWN_EPOCH
 
-    def _check_age(self, cause: Cause, pose: PoseInput) -> Rejection | None:
-        """Reject a command that is behind the raw poses: its agent does not receive them any more."""
-        if pose.period_s is None or cause.epoch != pose.epoch:
+    def _check_age(self, cause: Cause, pose: PoseInput, epoch_age_s: float) -> Rejection | None:
+        """Reject a command far from the raw poses: its agent does not receive them, or counts wrongly.
+
+        An agent that bridges missing poses is a little ahead of them.
+        """
+        limit_s = self._limits.command_age_s
+        if cause.epoch != pose.epoch:
+            return Rejection.OLDER_EPOCH if epoch_age_s > limit_s else None
+        if pose.period_s is None:
             return None
         age_s = (pose.frame - cause.frame) * pose.period_s + pose.latency_s
-        return Rejection.OLD_POSE if age_s > self._limits.command_age_s else None
+        if age_s < -limit_s:
+            return Rejection.FUTURE_POSE
+        return Rejection.OLD_POSE if age_s > limit_s else None
 
     def _store(self, command: AcceptedCommand, now_s: float) -> None:
         if self.leases.command(command.cause.lease):

@@ -81,7 +81,11 @@ class Arbiter:
         if now_s >= self.next_event_s():
             self._pass(now_s)
         rejection = self._admission.consider(
-            command, now_s, pose=self.surveillance.newest, flying=self.commanded
+            command,
+            now_s,
+            pose=self.surveillance.newest,
+            epoch_since_s=self.surveillance.epoch_since_s,
+            flying=self.commanded,
         )
         self._event_s = None
         return Answer(rejection is None, rejection or "accepted")

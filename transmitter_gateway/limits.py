@@ -137,7 +137,8 @@ class ArbiterLimits:
     bridge_s: float = 0.18
     """For how long planned inputs are played when commands are late."""
     command_age_s: float = 0.2
-    """A command computed from a pose that was captured longer ago is rejected."""
+    """A command computed from a pose that was captured longer ago is rejected, as are one of a frame further
+    ahead of the raw poses, and one of an epoch that they left longer ago."""
     hold_limit_s: float = 0.5
     """Longest HOLD before LAND or DESCEND."""
     arm_low_s: float = 0.5

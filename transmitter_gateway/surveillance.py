@@ -63,6 +63,7 @@ class Surveillance:
         self._mistaken: str | None = None
         self._stood_at_m: float | None = None
         self.newest: PoseInput | None = None
+        self.epoch_since_s = -math.inf  # since when the own poses have their epoch
 
     def own_pose(self, pose: PoseInput, now_s: float, *, airborne: bool) -> bool:
         """Take a pose of the own vehicle; return whether it is accepted, as any is on the floor."""
@@ -77,6 +78,8 @@ class Surveillance:
         track.undelivered_s = max(track.undelivered_s, min(gap_s, LONGEST_DRIFT_S))
         waited_s = now_s - track.arrived_s
         track.epoch, track.frame, track.arrived_s = pose.epoch, pose.frame, now_s
+        if self.newest is None or pose.epoch != self.newest.epoch:
+            self.epoch_since_s = now_s
         self.newest = pose
         position = pose.position_m
         if position is None:

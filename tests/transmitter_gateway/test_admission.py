@@ -38,6 +38,7 @@ class Gate:
         pose_epoch: int | None = 5,
         pose_frame: int = 100,
         latency_s: float = 0.0,
+        epoch_since_s: float = 1.0,
         flying: bool = False,
         **changes: Any,
     ) -> Rejection | None:
@@ -47,6 +48,7 @@ class Gate:
             pose=None
             if pose_epoch is None
             else PoseInput("h1", pose_epoch, pose_frame, None, 0.02, latency_s=latency_s),
+            epoch_since_s=epoch_since_s,
             flying=flying,
         )
 
@@ -306,9 +308,12 @@ def test_first_command_of_a_lease_must_belong_to_the_raw_poses() -> None:
         (108, 0.05, Rejection.OLD_POSE),
         (90, 0.19, None),
         (100, 0.21, Rejection.OLD_POSE),
+        (90, 0.0, None),
+        (89, 0.0, Rejection.FUTURE_POSE),
+        (0, 1.0, Rejection.FUTURE_POSE),
     ],
 )
-def test_command_computed_from_an_old_pose_is_rejected(
+def test_command_computed_from_a_pose_far_from_the_newest_one_is_rejected(
     pose_frame: int, latency_s: float, expected: Rejection | None
 ) -> None:
     gate = Gate()
@@ -316,10 +321,14 @@ def test_command_computed_from_an_old_pose_is_rejected(
     assert (gate.admission.stream is not None) == (expected is None)
 
 
-def test_age_of_a_command_of_another_epoch_is_not_judged() -> None:
+@pytest.mark.parametrize(("epoch_age_s", "expected"), [(0.19, None), (0.21, Rejection.OLDER_EPOCH)])
+def test_command_of_the_epoch_before_is_accepted_only_for_a_moment(
+    epoch_age_s: float, expected: Rejection | None
+) -> None:
     gate = Gate()
     gate.consider()
-    assert gate.consider(sequence=11, pose_epoch=6, pose_frame=5000) is None
+    later = {"sequence": 11, "pose_epoch": 6, "pose_frame": 5000, "epoch_since_s": 1.0, "flying": True}
+    assert gate.consider(now_s=1.0 + epoch_age_s, **later) is expected
 
 
 def test_commands_without_a_lease_that_was_issued_are_rejected() -> None:

@@ -98,3 +98,22 @@ def test_thrust_near_the_floor_is_not_taken_for_that_of_a_hover() -> None:
     bench.run(6.0, (0, 0, 0.6, 0))
     silent(bench, 0.1)
     assert bench.outputs[-1].u[2] == pytest.approx(U_HOVER)
+
+
+def test_an_agent_that_stays_in_an_epoch_the_poses_have_left_no_longer_commands() -> None:
+    bench = flying()
+    left, frame = bench.epoch, bench.frame
+    bench.epoch += 1
+    bench.run(0.2, epoch=left, frame=frame)
+    assert bench.state is State.ARMED
+    bench.run(0.3, epoch=left, frame=frame)
+    assert bench.state is State.DESCEND
+    assert bench.reason == "commands silent"
+    assert bench.arbiter.counters["older epoch"] > 0
+
+
+def test_an_agent_whose_frames_are_far_ahead_of_the_poses_does_not_command() -> None:
+    bench = flying()
+    bench.run(0.3, frame=2**52)
+    assert bench.state is State.DESCEND
+    assert bench.arbiter.counters["command ahead of the raw poses"] == 15
