@@ -17,6 +17,7 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
     """Build the settings of every process with this run directory; `FleetError` names the wrong field."""
     # Imported here: the launcher imports this module, and needs none of the libraries of agents.
     from rcopterx.deploy.roles.agent import check_period, pilot_of
+    from rcopterx.deploy.roles.ports import check_ports
     from rcopterx.deploy.roles.simulator import simulator_settings
     from rcopterx.deploy.roles.tracker import tracker_settings
     from rcopterx.deploy.roles.transmitters import gateway_settings
@@ -29,6 +30,7 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
         pilot_of(fleet, name)
     first = next(iter(fleet.vehicles))
     check_formation(fleet, limits_of(fleet, first).surveillance.minimum_distance_m)
+    check_ports(fleet, directory)
     for gateway in fleet.gateways:
         gateway_settings(fleet, gateway, directory)
     tracker_settings(fleet)

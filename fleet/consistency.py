@@ -1,7 +1,7 @@
 """Checks that names, hosts, leaders and devices in a fleet file are consistent."""
 
 import os.path
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 
 from rcopterx.bus.channels import EVERY_FLEET, FIXED_UNITS
@@ -36,25 +36,28 @@ def _check_vehicles(fleet: FleetFile) -> None:
             if name in reserved:
                 raise FleetError(f"{group}.{name}: the name is reserved, as are {', '.join(reserved)}")
     subjects = {name: vehicle.subject for name, vehicle in fleet.vehicles.items()}
-    _check_unique("vehicles", "subject", subjects)
-    ports = {name: os.path.normpath(vehicle.transmitter.port) for name, vehicle in fleet.vehicles.items()}
-    _check_unique("vehicles", "transmitter.port", ports)
+    check_unique("vehicles", "subject", subjects)
+    ports = {name: vehicle.transmitter.port for name, vehicle in fleet.vehicles.items()}
+    check_unique("vehicles", "transmitter.port", ports, os.path.normpath)
     low, high = fleet.volume.min_m, fleet.volume.max_m
     for axis, (a, b) in enumerate(zip(low, high, strict=True)):
         if not a < b:
             raise FleetError(f"volume.max_m[{axis}]: {b} must be greater than min_m[{axis}] = {a}")
 
 
-def _check_unique(group: str, field: str, values: Mapping[str, str]) -> None:
-    seen: dict[str, str] = {}
+def check_unique(
+    group: str, field: str, values: Mapping[str, str], key: Callable[[str], Hashable] = str
+) -> None:
+    """Refuse two values of a field whose keys are equal; `FleetError` names the second one."""
+    seen: dict[Hashable, str] = {}
     for name, value in values.items():
-        if (other := seen.setdefault(value, name)) != name:
+        if (other := seen.setdefault(key(value), name)) != name:
             raise FleetError(f"{group}.{name}.{field}: {value!r} is already that of {group}.{other}")
 
 
 def _check_hosts(fleet: FleetFile) -> None:
     addresses = {name: f"{host.address}:{fleet.router_port(name)}" for name, host in fleet.hosts.items()}
-    _check_unique("hosts", "router_port", addresses)
+    check_unique("hosts", "router_port", addresses)
     for name, address in addresses.items():
         if not address.isascii():
             raise FleetError(f"hosts.{name}.address: {fleet.hosts[name].address!r} must be in ASCII")

@@ -1,8 +1,10 @@
 """Where the processes of a fleet find the radios."""
 
+from collections.abc import Hashable
 from pathlib import Path
 
 from rcopterx.deploy.hosts.run_directory import serial_path, states_directory
+from rcopterx.fleet.consistency import check_unique
 from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.simulator.crazyradio import place_of
@@ -29,6 +31,22 @@ def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
     if isinstance(protocol, SetPointRadio) and fleet.simulator is not None:
         raise FleetError(f"{where}: {port!r} is a device, simulated vehicles are at udp://")
     return str(serial_path(port, directory))
+
+
+def check_ports(fleet: FleetFile, directory: Path) -> None:
+    """Refuse a port that is none for its protocol, or leads where another does; raises `FleetError`."""
+    ports = {name: port_of(fleet, name, directory) for name in fleet.vehicles}
+    check_unique("vehicles", "transmitter.port", ports, _place_of)
+
+
+def _place_of(port: str) -> Hashable:
+    """Return what a port leads to: any Crazyradio reaches the same vehicle."""
+    if port.startswith(RADIO):
+        return place_of("", RadioAddress.of(port))
+    if port.startswith(UDP):
+        host, number = udp_address(port.lower())
+        return "127.0.0.1" if host == "localhost" else host, number
+    return port
 
 
 def simulated_port_of(fleet: FleetFile, name: str, directory: Path) -> str:

@@ -143,7 +143,7 @@ def test_a_wrong_field_is_refused_by_its_path(text: str, words: str) -> None:
             r"vehicles\.h2\.subject: 'heli1' is already that of vehicles\.h1",
         ),
         (PAIR.replace("radio-h2", "radio-h1"), r"vehicles\.h2\.transmitter\.port: 'radio-h1' is already"),
-        (PAIR.replace("radio-h2", "./radio-h1"), r"vehicles\.h2\.transmitter\.port: 'radio-h1' is already"),
+        (PAIR.replace("radio-h2", "./radio-h1"), r"vehicles\.h2\.transmitter\.port: './radio-h1' is already"),
         (PAIR + "[vehicles.h1]\n", r"not TOML"),
         (
             PAIR + "[hosts.main]\n[hosts.second]\n",

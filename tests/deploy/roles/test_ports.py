@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rcopterx.deploy.fleet_check import check_fleet
-from rcopterx.deploy.roles.ports import port_of, simulated_port_of
+from rcopterx.deploy.roles.ports import check_ports, port_of, simulated_port_of
 from rcopterx.fleet.reading import fleet_path, load_fleet, parse_fleet
 from rcopterx.fleet.schema import FleetError
 
@@ -59,6 +59,34 @@ def test_a_vehicle_with_mavlink_is_at_a_udp_port_or_at_a_serial_device(tmp_path:
         port_of(parse_fleet(text.format(port="udp://14550")), "h1", tmp_path)
     with pytest.raises(FleetError, match=r"simulated vehicles are at udp://"):
         port_of(parse_fleet(text.format(port="/dev/ttyUSB0") + "[simulator]\n"), "h1", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("port", "other"),
+    [
+        ("radio://0/80/2M/E7E7E7E701", "radio://0/80/2M/E7E7E7E701"),
+        ("radio://0/80/2M/E7E7E7E701", "radio://1/080/2M/e7e7e7e701"),
+        ("udp://127.0.0.1:19850", "udp://localhost:019850"),
+        ("udp://cf1.lab:19850", "udp://CF1.lab:19850"),
+    ],
+)
+def test_two_ports_of_one_vehicle_are_refused_as_they_are_written(
+    port: str, other: str, tmp_path: Path
+) -> None:
+    text = FLEET.format(type="crazyflie", port=port)
+    text += f'[vehicles.h2]\ntype = "crazyflie"\nsubject = "two"\ntransmitter = {{ port = "{other}" }}\n'
+    with pytest.raises(FleetError) as caught:
+        check_fleet(parse_fleet(text), tmp_path)
+    assert str(caught.value) == f"vehicles.h2.transmitter.port: '{other}' is already that of vehicles.h1"
+
+
+@pytest.mark.parametrize(
+    "other", ["radio://0/80/2M/E7E7E7E702", "radio://0/90/2M/E7E7E7E701", "radio://0/80/1M/E7E7E7E701"]
+)
+def test_vehicles_that_differ_in_channel_data_rate_or_address_are_two(other: str, tmp_path: Path) -> None:
+    text = FLEET.format(type="crazyflie", port="radio://0/80/2M/E7E7E7E701")
+    text += f'[vehicles.h2]\ntype = "crazyflie"\nsubject = "two"\ntransmitter = {{ port = "{other}" }}\n'
+    check_ports(parse_fleet(text), tmp_path)
 
 
 @pytest.mark.parametrize("name", ["crazyflies", "families", "ten_crazyflies"])
