@@ -196,7 +196,7 @@ class Calibration:
     def pulses_us(
         self, u: Sequence[float], *, throttle_low: bool = False, armed: bool = False, stopped: bool = False
     ) -> tuple[float, ...]:
-        """Pulse widths [us] in channel order for u (4,), with throttle, arming and emergency as stated."""
+        """Pulse widths [us] of the channels up to the last used one, for u (4,) and switches as stated."""
         pulses = {
             self.pitch.index: self.pitch.pulse_us(u[0]),
             self.roll.index: self.roll.pulse_us(u[1]),
@@ -206,8 +206,7 @@ class Calibration:
         for channel, on in ((self.arming, armed), (self.emergency, stopped)):
             if channel is not None:
                 pulses[channel.index] = channel.on_us if on else channel.off_us
-        count = max(*pulses, len(base.CHANNEL_NAMES) - 1) + 1
-        return tuple([pulses.get(index, self.rest_us) for index in range(count)])
+        return tuple([pulses.get(index, self.rest_us) for index in range(max(pulses) + 1)])
 
     def inputs(self, pulses_us: Sequence[float]) -> tuple[float, float, float, float]:
         """Inputs as the vehicle's electronics see them: the inverse of `pulses_us` without limits."""

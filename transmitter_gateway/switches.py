@@ -7,9 +7,9 @@ import math
 from msgspec import Struct
 
 from rcopterx.transmitter_gateway.calibration import Calibration
-from rcopterx.transmitter_gateway.inputs import FLYING, ArbiterOutput, State
+from rcopterx.transmitter_gateway.inputs import FLYING, NEUTRAL, ArbiterOutput, State
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import RadioProtocol
+from rcopterx.transmitter_gateway.protocols.base import PulseRangeError, RadioProtocol
 
 
 class Arming(Struct, frozen=True):
@@ -22,6 +22,11 @@ class Arming(Struct, frozen=True):
 def prepare_channels(protocol: RadioProtocol, calibration: Calibration, limits: ArbiterLimits) -> None:
     """Let unused channels rest; `PulseRangeError` if the protocol cannot carry the calibration's extremes."""
     protocol.rest_us = calibration.rest_us
+    last, sent = len(calibration.pulses_us(NEUTRAL)) - 1, protocol.channels_on_air
+    if last >= sent:
+        raise PulseRangeError(
+            f"{protocol.name}: the calibration has channel {last}, but only channels 0 to {sent - 1} are sent"
+        )
     for extreme in (limits.lower, limits.upper):
         for on in (False, True):
             protocol.check(calibration.pulses_us(extreme, throttle_low=on, armed=on, stopped=on))

@@ -9,12 +9,14 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.ports import laboratory_of, port_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.radios import calibration_of, protocol_of
-from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import limits_of
 from rcopterx.simulator.crazyradio import EmulatedDongle
 from rcopterx.transmitter_gateway.crazyradio import UsbDevice, find_dongle
 from rcopterx.transmitter_gateway.process import run_gateway
+from rcopterx.transmitter_gateway.protocols.base import ProtocolError
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
+from rcopterx.transmitter_gateway.switches import prepare_channels
 
 
 def run(fleet: FleetFile, gateway: str) -> None:
@@ -23,25 +25,31 @@ def run(fleet: FleetFile, gateway: str) -> None:
 
 
 def gateway_settings(fleet: FleetFile, gateway: str, directory: Path) -> GatewaySettings:
-    """Return the settings of a transmitter gateway process."""
+    """Return the settings of a transmitter gateway process; `FleetError` names the wrong field."""
     return GatewaySettings(
         bus=bus_address(fleet, fleet.gateways[gateway].host, gateway),
-        transmitters=tuple(
-            TransmitterSettings(
-                vehicle=name,
-                port=port_of(fleet, name, directory),
-                protocol=protocol_of(fleet, name),
-                calibration=calibration_of(fleet, name),
-                limits=limits_of(fleet, name),
-                low_power=fleet.vehicles[name].transmitter.low_power,
-            )
-            for name in fleet.served_by(gateway)
-        ),
+        transmitters=tuple(_transmitter(fleet, name, directory) for name in fleet.served_by(gateway)),
         vehicles=tuple(fleet.vehicles),
         states=states_directory(directory),
         realtime_priority=Priority.GATEWAY.of(fleet),
         dongles=find_dongle if fleet.simulator is None else _emulated(fleet, directory),
     )
+
+
+def _transmitter(fleet: FleetFile, name: str, directory: Path) -> TransmitterSettings:
+    settings = TransmitterSettings(
+        vehicle=name,
+        port=port_of(fleet, name, directory),
+        protocol=protocol_of(fleet, name),
+        calibration=calibration_of(fleet, name),
+        limits=limits_of(fleet, name),
+        low_power=fleet.vehicles[name].transmitter.low_power,
+    )
+    try:
+        prepare_channels(settings.protocol, settings.calibration, settings.limits)
+    except ProtocolError as error:
+        raise FleetError(f"vehicles.{name}.transmitter.calibration: {error}") from None
+    return settings
 
 
 def _emulated(fleet: FleetFile, directory: Path) -> Callable[[int], UsbDevice]:

@@ -25,7 +25,16 @@ def radio(extra: str) -> str:
     return PAIR.replace("model_match = 1 }", f"model_match = 1, {extra} }}")
 
 
-@pytest.mark.parametrize("text", [PAIR, HARDWARE_PAIR])
+@pytest.mark.parametrize(
+    "text",
+    [
+        PAIR,
+        HARDWARE_PAIR,
+        radio('protocol = "ppm", settings = { channels = 4 }'),
+        radio('protocol = "dsmp", settings = { channels = 4 }'),
+        radio("settings = { channels = 4 }"),
+    ],
+)
 def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
     check_fleet(parse_fleet(text), tmp_path)
 
@@ -78,6 +87,18 @@ def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
         (
             radio('protocol = "ppm", low_power = true'),
             r"^vehicles\.h1\.transmitter\.low_power: cannot be asked for with protocol 'ppm'",
+        ),
+        (
+            radio("calibration = { pitch = { index = 2, hi_us = 2100.0, gain_us = 650.0 } }"),
+            r"^vehicles\.h1\.transmitter\.calibration: multi: elevator pulse 2100",
+        ),
+        (
+            radio("calibration = { arming = { index = 6 } }"),
+            r"^vehicles\.h1\.transmitter\.calibration: multi: .* channel 6, but only channels 0 to 5 are",
+        ),
+        (
+            radio('protocol = "dsmp", settings = { channels = 3 }'),
+            r"^vehicles\.h1\.transmitter\.settings: dsmp\.channels: 3 is outside 4\.\.12",
         ),
         (PAIR + "[safety.settings]\nbrake = 1", r"^safety\.settings\.brake: unknown field"),
         (PAIR + "[safety.settings]\nhold_after_s = -1.0", r"^safety\.settings: hold_after_s: -1\.0"),

@@ -15,8 +15,12 @@ from rcopterx.transmitter_gateway.calibration import (
 )
 from rcopterx.transmitter_gateway.inputs import FLYING, NEUTRAL, ArbiterOutput, State
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import PulseRangeError
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
+from rcopterx.transmitter_gateway.protocols.base import PulseRangeError, RadioProtocol
+from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
+from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
+from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol, DsmpSettings
+from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
+from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol, PpmSettings
 from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_channels
 
 LOW_S = 0.1
@@ -159,6 +163,27 @@ def test_the_radio_lets_further_channels_rest_where_the_calibration_puts_them() 
 
 
 def test_other_channels_rest_where_the_type_puts_them() -> None:
-    pulses, _ = channels_of(replace(SWITCHED, rest_us=1000.0), DISARMED, None, 0.0)
-    assert pulses[6:] == (1000.0,) * len(pulses[6:])
-    assert replace(Calibration(), rest_us=1000.0).pulses_us((0.0,) * 4)[4:] == (1000.0, 1000.0)
+    calibration = Calibration(emergency=SwitchChannel(6), rest_us=1000.0)
+    pulses, _ = channels_of(calibration, DISARMED, None, 0.0)
+    assert pulses[4:] == (1000.0, 1000.0, 1100.0)
+
+
+@pytest.mark.parametrize(
+    ("protocol", "sent"),
+    [
+        (MultiProtocol(), 6),
+        (MultiProtocol(MultiSettings(channels=4)), 4),
+        (MultiProtocol(MultiSettings(radio="CFlie")), 4),
+        (MultiProtocol(MultiSettings(radio="OMP", channels=12)), 7),
+        (PpmGenProtocol(PpmSettings(channels=4)), 4),
+        (DsmpProtocol(DsmpSettings(channels=4)), 4),
+        (Dsm2SerialProtocol(), 6),
+        (CrazyflieProtocol(), 6),
+    ],
+)
+def test_a_switch_on_a_channel_that_is_not_sent_is_refused(protocol: RadioProtocol, sent: int) -> None:
+    prepare_channels(protocol, Calibration(), ArbiterLimits())
+    if sent > 4:
+        prepare_channels(protocol, Calibration(arming=ArmingChannel(sent - 1)), ArbiterLimits())
+    with pytest.raises(PulseRangeError, match=rf"channel {sent}, but only channels 0 to {sent - 1} are sent"):
+        prepare_channels(protocol, Calibration(emergency=SwitchChannel(sent)), ArbiterLimits())

@@ -116,6 +116,11 @@ class RadioProtocol(ABC):
     rest_us: float = CENTER_US  # pulse width of the channels that `encode` gets none for
     counters: Mapping[str, int] = MappingProxyType({})  # answers that were rejected, by reason
 
+    @property
+    def channels_on_air(self) -> int:
+        """Number of channels that reach the vehicle."""
+        return self.channel_count
+
     def encode(
         self, pulses_us: Sequence[float], flags: FrameFlags = NO_FLAGS, *, disarmed: bool = False
     ) -> bytes:

@@ -39,7 +39,7 @@ class DsmpSettings:
     model: int = 0
     """Model match number, 0..255; firmware 1 ignores it."""
     channels: int = 6
-    """Number of channels, 3..12."""
+    """Number of channels, 4..12."""
     dsmx: bool = False
     eleven_ms: bool = False
     eleven_bit: bool = False
@@ -47,7 +47,7 @@ class DsmpSettings:
     steps."""
 
     def __post_init__(self) -> None:
-        base.check_ranges(self, "dsmp", model=(0, 255), channels=(3, 12))
+        base.check_ranges(self, "dsmp", model=(0, 255), channels=(4, 12))
 
     @property
     def mode(self) -> int:

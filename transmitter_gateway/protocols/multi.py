@@ -160,7 +160,7 @@ class MultiSettings:
     option: int = 0
     """Option byte, such as the frequency tuning of radio protocols on a CC2500; DSM uses the next two."""
     channels: int = 6
-    """Number of channels on air with DSM, 3..12."""
+    """Number of channels on air with DSM, 4..12."""
     eleven_ms: bool = False
     """Send data every 11 ms (sub-protocols 1 and 3 of DSM)."""
     inverted_line: bool = True
@@ -173,7 +173,7 @@ class MultiSettings:
         check_choice("multi.radio", self.radio, RADIOS)
         last = len(RADIOS[self.radio].sub_protocols) - 1
         check_ranges(
-            self, "multi", rx_num=(0, 63), sub_protocol=(0, last), option=(-128, 127), channels=(3, 12)
+            self, "multi", rx_num=(0, 63), sub_protocol=(0, last), option=(-128, 127), channels=(4, 12)
         )
 
     @property
@@ -210,6 +210,11 @@ class MultiProtocol(OneWayRadio):
         self._frames_since_s = self._last_frame_s = -math.inf
         self._answered_s = -math.inf
         self._answered: ModuleStatus | None = None
+
+    @property
+    def channels_on_air(self) -> int:
+        """See `RadioProtocol`; frames always have 16."""
+        return self.settings.channels if self._radio.taer else self._radio.channels
 
     def check(self, pulses_us: Sequence[float]) -> list[float]:
         """See `RadioProtocol.check`; with DSM channel 14, which kills, rests in its centre."""
