@@ -127,6 +127,8 @@ class EmulatedAutopilot(UdpVehicle):
             case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
                 refusal = self._arm(on=first > 0.5, force=packet.param2 == FORCE)
             case mavlink.MAV_CMD_DO_SET_MODE:
+                if not (math.isfinite(packet.param2) and math.isfinite(packet.param3)):
+                    raise FrameDecodeError("mavlink: a mode that is not finite")
                 refusal = self._change_mode(round(packet.param2), round(packet.param3))
             case mavlink.MAV_CMD_DO_FLIGHTTERMINATION if first > 0.5:
                 self.terminated, self.armed = True, False

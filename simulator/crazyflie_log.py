@@ -49,7 +49,10 @@ class CrazyflieLog:
         if command == log.CREATE_BLOCK and len(data) == 5:
             if block in self._blocks:
                 return log.STARTED_BEFORE
-            self._blocks[block] = int.from_bytes(data[3:], "little")
+            variable = int.from_bytes(data[3:], "little")
+            if variable >= len(TABLE):
+                return NO_SUCH
+            self._blocks[block] = variable
             return log.NEW
         if command == log.START_BLOCK and block in self._blocks:
             self._period_s[block] = 0.01 * data[2]

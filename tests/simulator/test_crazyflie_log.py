@@ -2,7 +2,7 @@
 
 import pytest
 
-from rcopterx.simulator.crazyflie_log import CrazyflieLog
+from rcopterx.simulator.crazyflie_log import NO_SUCH, TABLE, CrazyflieLog
 from rcopterx.transmitter_gateway.protocols.crazyflie_battery import (
     CONTROL_CHANNEL,
     CREATE_BLOCK,
@@ -28,3 +28,12 @@ from rcopterx.transmitter_gateway.protocols.crtp import Packet
 )
 def test_a_short_or_unknown_request_gets_no_answer(channel: int, data: tuple[int, ...]) -> None:
     assert CrazyflieLog().obey(Packet(LOG, channel, bytes(data)), 0.0) is None
+
+
+def test_a_block_of_a_variable_that_does_not_exist_is_refused() -> None:
+    log = CrazyflieLog()
+    for request in ((CREATE_BLOCK, 1, 7, len(TABLE), 0), (START_BLOCK, 1, 10)):
+        answer = log.obey(Packet(LOG, CONTROL_CHANNEL, bytes(request)), 0.0)
+        assert answer is not None
+        assert answer.data == bytes((*request[:2], NO_SUCH))
+    assert log.due(1.0, 0.0) == []

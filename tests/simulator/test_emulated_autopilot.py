@@ -193,3 +193,10 @@ def test_any_bytes_are_survived(raw: list[bytes]) -> None:
     for data in raw:
         station.vehicle.receive(data, 0.0)
     assert (station.vehicle.armed, station.vehicle.mode) == (False, LOITER)
+
+
+@pytest.mark.parametrize("words", [(math.nan, 6.0), (math.inf, 6.0), (1.0, math.nan), (1.0, -math.inf)])
+def test_a_mode_that_is_not_finite_is_rejected(words: tuple[float, float]) -> None:
+    station = Station()
+    assert station.send(station.link.command_long_encode(1, 1, MODE, 0, 1.0, *words, 0, 0, 0, 0)) == []
+    assert station.vehicle.rejected == {"mavlink: a mode that is not finite": 1}
