@@ -9,7 +9,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import own_heartbeat
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
-from rcopterx.bus.session import BusUnreachableError, Session
+from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import Subscription
 from rcopterx.transmitter_gateway.inputs import Action, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
@@ -146,15 +146,21 @@ def run_gateway(settings: GatewaySettings) -> None:
 
 
 def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios) -> Session:
-    """Join the bus; the radios are served meanwhile, because a router may be late or missing."""
-    radios.serve()
-    with ThreadPoolExecutor() as pool:
+    """Join the bus; the radios are served meanwhile, because a router may be late or missing.
+
+    After an error the vehicles are brought down, without poses.
+    """
+    pool = ThreadPoolExecutor()
+    try:
+        radios.serve()
         opening = pool.submit(Session, settings.bus, wakeup.notify)
         while not opening.done():
             radios.wait(math.inf)
             radios.serve()
-    try:
         return opening.result()
-    except BusUnreachableError:
+    except BaseException:
+        radios.bring_down(lambda: ())
         radios.close()
         raise
+    finally:
+        pool.shutdown(wait=False)

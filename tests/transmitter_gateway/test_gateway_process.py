@@ -260,6 +260,30 @@ def test_without_a_router_the_process_ends_and_closes_its_ports(program: Program
     assert ports_are_closed(program)
 
 
+def test_an_error_before_the_router_answers_ends_the_process_on_throttle_low_frames(
+    program: Program, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: dict[str, int] = {}
+
+    def fails() -> None:
+        raise RuntimeError("broken")
+
+    def script() -> Iterator[Condition]:
+        yield program.after(1.0)
+        written.update({name: len(writes) for name, writes in program.writes.items()})
+        monkeypatch.setattr(program.radios_of_gateway, "serve", fails)
+        yield bool
+
+    program.router_is_there.clear()
+    with pytest.raises(RuntimeError, match="broken"):
+        program.run_script(script())
+    assert not program.router_is_there.is_set()
+    program.router_is_there.set()
+    assert all(len(program.writes[name]) >= written[name] + 25 for name in NAMES)
+    assert {program.transmitter(name).finished for name in NAMES} == {True}
+    assert ports_are_closed(program)
+
+
 @pytest.mark.parametrize("killed", [False, True])
 def test_an_error_lands_all_vehicles_before_it_ends_the_process(
     program: Program, monkeypatch: pytest.MonkeyPatch, killed: bool
