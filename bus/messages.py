@@ -349,7 +349,9 @@ class TransmitterStatus(Message, frozen=True, kw_only=True):
     lease: Count = 0
     """Control lease whose commands count; 0 before the first command."""
     command_age_s: Seconds | None = None
+    """Time since the newest accepted command arrived; absent before the first."""
     pose_age_s: Seconds | None = None
+    """Time since the newest pose of the vehicle arrived, seen or occluded; absent before the first."""
     last_sequence: Count = 0
     bridging: bool = False
     counters: dict[str, Count] = field(default_factory=dict)

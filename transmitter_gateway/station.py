@@ -137,7 +137,7 @@ class Station:
         link = transmitter.link(now_s)
         self._reported_state = arbiter.state
         rejected = {f"command.{kind}": count for kind, count in self._commands.rejected.items()}
-        accepted = self._accepted
+        accepted, track = self._accepted, arbiter.surveillance.own_track
         self._session.publish(
             channels.TRANSMITTER_STATUS,
             self.vehicle,
@@ -149,6 +149,7 @@ class Station:
                 ready=link is LinkState.READY,
                 lease=arbiter.leases.commanding,
                 command_age_s=None if accepted is None else max(0.0, now_s - accepted.arrived_s),
+                pose_age_s=None if track is None else max(0.0, now_s - track.arrived_s),
                 last_sequence=0 if accepted is None else accepted.message.sequence,
                 bridging=transmitter.output.bridging_step > 0,
                 counters=transmitter.counters(),

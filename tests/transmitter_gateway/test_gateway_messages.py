@@ -69,6 +69,20 @@ def test_every_vehicle_is_reported_periodically(laboratory: Laboratory) -> None:
     assert abs(len(statuses_of(laboratory)) / len(NAMES) - 2.1 / STATUS_PERIOD_S) < 1.0
 
 
+def test_a_report_has_the_age_of_the_newest_pose(laboratory: Laboratory) -> None:
+    def age_s() -> float | None:
+        laboratory.gateway.stations["h2"].report(laboratory.bus.now_s)
+        _, status = laboratory.bus.published[-1]
+        assert isinstance(status, TransmitterStatus)
+        return status.pose_age_s
+
+    assert age_s() is None
+    laboratory.bus.arrive("pose", "h2", laboratory.pose(1.0))
+    laboratory.gateway.step()
+    laboratory.bus.now_s += 0.3
+    assert age_s() == pytest.approx(0.3)
+
+
 def statuses_of(laboratory: Laboratory) -> list[str]:
     return [name for name, message in laboratory.bus.published if isinstance(message, TransmitterStatus)]
 
