@@ -52,7 +52,7 @@ class RadioLink(Reception):
 class RadioPty(RadioEnd):
     """A `RadioLink` on a pseudo-terminal with a fixed name, a symbolic link.
 
-    Call `receive` whenever `fileno` is readable and `live` often enough for the module to answer; `service`
+    Call `receive` whenever `fileno` is readable and `advance` often enough for the module to answer; `service`
     does both. A link left over by a killed process is replaced; `FileExistsError` if `path` is no symbolic
     link.
     """
@@ -88,15 +88,15 @@ class RadioPty(RadioEnd):
     def service(self, now_s: float) -> None:
         """Read the written bytes, advance the time, and write the answers."""
         self.receive(now_s)
-        self.live(now_s)
+        self.advance(now_s)
 
     def receive(self, now_s: float) -> None:
-        """Read the written bytes; `live` passes them to the module."""
+        """Read the written bytes; `advance` passes them to the module."""
         if self.is_open:
             self._read(now_s)
             self._received_s = now_s
 
-    def live(self, now_s: float) -> None:
+    def advance(self, now_s: float) -> None:
         """Advance the time and write the answers; bytes written until now must have been received."""
         self._received_s = now_s
         if self.is_open and not self._exclusive_cleared and now_s > self._fed_s + SILENT_S:

@@ -173,7 +173,7 @@ class RadioModule(ABC):
 
 
 class RadioEnd(ABC):
-    """A radio and its receiver: `receive` when `fileno` is readable, `live` often, for time limits."""
+    """A radio and its receiver: `receive` when `fileno` is readable, `advance` often, for time limits."""
 
     def __init__(self, reception: Reception) -> None:
         self.reception = reception
@@ -192,7 +192,7 @@ class RadioEnd(ABC):
         """Read what was written."""
 
     @abstractmethod
-    def live(self, now_s: float) -> None:
+    def advance(self, now_s: float) -> None:
         """Advance the time."""
 
     @abstractmethod

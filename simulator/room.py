@@ -32,7 +32,7 @@ class Room:
         """Advance radios and vehicles to `now_s`; the caller receives what gateways write meanwhile."""
         for vehicle in self.vehicles:
             radio = self.radios[vehicle.name]
-            radio.live(now_s)
+            radio.advance(now_s)
             for received_s, pulses_us in radio.reception.take_outputs():
                 self._drive(vehicle, pulses_us, max(0.0, received_s - self._now_s))
         if now_s > self._now_s:

@@ -60,7 +60,7 @@ class VehicleUdp(RadioEnd):
                 raw, self._peer = self._socket.recvfrom(LONGEST_DATAGRAM)
                 self._send(self.vehicle.receive(raw, now_s))
 
-    def live(self, now_s: float) -> None:
+    def advance(self, now_s: float) -> None:
         """See `RadioEnd`."""
         self.vehicle.advance(now_s)
         with suppress(BlockingIOError, ConnectionRefusedError):

@@ -72,7 +72,7 @@ class Vehicle:
 
     def receive(self, shift_s: float, now_s: float) -> None:
         """Receive what its radio sent until now; add `shift_s` to the time of the radio."""
-        self.port.live(now_s)
+        self.port.advance(now_s)
         self._waiting.extend((at_s + shift_s, us) for at_s, us in self.port.reception.take_outputs())
 
     def begin_step(self, step: int) -> None:

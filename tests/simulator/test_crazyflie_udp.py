@@ -43,7 +43,7 @@ class Bench:
                 self.protocol.link_opened(self.now_s)
             outcomes.append(self.port.write_frame(self.protocol.encode(pulses_us), self.now_s))
             self.radio.receive(self.now_s)
-            self.radio.live(self.now_s)
+            self.radio.advance(self.now_s)
             self.protocol.receive(self.port.read_available(self.now_s), self.now_s)
         return outcomes
 

@@ -130,9 +130,9 @@ def test_vehicle_of_a_module_without_power_is_told_when_its_receiver_gives_up(
     descriptor = flying(radio)
     assert radio.link.take_outputs()[-1][1][0] == pytest.approx(1540, abs=1.5)
     fail(radio)
-    radio.live(1.2)
+    radio.advance(1.2)
     assert not radio.link.take_outputs()
-    radio.live(1.0 + HOLD_S)
+    radio.advance(1.0 + HOLD_S)
     [(given_s, pulses_us)] = radio.link.take_outputs()
     assert given_s == 1.0 + HOLD_S
     assert pulses_us[0] == 1100.0

@@ -21,7 +21,7 @@ class Served:
         while not self._ending.is_set():
             select([self._radio.fileno()], [], [], 0.02)
             self._radio.receive(time.monotonic())
-            self._radio.live(time.monotonic())
+            self._radio.advance(time.monotonic())
 
     def end(self) -> None:
         self._ending.set()
