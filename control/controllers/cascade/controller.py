@@ -125,6 +125,7 @@ class CascadeController(MpcController):
 
     def _start(self, estimate: Estimate, last_input: Array) -> None:
         self._observer.start(estimate.motion, last_input)
+        self._filtered_disturbance[:] = self._compensated(estimate)
         if isinstance(self._horizontal, LateralTilt):
             self._horizontal.reset()
         for solver in (self._heading_solver, self._height_solver, self._horizontal_solver):
@@ -171,13 +172,18 @@ class CascadeController(MpcController):
             previous = own.resampled(self._period_s, self._period_s, self._horizon).position_m
         return clearances(previous, task.reference[:, POSITION], self._obstacles)
 
+    def _compensated(self, estimate: Estimate) -> Array:
+        """Estimated disturbance to predict with, before the filter."""
+        return (
+            estimate.disturbance.copy() if self._settings.disturbance_compensation else np.zeros(INPUT_SIZE)
+        )
+
     def _disturbance(self, estimate: Estimate) -> Array:
         """Accelerations to predict with, in the order of `Estimate.disturbance`."""
-        settings = self._settings
-        estimated = estimate.disturbance.copy() if settings.disturbance_compensation else np.zeros(INPUT_SIZE)
+        estimated, integrators = self._compensated(estimate), self._settings.integrators
         if self._slowed:
             estimated = self._filtered(estimated)
-        integrate = not estimated.any() if settings.integrators is None else settings.integrators
+        integrate = not estimated.any() if integrators is None else integrators
         if not integrate:
             return estimated
         if self._last_plan is not None:

@@ -178,6 +178,23 @@ def test_first_step_after_a_switch_takes_over_the_trim() -> None:
     assert result.inputs[0] == pytest.approx(trimmed, abs=1e-3)
 
 
+def test_reset_forgets_the_filtered_disturbance_of_the_last_flight() -> None:
+    settings = {"effort_factors": (3.0, 1.0, 3.0), "integrators": False}
+    used, fresh = make(**settings), make(**settings)
+    place = np.array([0.0, 0.0, 1.0, 0.0])
+    for _ in range(50):
+        first_step(used, state(disturbance=np.array([0.5, 0.0, 0.0, 4.0])), place)
+    assert first_step(used, state(), place).inputs == pytest.approx(first_step(fresh, state(), place).inputs)
+
+
+def test_first_step_with_raised_efforts_balances_the_estimated_disturbance() -> None:
+    push = np.array([0.2, -0.15, 0.0, 1.0])
+    result = first_step(
+        make(effort_factors=(3.0, 1.0, 3.0)), state(disturbance=push), np.array([0.0, 0.0, 1.0, 0.0])
+    )
+    assert result.inputs[-1] == pytest.approx(HOVER - push / COAXIAL_LAG.b, abs=5e-3)
+
+
 def test_speed_bounds_are_kept_softly() -> None:
     """A long way is planned at the speed bound, hardly above it; no problem is infeasible."""
     result = first_step(
