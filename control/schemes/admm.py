@@ -14,6 +14,7 @@ has copies w_ij of the positions of its neighbours, and all copies of a vehicle 
 Local problems and averages alternate from exchange to exchange. They concern the stages after the present
 one, whose acceleration stays; after each stage the first planned acceleration is flown and all shift by one.
 Losses and delays are met by the newest values there are (arXiv 2409.13334; ADMM: Boyd et al. 2011, 7.2).
+Vehicles with another number of stages are ignored.
 """
 
 from collections.abc import Sequence
@@ -87,7 +88,7 @@ class AdmmScheme(TrackedScheme[AdmmSettings]):
 
     def _exchange(self, situation: Situation) -> Iterate:
         self._pass_stages(situation.time_s)
-        linked = situation.linked(Iterate)
+        linked = [link for link in situation.linked(Iterate) if self._usable(link.message)]
         if self._averages_next:
             self._form_average(situation.vehicle, linked)
         else:
@@ -96,6 +97,13 @@ class AdmmScheme(TrackedScheme[AdmmSettings]):
         assert self._stage is not None
         copies = {name: Samples.of(copy + self._duals[name]) for name, copy in self._copies.items()}
         return Iterate(self._stage, Samples.of(self._average), copies)
+
+    def _usable(self, message: Iterate) -> bool:
+        """Whether a message has as many stages as the own plan, and some in common with it."""
+        assert self._stage is not None
+        K = self._settings.stages
+        equally_long = all(len(rows) == K for rows in (message.average, *message.copies.values()))
+        return equally_long and abs(message.stage - self._stage) < K
 
     def _pass_stages(self, time_s: float) -> None:
         """Begin at the first stage after this time; what is planned shifts with the stages that passed."""

@@ -36,6 +36,9 @@ class Samples(Struct, frozen=True):
         """Unpack into an array of shape (n, 3)."""
         return np.frombuffer(self.data, "<f4").reshape(-1, 3).astype(np.float64)
 
+    def __len__(self) -> int:
+        return len(self.data) // 12  # rows
+
     def __post_init__(self) -> None:
         if not self.data or len(self.data) % 12 or not np.isfinite(np.frombuffer(self.data, "<f4")).all():
             raise ValueError(f"{len(self.data)} bytes, must be rows of three finite 32-bit floats")

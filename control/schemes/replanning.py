@@ -35,12 +35,16 @@ class ReplanningSettings(TrackedSettings, frozen=True, kw_only=True):
 
 
 class Announced(Struct, frozen=True):
-    """Way of the sender."""
+    """Way of the sender; raises `ValueError` without position and velocity, also when it is decoded."""
 
     begins_s: float  # time of the fleet's clock at which the way begins
     way: Samples
     stage_s: float
     priority: float = 0.0  # how urgently the sender needs a new way
+
+    def __post_init__(self) -> None:
+        if len(self.way) < 2:
+            raise ValueError("a way needs a position and a velocity")
 
     def at(self, times_s: Array) -> Array:
         """Positions at some times of the fleet's clock, shape (n, 3)."""

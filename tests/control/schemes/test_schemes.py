@@ -145,6 +145,30 @@ def test_admm_converges_to_the_solution_of_the_coupled_problem() -> None:
         assert np.abs(message.average.to_numpy() - plan).max() < 2e-4
 
 
+@pytest.mark.parametrize("stages", [2, STAGES + 4])
+def test_admm_ignores_a_leader_with_another_number_of_stages(stages: int) -> None:
+    places, leaders = chain((0.0, 0.0, 1.0), (0.5, 0.0, 1.0))
+    swarm = Swarm("admm", places, leaders, stages=STAGES)
+    swarm.schemes["h1"] = SCHEMES.build("admm", COAXIAL_LAG, PERIOD_S, {"stages": stages})
+    swarm.schemes["h1"].reset(at_rest(places["h1"]), COAXIAL_LAG.hover_input)
+    swarm.goals_m["h1"] = places["h1"] + [0.3, 0.0, 0.0]
+    for frame in range(20):
+        swarm.exchange(frame * PERIOD_S)
+    assert np.abs(swarm.messages["h1"].average.to_numpy() - places["h1"]).max() > 0.01, "flies its task"
+    assert np.abs(swarm.messages["h2"].average.to_numpy() - places["h2"]).max() < 1e-6, "stays"
+
+
+@pytest.mark.parametrize("stage", [-(10**12), -STAGES, 1 + STAGES, 10**12])
+def test_admm_ignores_plans_without_a_common_stage(stage: int) -> None:
+    places, leaders = chain((0.0, 0.0, 1.0), (0.5, 0.0, 1.0))
+    swarm = Swarm("admm", places, leaders, stages=STAGES)
+    far = Samples.of(np.linspace(0.0, 1.0, STAGES)[:, None] + places["h1"])
+    swarm.messages = {"h1": Iterate(stage, far, {"h2": far}), "h2": None}
+    for _ in range(4):
+        message = swarm.schemes["h2"].exchange(swarm.situation("h2", 0.01))
+        assert np.abs(message.average.to_numpy() - places["h2"]).max() < 1e-6
+
+
 def test_distributed_lqr_is_the_central_one_where_all_vehicles_know_each_other() -> None:
     A, B = np.array([[1.0, 0.02], [0.0, 1.0]]), np.array([[0.0002], [0.02]])
     Q, Q_relative, R, n = np.diag([4.0, 1.0]), np.diag([9.0, 2.0]), np.eye(1), 3
@@ -289,6 +313,11 @@ def test_way_ends_at_rest_after_braking() -> None:
 def test_samples_that_are_no_rows_of_finite_numbers_are_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match="rows of three finite"):
         Samples(data)
+
+
+def test_announced_way_of_one_row_is_refused() -> None:
+    with pytest.raises(ValueError, match="a way needs a position and a velocity"):
+        Announced(0.0, Samples.of(np.zeros((1, 3))), 0.1)
 
 
 def test_planner_stays_beyond_a_plane_and_within_its_reach() -> None:
