@@ -6,6 +6,7 @@ https://github.com/syediu/nanobench-iros2026: seconds, metres, quaternions, degr
 import csv
 import gzip
 import math
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +57,7 @@ def read_flight(path: Path, kind: str, full: CommandScale) -> FlightRecording:
         with _opened(path) as file:
             rows = np.array(list(_numbers(csv.reader(file))))
         return _recording(rows, kind, full)
-    except (OSError, EOFError, UnicodeDecodeError, csv.Error, RecordingError) as error:
+    except (OSError, EOFError, UnicodeDecodeError, csv.Error, zlib.error, RecordingError) as error:
         raise RecordingError(f"{path}: {error}") from None
 
 

@@ -1,6 +1,6 @@
 """Poses and sticks of a flight for identification, one row per control period."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -76,19 +76,21 @@ def load_recording(path: Path) -> FlightRecording:
     """Read a file of `FlightRecording.save`; raises `RecordingError` if it is missing or not a recording."""
     try:
         with np.load(path, allow_pickle=False) as stored:
-            found = {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, EOFError) as error:
+            return _recording({name: stored[name] for name in stored.files})
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from None
+    except Exception as error:  # noqa: BLE001 - broken archives and their arrays raise many kinds
         raise RecordingError(f"{path}: no recording of a flight: {error}") from None
+
+
+def _recording(found: Mapping[str, NDArray[Any]]) -> FlightRecording:
     missing = {"format", "kind", "period_s", "position_m", "yaw_rad", "inputs"} - found.keys()
     if missing:
-        raise RecordingError(f"{path}: no recording of a flight: without {', '.join(sorted(missing))}")
-    if found["format"] != FORMAT:
-        raise RecordingError(f"{path}: format {found['format']}, this version reads {FORMAT}")
-    try:
-        rows: dict[str, Any] = {name: found[name].astype(float) if name in found else None for name in ROWS}
-        return FlightRecording(str(found["kind"]), float(found["period_s"]), **rows)
-    except (RecordingError, TypeError) as error:
-        raise RecordingError(f"{path}: {error}") from None
+        raise RecordingError(f"no recording of a flight: without {', '.join(sorted(missing))}")
+    if not np.array_equal(found["format"], FORMAT):
+        raise RecordingError(f"format {found['format']}, this version reads {FORMAT}")
+    rows: dict[str, Any] = {name: found[name].astype(float) if name in found else None for name in ROWS}
+    return FlightRecording(str(found["kind"]), float(found["period_s"]), **rows)
 
 
 class FlightLog:

@@ -105,6 +105,15 @@ def test_files_of_another_kind_are_refused(tmp_path: Path, content: bytes, words
         read_flight(path, "crazyflie", FULL)
 
 
+def test_a_compressed_file_with_a_flipped_bit_is_refused(tmp_path: Path) -> None:
+    content = bytearray(gzip.compress(write_csv(tmp_path / "flight.csv", rows_of(flight())).read_bytes()))
+    content[10] ^= 2  # type of the first block, after the header of gzip
+    path = tmp_path / "flight.csv.gz"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"flight\.csv\.gz"):
+        read_flight(path, "crazyflie", FULL)
+
+
 def test_lines_of_another_length_are_refused(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "flight.csv", rows_of(flight()))
     path.write_text(path.read_text() + "1,2\n")

@@ -1,5 +1,6 @@
 """Recordings survive the file, bridge short gaps, and say what is wrong with them."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,6 +64,50 @@ def test_files_that_are_no_recordings_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", yaw_rad=np.zeros(3))
     with pytest.raises(RecordingError, match="without format, inputs"):
         load_recording(tmp_path / "other.npz")
+
+
+def without_its_end(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-200])
+
+
+def with_a_flipped_bit(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def as_an_array_alone(path: Path) -> None:
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))
+
+
+def with_entry(name: str, value: object) -> Callable[[Path], None]:
+    def spoil(path: Path) -> None:
+        with np.load(path) as stored:
+            entries = {**stored, name: value}
+        np.savez(path, **entries)
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (without_its_end, "no recording of a flight"),
+        (with_a_flipped_bit, "no recording of a flight"),
+        (as_an_array_alone, "no recording of a flight"),
+        (with_entry("yaw_rad", np.full(50, "north")), "no recording of a flight.*north"),
+        (with_entry("format", np.ones(2)), r"format \[1. 1.\], this version reads 1"),
+    ],
+)
+def test_broken_files_are_refused_by_their_name(
+    tmp_path: Path, spoil: Callable[[Path], None], words: str
+) -> None:
+    path = tmp_path / "flight.npz"
+    recording().save(path)
+    spoil(path)
+    with pytest.raises(RecordingError, match=rf"flight\.npz: {words}"):
+        load_recording(path)
 
 
 def test_rows_that_do_not_fit_or_are_not_finite_are_refused() -> None:
