@@ -87,7 +87,8 @@ class Registry(Generic[Part]):
     def load(self, name: str) -> PartClass[Part]:
         """Import the class of a name.
 
-        Raises `SettingsError` for an unknown name (the message lists what is allowed), or a failed import.
+        Raises `SettingsError` for an unknown name (the message lists what is allowed), a failed import, or a
+        class without `Settings`.
         """
         path = self.built_in.get(name)
         points = self._installed() if path is None else [EntryPoint(name, path, self.entry_point_group)]
@@ -95,10 +96,13 @@ class Registry(Generic[Part]):
             if point.name == name:
                 try:
                     found: PartClass[Part] = point.load()
-                except (ImportError, AttributeError) as error:
+                except Exception as error:  # a plug-in may raise anything
+                    reason = f"{type(error).__name__}: {error}"
                     raise SettingsError(
-                        f"{self.kind} {name!r} ({point.value}) cannot be imported: {error}"
+                        f"{self.kind} {name!r} ({point.value}) cannot be imported: {reason}"
                     ) from error
+                if not hasattr(found, "Settings"):
+                    raise SettingsError(f"{self.kind} {name!r} ({point.value}) has no attribute Settings")
                 return found
         raise SettingsError(f"no {self.kind} is called {name!r}; allowed are {', '.join(self.available())}")
 

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import pytest
 from support.vehicle_types import COAXIAL_LAG
@@ -33,6 +34,28 @@ def test_a_package_that_cannot_be_imported_is_named(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(plugins, "entry_points", lambda group: [broken])
     with pytest.raises(SettingsError, match=r"'broken' \(no_such_package:Thing\) cannot be imported"):
         CONTROLLERS.load("broken")
+
+
+@pytest.mark.parametrize(
+    ("source", "reason"),
+    [
+        ("class Mine: limit = larg", "cannot be imported: NameError: name 'larg'"),
+        ("class Mine\n    pass", "cannot be imported: SyntaxError"),
+        ("limits = {}['roll']", "cannot be imported: KeyError: 'roll'"),
+        ("class Yours: pass", "cannot be imported: AttributeError"),
+        ("class Mine: pass", "has no attribute Settings"),
+    ],
+)
+def test_a_plug_in_with_a_mistake_is_named_with_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str, reason: str
+) -> None:
+    (tmp_path / "mine_plug_in.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "mine_plug_in", raising=False)
+    mine = EntryPoint("mine", "mine_plug_in:Mine", CONTROLLERS.entry_point_group)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [mine])
+    with pytest.raises(SettingsError, match=rf"controller 'mine' \(mine_plug_in:Mine\) {reason}"):
+        CONTROLLERS.build("mine", COAXIAL_LAG, 0.02, {})
 
 
 def test_an_unknown_controller_is_told_what_is_allowed() -> None:
