@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
 from rcopterx.control.identification.recording import FlightRecording
 from rcopterx.control.models.lags import behind_lag
 from rcopterx.control.models.lateral import WIND_CORRELATION_S, LateralSystem
-from rcopterx.control.models.linear import Complex, as_complex, zero_order_hold
+from rcopterx.control.models.linear import Complex, as_complex, steady_filter, zero_order_hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_PITCH, U_ROLL, U_THRUST, U_YAW, Array, Z
 
@@ -55,9 +54,7 @@ class Motion:
         self._older = rest @ zero_order_hold(system.a, system.b, late_s)[1]
         process = period_s * np.diag(system.process_variance).astype(complex)
         noise = np.diag(system.measurement_variance).astype(complex)
-        covariance = solve_discrete_are(self._a.conj().T, system.c.conj().T, process, noise)
-        seen = covariance @ system.c.conj().T
-        self._gain = seen @ np.linalg.inv(system.c @ seen + noise)
+        _, self._gain = steady_filter(self._a, system.c, process, noise)
 
     def _states(self) -> Complex:
         """States predicted one period ahead, shape (K, n)."""
