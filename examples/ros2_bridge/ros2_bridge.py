@@ -204,12 +204,9 @@ class Bridge:
         return self._topics[topic]
 
 
-def router_of(fleet):
-    """Endpoint of the router of a fleet that is up on this computer."""
-    for running in running_fleets():
-        if running.fleet == fleet:
-            return running.endpoints[0]
-    raise SystemExit(f"{fleet} is not up on this computer; give the address of its router by --rcopterx")
+def running_fleet(name):
+    """Record of the fleet of this name that is up on this computer; None if it is not."""
+    return next((running for running in running_fleets() if running.fleet == name), None)
 
 
 def main():
@@ -222,13 +219,15 @@ def main():
     options.add_argument("--domain", type=int, default=0, help="ROS_DOMAIN_ID")
     options.add_argument("--commands", action="store_true", help="ROS 2 commands the fleet")
     chosen = options.parse_args()
-    bridge = Bridge(
-        chosen.fleet, chosen.rcopterx or router_of(chosen.fleet), chosen.ros, chosen.keys, chosen.domain
-    )
+    name, here = chosen.fleet, running_fleet(chosen.fleet)
+    if here is None and chosen.rcopterx is None:
+        raise SystemExit(f"{name} is not up on this computer; give the address of its router by --rcopterx")
+    bridge = Bridge(name, chosen.rcopterx or here.endpoints[0], chosen.ros, chosen.keys, chosen.domain)
     with ExitStack() as stack:
         stack.callback(bridge.close)
         if chosen.commands:
-            bridge.obey(stack.enter_context(Fleet(chosen.fleet)))
+            fleet = Fleet.connect(name) if here is None else Fleet.connect(here.snapshot, here.host)
+            bridge.obey(stack.enter_context(fleet))
         with suppress(KeyboardInterrupt):
             while True:
                 time.sleep(1.0)

@@ -1,7 +1,10 @@
 """Promises of commands from ROS 2: its bytes become calls; what is no command is reported."""
 
 import math
+import sys
 from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,10 +15,12 @@ from hypothesis import strategies as st
 from ros_support import FleetDouble, ros2_bridge, ros_commands
 from rosbags.typesys import Stores, get_typestore
 from support.bus import FLEET, router
+from support.scripted import fleet_file_text
 from support.waiting import wait_for
 
 from rcopterx.bus.endpoints import client_config
 from rcopterx.bus.session import BusAddress
+from rcopterx.deploy.hosts.running import RunningFleet
 
 ROS = get_typestore(Stores.ROS2_JAZZY)
 
@@ -107,3 +112,23 @@ def test_an_emergency_does_not_wait_and_too_many_commands_are_reported(commanded
     publish("h1/emergency")
     wait_for(lambda: fleet.calls == [("kill", ("h1",))], "no emergency")
     fleet.blocked.set()
+
+
+def test_the_command_lets_ros_command_the_fleet_that_is_up(
+    bus_address: BusAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    snapshot, obeyed = tmp_path / "lab.toml", []
+    snapshot.write_text(fleet_file_text(bus_address))
+    up = RunningFleet(FLEET, "", None, "main", ["tcp/here"], [], ["h1", "h2"], str(snapshot))
+
+    def interrupt(_seconds: float) -> None:
+        raise KeyboardInterrupt
+
+    bridge = SimpleNamespace(obey=lambda fleet: obeyed.append(list(fleet.file.vehicles)), close=lambda: None)
+    monkeypatch.setattr(ros2_bridge, "running_fleets", lambda: [up])
+    monkeypatch.setattr(ros2_bridge, "Bridge", lambda *_options: bridge)
+    monkeypatch.setattr(ros2_bridge, "time", SimpleNamespace(sleep=interrupt))
+    monkeypatch.setattr(sys, "argv", ["ros2_bridge.py", "--fleet", FLEET, "--ros", "tcp/there", "--commands"])
+    monkeypatch.setenv("RCOPTERX_RUN", str(tmp_path))
+    ros2_bridge.main()
+    assert obeyed == [["h1", "h2"]]
