@@ -1,5 +1,6 @@
 """Writes the files of one flight: part after part, within limits of disk space."""
 
+import fcntl
 import os
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -103,7 +104,10 @@ class FlightWriter:
         self._make_room()
         number = next_part(settings.directory, settings.flight)
         self.path = part_path(settings.directory, settings.flight, number)
-        mcap = self._mcap = McapFile(self._opener(self.path))
+        file = self._opener(self.path)
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # so that `mend` leaves the file alone
+        mcap = self._mcap = McapFile(file)
         mcap.add_metadata(METADATA, {**settings.metadata, "part": str(number)})
         mcap.add_attachment(FLEET_ATTACHMENT, settings.fleet, time_ns)
         return mcap

@@ -1,5 +1,6 @@
 """Summaries of flights, and repair of files that were cut off."""
 
+import fcntl
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -75,8 +76,12 @@ class Mended(NamedTuple):
 
 
 def mend(path: Path) -> Mended:
-    """Replace a file by a complete one with everything readable; `FlightLogError` if it is no log."""
+    """Replace a file by a complete one with everything readable.
+
+    Raises `FlightLogError` if it is no log, or is being recorded.
+    """
     contents, read, count = contents_of(path), Contents(), 0
+    _refuse_recorded(path)
     target = path.with_name(path.name + ".new")
     with target.open("wb") as file:
         mcap = McapFile(file)
@@ -91,3 +96,14 @@ def mend(path: Path) -> Mended:
         mcap.finish()
     target.replace(path)
     return Mended(count, read.damaged_chunks)
+
+
+def _refuse_recorded(path: Path) -> None:
+    """Raise `FlightLogError` if a recorder writes a file, which it keeps locked."""
+    with path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise FlightLogError(f"{path}: is being recorded") from None
+        except OSError:  # a file system without locks
+            return

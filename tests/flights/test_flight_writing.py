@@ -15,8 +15,8 @@ from rcopterx.flights.flight_writing import (
     FlightWriter,
 )
 from rcopterx.flights.flights import flights_in, part_path
-from rcopterx.flights.listing import summary_of
-from rcopterx.flights.mcap_reading import contents_of, messages_of
+from rcopterx.flights.listing import mend, summary_of
+from rcopterx.flights.mcap_reading import FlightLogError, contents_of, messages_of
 from rcopterx.flights.mcap_writing import LoggedMessage
 
 FLIGHT = "lab-20261122-141500"
@@ -59,6 +59,24 @@ def test_a_recorder_that_is_started_again_goes_on_with_its_flight(tmp_path: Path
     (found,) = flights_in(tmp_path)
     assert [m.number for path in found.parts for m in messages_of(path)] == [1, 2]
     assert not summary_of(found).complete
+
+
+def test_a_file_is_repaired_only_once_its_recorder_has_ended(tmp_path: Path) -> None:
+    files = []
+
+    def opened(path: Path) -> BufferedWriter:
+        files.append(path.open("xb"))
+        return files[-1]
+
+    flight = FlightWriter(settings(tmp_path), opener=opened, free=lambda _: PLENTY)
+    flight.write(chunk(1))
+    path = part_path(tmp_path, FLIGHT, 0)
+    with pytest.raises(FlightLogError, match=rf"{path}: is being recorded"):
+        mend(path)
+    flight.write(chunk(2))
+    files[0].close()  # as the system does for a recorder that is killed
+    assert mend(path).messages == 2
+    assert contents_of(path).complete
 
 
 def test_every_chunk_is_on_disk_when_write_returns(tmp_path: Path) -> None:
