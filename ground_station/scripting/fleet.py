@@ -18,6 +18,7 @@ from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.vehicle_models import limits_of
 from rcopterx.ground_station.scripting.joining import fleet_that_is_up
+from rcopterx.ground_station.scripting.names import named
 from rcopterx.ground_station.scripting.notes import capacity_notes
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.regroup import formation_leader, regroup, role, swapped
@@ -82,11 +83,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
                 error.add_note(note)
 
     def __getitem__(self, name: str) -> Vehicle:
-        """Vehicle of this name."""
-        try:
-            return self._vehicles[name]
-        except KeyError:
-            raise KeyError(f"no vehicle {name!r}, known are {', '.join(self._vehicles)}") from None
+        """Vehicle of this name; KeyError without one."""
+        return self._vehicles[named(self.file, [name])[0]]
 
     def __iter__(self) -> Iterator[Vehicle]:
         """All vehicles, in the order of the fleet file."""
@@ -116,7 +114,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
 
     def arm(self, names: Iterable[str] | None = None, timeout_s: float = 5.0) -> None:
         """Arm vehicles that are not armed yet and wait until their agents know."""
-        vehicles = self.present() if names is None else list(names)
+        vehicles = self.present() if names is None else named(self.file, names)
         deadline_s = self.session.clock() + timeout_s
         for name in vehicles:
             if self.state_of(name).phase not in ("armed", *AIRBORNE):
@@ -156,13 +154,13 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         NotReachedError
             Not all reached their height in time.
         """
-        named = None if names is None else list(names)
-        self._refuse_killed(named)
-        if named is None:
+        wanted = None if names is None else named(self.file, names)
+        self._refuse_killed(wanted)
+        if wanted is None:
             behind = self._wait_for_most()
             vehicles = [name for name in self.present() if name not in behind]
         else:
-            behind, vehicles = {}, named
+            behind, vehicles = {}, wanted
             self.wait_ready(vehicles)
         self._wait_for_capacity()
         self.arm(vehicles)
@@ -294,7 +292,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
             A vehicle refused, did not answer or did not land; the others land and are disarmed first.
             Failures of further vehicles are in the notes of the error.
         """
-        self.wait_for_status(names := None if names is None else list(names))
+        self.wait_for_status(names := None if names is None else named(self.file, names))
         vehicles = [self[name] for name in (self.present() if names is None else names)]
         problems: list[Exception] = []
         landing, refusals = [], {}
@@ -339,7 +337,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         NotReachedError
             An arbiter is not KILLED within `timeout_s`; says which.
         """
-        message = Kill(source=SOURCE, reason=reason, vehicles=tuple(names))
+        message = Kill(source=SOURCE, reason=reason, vehicles=tuple(named(self.file, names)))
         wanted = message.vehicles or tuple(self.file.vehicles)
         from_s = self.session.clock()
         deadline_s = from_s + timeout_s

@@ -15,6 +15,7 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.report.latency import LatencyWatch, clock_offset
 from rcopterx.ground_station.scripting.joining import WrongFleetError, as_running, check_identity
+from rcopterx.ground_station.scripting.names import named
 from rcopterx.ground_station.scripting.notes import (
     capacity_notes,
     clock_differences,
@@ -102,9 +103,8 @@ class Observer:
 
     def __str__(self) -> str:
         """The fleet, and a line about each of its vehicles."""
-        return "\n".join(
-            [f"fleet {self.file.name}", *(f"  {self.state_of(name)}" for name in self.file.vehicles)]
-        )
+        states = [f"  {self.state_of(name)}" for name in self.file.vehicles]
+        return "\n".join([f"fleet {self.file.name}", *states])
 
     def __repr__(self) -> str:
         """Name of the fleet and of its vehicles."""
@@ -207,7 +207,7 @@ class Observer:
 
     def problems(self, names: Iterable[str] | None = None) -> list[str]:
         """Problems that block take-off, one line each."""
-        vehicles = self.present() if names is None else list(names)
+        vehicles = self.present() if names is None else named(self.file, names)
         tracker, age_s = _newest(self.tracker, self.session.clock())
         found = tracker_problems(tracker, age_s, vehicles)
         return found + [line for name in vehicles for line in self.state_of(name).problems()]
@@ -279,7 +279,7 @@ class Observer:
 
         Without names it waits for all vehicles and the Vicon gateway.
         """
-        wanted = None if names is None else list(names)
+        wanted = None if names is None else named(self.file, names)
 
         def complete() -> bool:
             states = [self.state_of(name) for name in (self.present() if wanted is None else wanted)]
@@ -298,8 +298,9 @@ class Observer:
         NotReachedError
             It did not within `timeout_s`; the text names `what` and the state of the vehicles `names`.
         """
+        vehicles = named(self.file, names)
         if not self._notifier.wait_until(condition, timeout_s):
-            states = "; ".join(self.state_of(name).summary() for name in names)
+            states = "; ".join(self.state_of(name).summary() for name in vehicles)
             raise NotReachedError(f"after {timeout_s:g} s: {what}" + (f" ({states})" if states else ""))
 
     def _wait_for_none(self, missing: Callable[[], list[str]], timeout_s: float, what: str) -> None:
@@ -309,7 +310,7 @@ class Observer:
 
     def wait_ready(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
         """Wait until nothing blocks take-off, for processes that start never less than in real time."""
-        vehicles = None if names is None else list(names)
+        vehicles = None if names is None else named(self.file, names)
         self._wait_for_none(lambda: self.problems(vehicles), self._starting_s(timeout_s), "not ready")
 
     def wait_for_phase(self, phase: str, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
@@ -323,7 +324,7 @@ class Observer:
             There is no such phase.
         """
         wanted = Phase(phase)
-        vehicles = None if names is None else list(names)
+        vehicles = None if names is None else named(self.file, names)
 
         def missing() -> list[str]:
             states = [self.state_of(name) for name in (self.present() if vehicles is None else vehicles)]
@@ -372,7 +373,7 @@ class Observer:
         followers: bool,
     ) -> None:
         """Wait until new states show no problem of any vehicle, or of all followers, or of all others."""
-        wanted = self.present() if names is None else list(names)
+        wanted = self.present() if names is None else named(self.file, names)
         from_s = self.session.clock() + UNDER_WAY_S
 
         def problem_of(name: str) -> str:

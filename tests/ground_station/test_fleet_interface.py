@@ -2,6 +2,7 @@
 
 import re
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -172,6 +173,37 @@ def test_a_kill_is_repeated_until_the_arbiters_confirm_it(fleet: Fleet, vehicles
     vehicles["h2"].stuck.clear()
     fleet.kill(timeout_s=10.0)
     assert [vehicle.state for vehicle in vehicles.values()] == ["killed", "killed"]
+
+
+def test_a_name_that_is_no_list_is_one_vehicle(fleet: Fleet, vehicles: Vehicles) -> None:
+    fleet.take_off("h1")
+    fleet.wait_for_phase("flying", "h1")
+    fleet.wait_for_arrival("h1", tolerance_m=1.0)
+    fleet.land("h1")
+    assert vehicles["h1"].verbs == ["Arm", "TakeOff", "Land", "Disarm"]
+    fleet.kill("h1", timeout_s=10.0)
+    assert [vehicle.state for vehicle in vehicles.values()] == ["killed", "disarmed"]
+    assert fleet.problems("h1") == ["h1: killed (scripted); reset it first"]
+    assert vehicles["h2"].verbs == []
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        Fleet.arm, Fleet.take_off, Fleet.land, Fleet.kill, Fleet.problems, Fleet.wait_for_status,
+        Fleet.wait_ready, Fleet.wait_for_formation, Fleet.wait_for_arrival,
+    ],
+)  # fmt: skip
+def test_an_unknown_name_is_refused_before_anything_is_sent(
+    fleet: Fleet, vehicles: Vehicles, call: Callable[..., object]
+) -> None:
+    with pytest.raises(KeyError, match="no vehicle 'h9', known are h1, h2"):
+        call(fleet, ["h1", "h9"])
+    with pytest.raises(KeyError, match="no vehicle 'h9'"):
+        fleet.wait_for_phase("ground", ["h9"])
+    with pytest.raises(KeyError, match="no vehicle 'h9'"):
+        fleet.wait_until(lambda: True, 1.0, "nothing", ["h9"])
+    assert vehicles["h1"].requests == vehicles["h1"].kills == []
 
 
 def test_a_kill_is_not_taken_for_confirmed_by_what_was_said_before_it(
