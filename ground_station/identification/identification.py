@@ -122,7 +122,7 @@ def excited_flights(
         outcomes = _wait(fleet, begun, wanted.duration_s, progress) if begun else {}
     except BaseException:
         for name in begun:
-            fleet.session.request(name, Excite(duration_s=0.0))
+            _attempt(partial(fleet.session.request, name, Excite(duration_s=0.0)), name, failures)
         raise
     recording = recorder.stop()
     for name, outcome in outcomes.items():

@@ -1,17 +1,22 @@
 """What was on the bus becomes a recording, or the reason why not."""
 
 import math
+import threading
 
 import numpy as np
 import pytest
+from support.scripted import ScriptedVehicle
 
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import Applied, Pose
-from rcopterx.bus.session import RawMessage
-from rcopterx.ground_station.identification.identification import recording_of
+from rcopterx.bus.requests import Excite
+from rcopterx.bus.session import Incoming, RawMessage
+from rcopterx.ground_station.identification.identification import Wanted, excited_flights, recording_of
 from rcopterx.ground_station.identification.spacing import IdentificationError
 from rcopterx.ground_station.report.recorder import Recording
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
 
 ROWS = 40
 
@@ -75,3 +80,20 @@ def test_flights_that_tell_nothing_are_refused() -> None:
         recording_of(flight(poses, [*inputs, applied(120, state="hold")]), "h1", "coaxial", 0.02)
     with pytest.raises(IdentificationError, match="the motion capture restarted"):
         recording_of(flight([*poses, pose(1, epoch=2)], inputs), "h1", "coaxial", 0.02)
+
+
+def test_ctrl_c_stops_every_vehicle_although_one_is_silent(
+    fleet: Fleet, vehicles: dict[str, ScriptedVehicle], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer, ctrl_c = vehicles["h1"].answer, threading.Event()
+
+    def begin_only(incoming: Incoming) -> None:
+        if incoming.request != Excite(duration_s=0.0):
+            answer(incoming)
+
+    monkeypatch.setattr(vehicles["h1"], "answer", begin_only)
+    ctrl_c.set()
+    with stopped_by(ctrl_c), pytest.raises(StoppedError):
+        excited_flights(fleet, ["h1", "h2"], Wanted(20.0))
+    assert vehicles["h1"].verbs == ["Excite"]
+    assert vehicles["h2"].requests[1:] == [Excite(duration_s=0.0)]
