@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,8 +26,10 @@ def export_csv(parts: Sequence[Path], directory: Path) -> list[Path]:
     `FlightLogError` if the flight cannot be read, OSError if a table cannot be written.
     """
     columns: dict[str, dict[str, None]] = {}
+    count = 0
     for message in _table_messages(parts):
         columns.setdefault(message.topic, {}).update(dict.fromkeys(flat(message.payload)))
+        count += 1
     directory.mkdir(parents=True, exist_ok=True)
     paths = {topic: directory / f"{topic.replace('/', '-')}.csv" for topic in columns}
     with ExitStack() as stack:
@@ -35,7 +38,8 @@ def export_csv(parts: Sequence[Path], directory: Path) -> list[Path]:
             file = stack.enter_context(path.open("w", newline="", encoding="utf-8"))
             tables[topic] = csv.DictWriter(file, [TIME, *columns[topic]], restval="")
             tables[topic].writeheader()
-        for message in _table_messages(parts):
+        # A flight that is being recorded has grown meanwhile.
+        for message in islice(_table_messages(parts), count):
             seconds, nanoseconds = divmod(message.time_ns, NANO)
             # A float has no room for microseconds and the years since 1970 side by side with nanoseconds.
             row = {TIME: f"{seconds}.{nanoseconds:09d}", **flat(message.payload)}

@@ -1,6 +1,7 @@
 """Promises of tables of a flight log: a row for every message, a column for every number and text."""
 
 import csv
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgpack
@@ -12,6 +13,7 @@ from rcopterx.bus.messages import Command
 from rcopterx.command_line import app
 from rcopterx.flights.csv_export import export_csv, flat
 from rcopterx.flights.mcap_reading import messages_of
+from rcopterx.flights.mcap_writing import LoggedMessage
 
 FLIGHT = Path(__file__).parents[1] / "fixtures" / "reference_flight.mcap"
 
@@ -47,6 +49,21 @@ def test_fields_that_come_later_and_nested_ones_have_their_columns(
     assert {"phase", "set_point.position_m.2", "diagnostics.controller"} <= statuses[0].keys()
     assert {row["phase"] for row in statuses} >= {"flying"}
     assert not any(name.endswith("-steps") for name in tables)
+
+
+def test_a_flight_that_is_being_recorded_is_exported_as_far_as_it_was_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = [LoggedMessage("h1/pose", msgpack.packb({"frame": 1}), 0, 0)]
+
+    def growing(_path: Path) -> Iterator[LoggedMessage]:
+        yield from tuple(log)
+        log.append(LoggedMessage("h1/pose", msgpack.packb({"later": 1}), 1, 0))
+        log.append(LoggedMessage("main/launcher", msgpack.packb({"running": 1}), 2, 0))
+
+    monkeypatch.setattr("rcopterx.flights.csv_export.messages_of", growing)
+    (table,) = export_csv([tmp_path / "flight.mcap"], tmp_path)
+    assert table.read_text().split() == ["time_s,frame", "0.000000000,1"]
 
 
 def test_bytes_long_lists_and_what_is_no_message_are_no_columns() -> None:
