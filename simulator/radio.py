@@ -52,9 +52,9 @@ class RadioLink(Reception):
 class RadioPty(RadioEnd):
     """A `RadioLink` on a pseudo-terminal with a fixed name, a symbolic link.
 
-    Call `receive` whenever `fileno` is readable and `advance` often enough for the module to answer; `service`
-    does both. A link left over by a killed process is replaced; `FileExistsError` if `path` is no symbolic
-    link.
+    Call `receive` whenever `fileno` is readable and `advance` often enough for the module to answer;
+    `service` does both. A link left over by a killed process is replaced; `FileExistsError` if `path` is no
+    symbolic link.
     """
 
     def __init__(self, path: str | Path, link: RadioLink) -> None:
