@@ -76,18 +76,15 @@ class Admission:
         now_s: float,
         *,
         pose: PoseInput | None,
-        epoch_since_s: float = -math.inf,
+        epoch_age_s: float = 0.0,  # of the pose: time since the first one with its epoch
         flying: bool,
     ) -> Rejection | None:
-        """Accept `command` or return why not, by the newest raw pose; a later lease takes over.
-
-        `epoch_since_s` is when the first raw pose of its epoch arrived.
-        """
+        """Accept `command` or return why not, by the newest raw pose; a later lease takes over."""
         checked = self._check_form(command)
         if isinstance(checked, AcceptedCommand):
             rejection = self._check_order(checked.cause, None if pose is None else pose.epoch, flying)
             if rejection is None and pose is not None:
-                rejection = self._check_age(checked.cause, pose, now_s - epoch_since_s)
+                rejection = self._check_age(checked.cause, pose, epoch_age_s)
             if rejection is None:
                 self._store(checked, now_s)
         else:
@@ -154,9 +151,11 @@ class Admission:
     def _check_order(self, cause: Cause, pose_epoch: int | None, flying: bool) -> Rejection | None:
         """Check lease, epoch and sequence number against the last accepted command.
 
-        The epoch changes only when the raw poses, which do not come from the agent, carry the new one: then
-        the Tracker's stream has restarted. A new epoch or lease starts a new count of sequence numbers. The
-        epoch of the last command still passes here after that; `_check_age` limits for how long.
+        The first command of a lease has the epoch of the raw poses, if there are any. Later ones keep their
+        epoch, with growing sequence numbers, or change to that of the raw poses, which do not come from the
+        agent: the Tracker's stream has restarted, and a new count begins. The epoch is never ahead of the raw
+        poses; in flight it never decreases, and needs them to change. `_check_age` limits how long it may be
+        that of an earlier stream.
         """
         if self.leases.lost(cause.lease):
             return Rejection.LEASE_LOST
@@ -176,10 +175,7 @@ class Admission:
         return None if cause.epoch == pose_epoch else Rejection.UNKNOWN_EPOCH
 
     def _check_age(self, cause: Cause, pose: PoseInput, epoch_age_s: float) -> Rejection | None:
-        """Reject a command far from the raw poses: its agent does not receive them, or counts wrongly.
-
-        An agent that bridges missing poses is a little ahead of them.
-        """
+        """Reject a command far from the raw poses; an agent that bridges missing ones is a little ahead."""
         limit_s = self._limits.command_age_s
         if cause.epoch != pose.epoch:
             return Rejection.OLDER_EPOCH if epoch_age_s > limit_s else None

@@ -84,7 +84,7 @@ class Arbiter:
             command,
             now_s,
             pose=self.surveillance.newest,
-            epoch_since_s=self.surveillance.epoch_since_s,
+            epoch_age_s=now_s - self.surveillance.epoch_since_s,
             flying=self.commanded,
         )
         self._event_s = None

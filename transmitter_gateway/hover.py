@@ -37,7 +37,7 @@ class HoverThrust:
         self.begin(calibrated, 0.0)
 
     def begin(self, first: float, acting: float) -> None:
-        """Begin a flight with this value, while this thrust acts."""
+        """Begin a flight while a thrust acts; `first` counts as `PRIOR_S` of flight at that hover thrust."""
         self._mean_thrust, self._acting = first, acting
         self._mean_m_s2 = 0.0
         self._known_s = 0.0
@@ -61,7 +61,11 @@ class HoverThrust:
         return self.value * (1.0 - share - doubt)
 
     def note(self, thrust: float, elapsed_s: float, climb_m_s: float | None) -> None:
-        """Use the thrust applied for `elapsed_s` and the climb rate after it, None if not seen in the air."""
+        """Use the thrust applied for `elapsed_s` and the climb rate after it, None if not seen in the air.
+
+        Updates the means, over the flight and at most `FILTER_S`, of the thrust T after a low-pass with
+        `RESPONSE_S`, and of the acceleration a from climb rates: `value` is mean(T) / (1 + mean(a) / g).
+        """
         self._acting -= math.expm1(-elapsed_s / RESPONSE_S) * (thrust - self._acting)
         self._seen_s += elapsed_s
         if climb_m_s is None:

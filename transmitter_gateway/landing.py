@@ -163,8 +163,8 @@ class StickEffect:
     """Effect of one stick of the swash plate, compared with its nominal effect.
 
     `sense` is 1, -1 for a stick that acts the wrong way round, 0 for one that is not used any more.
-    `commanded_m_s2` is the acceleration that the stick should give now, `work` its integral, delayed as it
-    should act, over the speed that was gained.
+    `commanded_m_s2` is the nominal acceleration of the present command; low-passed with `RESPONSE_S` it is a.
+    `work` is the integral of a dv over the gained velocity v, with forgetting (`REMEMBERED_S`) [m^2/s^3].
     """
 
     def __init__(self) -> None:
@@ -193,7 +193,10 @@ class StickEffect:
 
     @property
     def share(self) -> float:
-        """Effect over the nominal one; 0 while nothing has been asked for."""
+        """Effect over the nominal one; 0 before the first command.
+
+        The least-squares estimate of k in dv = k a dt: the integral of a dv over that of a^2 dt.
+        """
         return self.work / self._effort if self._effort > 0.0 else 0.0
 
     def turn_round(self) -> bool:

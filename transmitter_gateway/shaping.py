@@ -109,9 +109,10 @@ class Shaping:
             self._level(sinking, self._limits.descend_rate_per_s, elapsed_s)
 
     def _level(self, thrust: float, rate_per_s: float, elapsed_s: float) -> None:
-        """Lower the thrust to this one, and further while the vehicle climbs.
+        """Level the vehicle and lower its thrust, from that of a hover at most, at a rate to `thrust`.
 
-        A thrust that was lower for a moment of its flight is raised to this one, else the vehicle would fall.
+        A lower thrust is raised to `thrust` at the slew rate if the vehicle was last located in the air, else
+        it would fall. From the result a thrust in proportion to the climb rate is subtracted.
         """
         self.law.release()
         before = min(self.u[THRUST] + self._braked, self.hover.value)

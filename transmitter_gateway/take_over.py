@@ -13,8 +13,8 @@ def take_over_problem(
     """Why a vehicle with this last output and this track is not taken over, None if it is.
 
     The silence is that of an earlier process of this gateway, or of a port that was away. A vehicle that is
-    not seen yet is taken over: its rotor turns by the last frame, and a pose may be late. A thrust that was
-    low for a moment belongs to a flight.
+    not seen yet is taken over: its rotor turns by the last frame, and a pose may be late. Low thrust in the
+    last frame is no reason against it; only low thrust that lasted for `arm_low_s` is (`grounded`).
     """
     if last.state not in FLYING:
         return f"{last.state} before"

@@ -33,15 +33,13 @@ def reserved_state(vehicle: str, directory: Path) -> StatePage:
 
 
 def _begun(path: Path) -> StatePage:
-    name = path.name
+    where = f"vehicles.{path.name}"
     try:
         return begin_page(path)
     except BlockingIOError:
-        raise FleetError(
-            f"vehicles.{name}: another transmitter gateway or workbench command serves it"
-        ) from None
+        raise FleetError(f"{where}: another transmitter gateway or workbench command serves it") from None
     except OSError as error:
-        raise FleetError(f"vehicles.{name}: its state cannot be kept in {path}: {error}") from None
+        raise FleetError(f"{where}: its state cannot be kept in {path}: {error}") from None
 
 
 def remove_states(vehicles: Iterable[str], directory: Path) -> None:

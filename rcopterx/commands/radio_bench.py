@@ -73,10 +73,7 @@ class Dialogue:
 
 @contextmanager
 def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workbench]]:
-    """Exclusive access to the transmitter of a vehicle; throttle-low frames end it in any case.
-
-    Raises `FleetError` while a transmitter gateway of this computer serves the vehicle.
-    """
+    """Access to the transmitter of a vehicle that no gateway here serves; ends on throttle-low frames."""
 
     def stop(number: int, _frame: object) -> None:
         raise SystemExit(128 + number)
@@ -91,10 +88,7 @@ def workbench(fleet: str, vehicle: str) -> Iterator[tuple[FleetFile, Path, Workb
     before = signal.signal(signal.SIGTERM, stop)
     try:
         # A serial port is exclusive by itself, the address of a vehicle is not.
-        with (
-            closing(reserved_state(vehicle, directory)),
-            Workbench(own, time.monotonic, _wait) as bench,
-        ):
+        with closing(reserved_state(vehicle, directory)), Workbench(own, time.monotonic, _wait) as bench:
             yield file, path, bench
     except (WorkbenchError, CalibrationError) as error:
         raise failure(error) from None

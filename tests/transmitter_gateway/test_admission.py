@@ -38,7 +38,7 @@ class Gate:
         pose_epoch: int | None = 5,
         pose_frame: int = 100,
         latency_s: float = 0.0,
-        epoch_since_s: float = 1.0,
+        epoch_age_s: float = 0.0,
         flying: bool = False,
         **changes: Any,
     ) -> Rejection | None:
@@ -48,7 +48,7 @@ class Gate:
             pose=None
             if pose_epoch is None
             else PoseInput("h1", pose_epoch, pose_frame, None, 0.02, latency_s=latency_s),
-            epoch_since_s=epoch_since_s,
+            epoch_age_s=epoch_age_s,
             flying=flying,
         )
 
@@ -327,8 +327,8 @@ def test_command_of_the_epoch_before_is_accepted_only_for_a_moment(
 ) -> None:
     gate = Gate()
     gate.consider()
-    later = {"sequence": 11, "pose_epoch": 6, "pose_frame": 5000, "epoch_since_s": 1.0, "flying": True}
-    assert gate.consider(now_s=1.0 + epoch_age_s, **later) is expected
+    later = {"sequence": 11, "pose_epoch": 6, "pose_frame": 5000, "epoch_age_s": epoch_age_s}
+    assert gate.consider(flying=True, **later) is expected
 
 
 def test_commands_without_a_lease_that_was_issued_are_rejected() -> None:
