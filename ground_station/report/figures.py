@@ -5,7 +5,7 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from operator import itemgetter
 from typing import Any, TypeVar
 
@@ -17,15 +17,17 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.host_messages import LaboratoryVehicle, RouterStatus
 from rcopterx.bus.message import Message
-from rcopterx.bus.messages import Applied, Diagnostics, Plan
+from rcopterx.bus.messages import Applied, Diagnostics, Plan, Pose
 from rcopterx.control.interfaces import Measurement
 from rcopterx.ground_station.geometry import inertial_offset
+from rcopterx.ground_station.report.frames import epoch_offsets, restart_offsets, shifted
 from rcopterx.ground_station.report.latency import clock_offset, stage_times_ms
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.report.statistics import rms_and_max
 from rcopterx.vehicles.state import Array
 
 M = TypeVar("M", bound=Message)
+S = TypeVar("S", Pose, Plan, Applied)
 
 PULSE_TOLERANCE_US = 1.0
 MATCH_LIMIT_S = 0.1
@@ -40,21 +42,33 @@ class FlightFigures:
     """Figures of the vehicles of a recorded flight, as in `report.json`.
 
     Positions are the true ones of the simulated laboratory where there is one, else those of the motion
-    capture. Clocks of two hosts are compared by the offsets that routers measured during the flight.
+    capture. Frame numbers continue where those of the Tracker restart. Clocks of two hosts are compared by
+    the offsets that routers measured during the flight.
     """
 
     def __init__(self, recording: Recording, vehicles: Sequence[str]) -> None:
         self._vehicles = list(vehicles)
-        self.laboratory = [m for m, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
+        states = [m for m, _ in recording.messages(channels.LABORATORY, channels.SIMULATOR_UNIT)]
+        true_offsets = restart_offsets(state.frame for state in states)
+        self.laboratory = list(map(shifted, states, true_offsets))
         """States of the simulated laboratory in order; empty with hardware."""
 
         def by_vehicle(channel: Channel[M]) -> dict[str, list[M]]:
             return {name: [m for m, _ in recording.messages(channel, name)] for name in vehicles}
 
-        self._poses = by_vehicle(channels.POSE)
+        poses = by_vehicle(channels.POSE)
+        offsets = epoch_offsets(chain.from_iterable(poses.values()), true_offsets)
+
+        def continued(messages: Mapping[str, list[S]]) -> dict[str, list[S]]:
+            return {
+                name: [shifted(m, offsets.get(m.epoch, 0)) for m in stamped]
+                for name, stamped in messages.items()
+            }
+
+        self._poses = continued(poses)
         self._transmitters = by_vehicle(channels.TRANSMITTER_STATUS)
-        self.plans = by_vehicle(channels.PLAN)  # plans of each vehicle, in order
-        self.applied = by_vehicle(channels.APPLIED)  # inputs written to each vehicle's module, in order
+        self.plans = continued(by_vehicle(channels.PLAN))  # plans of each vehicle, in order
+        self.applied = continued(by_vehicle(channels.APPLIED))  # inputs written to each module, in order
         self.statuses = by_vehicle(channels.AGENT_STATUS)  # statuses of the agent of each vehicle, in order
         self._positions = {name: self._position_by_frame(name) for name in self._vehicles}
         self.stages = self._stage_times(recording)  # arrival [s] and `stage_times_ms` of each command
@@ -119,22 +133,19 @@ class FlightFigures:
 
     def frame_to_radio_ms(self) -> list[float]:
         """From the simulator's send of a frame to the arrival of the first radio frame computed from it."""
-        sent: dict[int, list[float]] = {}
-        for state in self.laboratory:
-            sent.setdefault(state.frame, []).append(state.sent_s)
+        sent = {state.frame: state.sent_s for state in self.laboratory}
         values = []
         for name in self._vehicles:
             arrivals = [radio for vehicle in self.truth(name) for radio in vehicle.radio]
-            seen: set[tuple[int, int]] = set()
+            seen: set[int] = set()
             for applied in self.applied[name]:
-                # A laboratory that was restarted counts frames from 0 again: the last frame before counts.
-                before = [at_s for at_s in sent.get(applied.frame, ()) if at_s <= applied.written_s]
-                if not applied.fresh or (applied.epoch, applied.frame) in seen or not before:
+                sent_s = sent.get(applied.frame, math.inf)
+                if not applied.fresh or applied.frame in seen or sent_s > applied.written_s:
                     continue
-                seen.add((applied.epoch, applied.frame))
+                seen.add(applied.frame)
                 arrived_s = _arrival_of(applied, arrivals)
                 if arrived_s is not None:
-                    values.append(1000 * (arrived_s - before[-1]))
+                    values.append(1000 * (arrived_s - sent_s))
         return [value for value in values if value < LONGEST_LATENCY_MS]
 
     def formation_error_m(self, name: str) -> Array:

@@ -31,13 +31,15 @@ class Flight:
     def add(self, channel: Channel, unit: str, message: Message) -> None:
         self.records.append(RawMessage(unit, channel.topic, encode(message), float(len(self.records))))
 
-    def pose(self, unit: str, frame: int, position_m: Three | None, received_s: float = 0.0) -> None:
+    def pose(
+        self, unit: str, frame: int, position_m: Three | None, received_s: float = 0.0, epoch: int = 1
+    ) -> None:
         quaternion = None if position_m is None else (0.0, 0.0, 0.0, 1.0)
         self.add(
             channels.POSE,
             unit,
             Pose(
-                epoch=1,
+                epoch=epoch,
                 frame=frame,
                 period_s=0.02,
                 latency_s=0.0,
@@ -49,14 +51,20 @@ class Flight:
         )
 
     def plan(
-        self, unit: str, frame: int, reference: Four | None, *following: LeaderLink, start_s: float = 0.02
+        self,
+        unit: str,
+        frame: int,
+        reference: Four | None,
+        *following: LeaderLink,
+        start_s: float = 0.02,
+        epoch: int = 1,
     ) -> None:
         trajectory = TrajectoryArray.of(np.zeros((2, 12)))
         self.add(
             channels.PLAN,
             unit,
             Plan(
-                epoch=1,
+                epoch=epoch,
                 frame=frame,
                 source=unit,
                 ancestors=(),
@@ -213,6 +221,30 @@ def test_tracking_error_is_taken_when_the_reference_was_to_be_reached() -> None:
     assert flight.figures("h1").tracking_errors("h1")[1] == pytest.approx([0.0, 0.05])
 
 
+@pytest.mark.parametrize("simulated", [False, True])
+def test_frame_numbers_of_the_tracker_that_restart_do_not_mix_up_the_parts_of_a_flight(
+    simulated: bool,
+) -> None:
+    flight, link = Flight(), LeaderLink(leader="h1", offset_m=(0.0, 1.0, 0.0))
+    for epoch, start in ((1, 0.0), (2, 1.0)):
+        for frame in range(10, 15):
+            x = start + 0.1 * frame
+            if simulated:
+                flight.laboratory(frame, 0.0, h1=truth(x), h2=truth(x, 1.0))
+            if frame < 14 or not simulated:  # the last pose of an epoch is lost
+                flight.pose("h1", frame, (x, 0.0, 1.0), epoch=epoch)
+                flight.pose("h2", frame, (x, 1.0, 1.0), epoch=epoch)
+            if frame < 14:
+                flight.plan("h1", frame, (x + 0.1, 0.0, 1.0, 0.0), epoch=epoch)
+                flight.plan("h2", frame, (x + 0.1, 1.0, 1.0, 0.0), link, epoch=epoch)
+    figures = flight.figures("h1", "h2")
+    frames, flown = figures.flown("h1")
+    assert frames.tolist() == list(range(10, 20))
+    assert flown[:, 0] == pytest.approx([1.0, 1.1, 1.2, 1.3, 1.4, 2.0, 2.1, 2.2, 2.3, 2.4])
+    assert figures.tracking_errors("h1")[1] == pytest.approx(np.zeros(8), abs=1e-9)
+    assert figures.formation_error_m("h2") == pytest.approx(np.zeros(8), abs=1e-9)
+
+
 def test_pose_to_command_counts_commands_whose_way_is_known() -> None:
     flight = Flight()
     flight.applied("h1", 0, 100.0031, (1500.0,), arrived_s=100.003, timing=passed(100.0))
@@ -298,6 +330,7 @@ def test_a_laboratory_that_began_anew_is_not_mixed_up_with_the_one_before() -> N
     for epoch, start_s in ((1, 100.0), (2, 105.0)):
         for frame in range(3):
             sent_s = start_s + 0.02 * frame
+            flight.pose("h1", frame, None, epoch=epoch)
             flight.laboratory(frame, sent_s, h1=truth(radio=((sent_s + 0.005, *pulses(frame)),)))
             flight.applied("h1", frame, sent_s + 0.004, pulses(frame), epoch=epoch)
     assert flight.figures("h1").frame_to_radio_ms() == pytest.approx([5.0] * 6)
