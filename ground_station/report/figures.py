@@ -92,6 +92,10 @@ class FlightFigures:
         by_frame = self._positions[name]
         return np.array(list(by_frame), dtype=np.int64), np.array(list(by_frame.values())).reshape(-1, 4)
 
+    def first_frame(self) -> int:
+        """First frame in which a vehicle was seen."""
+        return min((next(iter(frames)) for frames in self._positions.values() if frames), default=0)
+
     def distances_m(self, first: str, second: str) -> Array:
         """Distance between two vehicles at every frame in which both were seen, shape (n,)."""
         one, two = self._positions[first], self._positions[second]

@@ -60,7 +60,7 @@ def _draw_flight(figure: Any, names: Sequence[str], figures: FlightFigures, even
     errors = figure.add_subplot(grid[3, :2], sharex=first)
     for name in names:
         frames, errors_m = figures.tracking_errors(name)
-        _plot(errors, _times_s(figures, name, frames), 1000 * errors_m, colours[name], lw=0.9)
+        _plot(errors, _times_s(figures, frames), 1000 * errors_m, colours[name], lw=0.9)
     for event in events:
         errors.axvline(event.time_s, color="red" if event.alarming else "0.8", lw=0.6, zorder=0)
     errors.set_ylabel("error [mm]")
@@ -78,18 +78,16 @@ def _plot(axes: Any, x: Array, y: Array, colour: str, **style: Any) -> None:
     axes.plot(x[::step], y[::step], colour, **style)
 
 
-def _times_s(figures: FlightFigures, name: str, frames: NDArray[Any]) -> Array:
-    """Times of frames since the first frame of a vehicle."""
-    flown, _ = figures.flown(name)
-    start = flown[0] if len(flown) else 0
-    return np.asarray((frames - start) * figures.frame_period_s())
+def _times_s(figures: FlightFigures, frames: NDArray[Any]) -> Array:
+    """Times of frames since the first frame of the flight."""
+    return np.asarray((frames - figures.first_frame()) * figures.frame_period_s())
 
 
 def _draw_coordinate(axes: Any, figures: FlightFigures, name: str, row: int, colour: str) -> None:
     frames, flown = figures.flown(name)
-    _plot(axes, _times_s(figures, name, frames), flown[:, row], colour, lw=1, label=name)
+    _plot(axes, _times_s(figures, frames), flown[:, row], colour, lw=1, label=name)
     wanted_frames, wanted = figures.references(name)
-    _plot(axes, _times_s(figures, name, wanted_frames), wanted[:, row], colour, lw=0.8, ls="--")
+    _plot(axes, _times_s(figures, wanted_frames), wanted[:, row], colour, lw=0.8, ls="--")
 
 
 def _draw_from_above(
@@ -139,13 +137,13 @@ def _draw_formation(figure: Any, pairs: Sequence[tuple[str, str]], figures: Flig
     leader = pairs[0][1]
     frames, flown = figures.flown(leader)
     flown[:, 3] = np.unwrap(flown[:, 3])
-    _draw_four(rows[0], _times_s(figures, leader, frames), flown, "-")
+    _draw_four(rows[0], _times_s(figures, frames), flown, "-")
     wanted_frames, wanted = figures.references(leader)
-    _draw_four(rows[0], _times_s(figures, leader, wanted_frames), wanted, "--")
+    _draw_four(rows[0], _times_s(figures, wanted_frames), wanted, "--")
     rows[0].set_ylabel(leader)
     for axes, (follower, followed) in zip(rows[1:], pairs, strict=True):
         frames, apart, meant = figures.offsets_m(follower, followed)
-        times_s = _times_s(figures, leader, frames)
+        times_s = _times_s(figures, frames)
         _draw_four(axes, times_s, apart, "-")
         _draw_four(axes, times_s, meant, "--")
         axes.set_ylabel(f"{followed} to {follower}")

@@ -62,7 +62,7 @@ def flight_data(
         frames, references = figures.references(name)
         return frames, references[:, :3]
 
-    first = min((int(frames[0]) for frames in spans.values() if len(frames)), default=0)
+    first = figures.first_frame()
     last = max((int(frames[-1]) for frames in spans.values() if len(frames)), default=0)
     seconds = (last - first) * period_s
     step_s = max(SAMPLE_S, seconds / MAX_SAMPLES)

@@ -6,119 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.statuses import flying_status
+from support.recorded_flight import Flight, truth
 
 from rcopterx.bus import channels
-from rcopterx.bus.channels import Channel
-from rcopterx.bus.codec import encode
-from rcopterx.bus.host_messages import LaboratoryState, LaboratoryVehicle, LinkState, RouterStatus
-from rcopterx.bus.message import Message
-from rcopterx.bus.messages import Applied, CommandTiming, LeaderLink, Plan, Pose, TransmitterStatus
+from rcopterx.bus.host_messages import LinkState, RouterStatus
+from rcopterx.bus.messages import CommandTiming, LeaderLink, TransmitterStatus
 from rcopterx.bus.session import RawMessage
-from rcopterx.bus.trajectory_array import TrajectoryArray
-from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.report.statistics import percentiles, rms_and_max
-from rcopterx.vehicles.tuples import Four, Three
-
-
-class Flight:
-    """Builds a recording message by message."""
-
-    def __init__(self) -> None:
-        self.records: list[RawMessage] = []
-
-    def add(self, channel: Channel, unit: str, message: Message) -> None:
-        self.records.append(RawMessage(unit, channel.topic, encode(message), float(len(self.records))))
-
-    def pose(
-        self, unit: str, frame: int, position_m: Three | None, received_s: float = 0.0, epoch: int = 1
-    ) -> None:
-        quaternion = None if position_m is None else (0.0, 0.0, 0.0, 1.0)
-        self.add(
-            channels.POSE,
-            unit,
-            Pose(
-                epoch=epoch,
-                frame=frame,
-                period_s=0.02,
-                latency_s=0.0,
-                received_s=received_s,
-                occluded=position_m is None,
-                position_m=position_m,
-                quaternion_xyzw=quaternion,
-            ),
-        )
-
-    def plan(
-        self,
-        unit: str,
-        frame: int,
-        reference: Four | None,
-        *following: LeaderLink,
-        start_s: float = 0.02,
-        epoch: int = 1,
-    ) -> None:
-        trajectory = TrajectoryArray.of(np.zeros((2, 12)))
-        self.add(
-            channels.PLAN,
-            unit,
-            Plan(
-                epoch=epoch,
-                frame=frame,
-                source=unit,
-                ancestors=(),
-                period_s=0.02,
-                start_s=start_s,
-                trajectory=trajectory,
-                reference=reference,
-                following=following,
-            ),
-        )
-
-    def laboratory(self, frame: int, sent_s: float, **vehicles: LaboratoryVehicle) -> None:
-        state = LaboratoryState(frame=frame, sent_s=sent_s, vehicles=vehicles)
-        self.add(channels.LABORATORY, channels.SIMULATOR_UNIT, state)
-
-    def applied(
-        self,
-        unit: str,
-        frame: int,
-        written_s: float,
-        pulses_us: tuple[float, ...],
-        *,
-        epoch: int = 1,
-        fresh: bool = True,
-        arrived_s: float | None = None,
-        timing: CommandTiming | None = None,
-    ) -> None:
-        self.add(
-            channels.APPLIED,
-            unit,
-            Applied(
-                state="armed",
-                input=(0.0, 0.0, 0.5, 0.0),
-                pulse_width_us=pulses_us,
-                epoch=epoch,
-                frame=frame,
-                sequence=frame,
-                fresh=fresh,
-                command_arrived_s=arrived_s,
-                written_s=written_s,
-                host="main",
-                timing=timing,
-            ),
-        )
-
-    def status(self, unit: str, ticks: int, process: int = 1, **fields: object) -> None:
-        self.add(
-            channels.AGENT_STATUS,
-            unit,
-            flying_status(ticks=ticks, process=process, **fields),
-        )
-
-    def figures(self, *names: str) -> FlightFigures:
-        return FlightFigures(Recording(self.records), names)
 
 
 def passed(received_s: float, agent_host: str = "main", ahead_s: float = 0.0) -> CommandTiming:
@@ -128,19 +23,6 @@ def passed(received_s: float, agent_host: str = "main", ahead_s: float = 0.0) ->
         latency_s=0.002, gateway_host="main", received_s=received_s, agent_host=agent_host,
         arrived_s=arrived_s, began_s=arrived_s, ready_s=arrived_s + 0.001,
     )  # fmt: skip
-
-
-def truth(
-    x: float = 0.0, y: float = 0.0, z: float = 1.0, radio: tuple[tuple[float, ...], ...] = ()
-) -> LaboratoryVehicle:
-    return LaboratoryVehicle(
-        position_m=(x, y, z),
-        yaw_rad=0.0,
-        velocity_m_s=(0.0, 0.0, 0.0),
-        on_floor=False,
-        outside=False,
-        radio=radio,
-    )
 
 
 def test_percentiles_of_a_known_sequence() -> None:
@@ -219,30 +101,6 @@ def test_tracking_error_is_taken_when_the_reference_was_to_be_reached() -> None:
     flight.plan("h1", 3, (0.4, 0.05, 1.0, 0.0))
     flight.plan("h1", 4, (0.0, 0.0, 0.0, 0.0))
     assert flight.figures("h1").tracking_errors("h1")[1] == pytest.approx([0.0, 0.05])
-
-
-@pytest.mark.parametrize("simulated", [False, True])
-def test_frame_numbers_of_the_tracker_that_restart_do_not_mix_up_the_parts_of_a_flight(
-    simulated: bool,
-) -> None:
-    flight, link = Flight(), LeaderLink(leader="h1", offset_m=(0.0, 1.0, 0.0))
-    for epoch, start in ((1, 0.0), (2, 1.0)):
-        for frame in range(10, 15):
-            x = start + 0.1 * frame
-            if simulated:
-                flight.laboratory(frame, 0.0, h1=truth(x), h2=truth(x, 1.0))
-            if frame < 14 or not simulated:  # the last pose of an epoch is lost
-                flight.pose("h1", frame, (x, 0.0, 1.0), epoch=epoch)
-                flight.pose("h2", frame, (x, 1.0, 1.0), epoch=epoch)
-            if frame < 14:
-                flight.plan("h1", frame, (x + 0.1, 0.0, 1.0, 0.0), epoch=epoch)
-                flight.plan("h2", frame, (x + 0.1, 1.0, 1.0, 0.0), link, epoch=epoch)
-    figures = flight.figures("h1", "h2")
-    frames, flown = figures.flown("h1")
-    assert frames.tolist() == list(range(10, 20))
-    assert flown[:, 0] == pytest.approx([1.0, 1.1, 1.2, 1.3, 1.4, 2.0, 2.1, 2.2, 2.3, 2.4])
-    assert figures.tracking_errors("h1")[1] == pytest.approx(np.zeros(8), abs=1e-9)
-    assert figures.formation_error_m("h2") == pytest.approx(np.zeros(8), abs=1e-9)
 
 
 def test_pose_to_command_counts_commands_whose_way_is_known() -> None:
