@@ -280,6 +280,7 @@ class Pilot:
     def fly_as_planned(self) -> None:
         """Leave out a control period: the transmitter gateway plays the input planned for it."""
         if len(self._planned):
+            self._check_vehicle(self._planned[0], self.clock.time_s)
             self._record_input(self._planned[0])
             self._planned = self._planned[1:]
             self.fallbacks["control_left_out"] += 1
@@ -290,7 +291,8 @@ class Pilot:
 
     def _check_vehicle(self, command: Array, time_s: float) -> None:
         """Land if the vehicle does not follow its sticks."""
-        informative = self.estimation.blind_s == 0.0 and self.guidance.phase in _INFORMATIVE
+        seen_in_flight = self.estimation.blind_s == 0.0 and not self._standing
+        informative = seen_in_flight and self.guidance.phase in _INFORMATIVE
         fault = self.vehicle_watch.observe(command, self.estimate.motion, time_s, informative)
         if fault is not None:
             self.fallbacks[fault.kind] += 1

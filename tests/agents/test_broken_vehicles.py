@@ -20,13 +20,13 @@ WINDY = (0.4, 0.4, 0.25, 1.0)
 """Turbulence of nearly three times that of the laboratory."""
 
 
-def rig_of(seed: int, conditions: Conditions = HELICOPTERS) -> Rig:
+def rig_of(seed: int, conditions: Conditions = HELICOPTERS, every: int = 1) -> Rig:
     vehicle = RigVehicle("h1", COAXIAL, Pose((0.0, 0.0, 1.0)), "cascade")
-    return Rig([vehicle], conditions, seed, RigOptions(watch=True))
+    return Rig([vehicle], conditions, seed, RigOptions(watch=True, slow={"h1": every}))
 
 
-def broken(seed: int, faults: PlantFaults, after_s: float, longest_s: float) -> Rig:
-    rig = rig_of(seed)
+def broken(seed: int, faults: PlantFaults, after_s: float, longest_s: float, every: int = 1) -> Rig:
+    rig = rig_of(seed, every=every)
     rig.fly(after_s)
     assert rig.pilots["h1"].vehicle_watch.fault is None
     rig.laboratory.plants["h1"].faults = faults
@@ -59,6 +59,14 @@ def test_a_reversed_axis_is_left_alone_from_then_on() -> None:
     flown = rig.fly(0.5)["h1"]
     assert np.all(flown.inputs[:, 0] == 0.0)
     lands(rig)
+
+
+@pytest.mark.parametrize("every", [2, 4])
+def test_broken_vehicles_land_at_a_lower_control_rate_too(every: int) -> None:
+    weak = broken(0, PlantFaults(thrust_factor=0.65), 5.0, 2.0, every)
+    assert weak.pilots["h1"].fallbacks["thrust_lost"] == 1
+    reversed_pitch = broken(1, PlantFaults(stick_gain=(-1.0, 1.0, 1.0, 1.0)), 5.0, 2.0, every)
+    assert reversed_pitch.pilots["h1"].fallbacks["axis_reversed"] == 1
 
 
 @pytest.mark.campaign
