@@ -65,14 +65,12 @@ class GuardedCall:
             return result
         return None
 
-    def try_call(self, name: str, action: Callable[[], None]) -> bool:
-        """Call something without a time limit; return False after an exception, which is counted."""
+    def try_call(self, name: str, action: Callable[[], None]) -> None:
+        """Call something without a time limit; an exception is counted."""
         try:
             action()
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
             self.note("raised", f"{name}: {type(error).__name__}: {error}")
-            return False
-        return True
 
     def note(self, kind: str, text: str) -> None:
         """Count a failure and keep its description."""

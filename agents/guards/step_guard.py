@@ -136,9 +136,9 @@ class StepGuard:
         self._plan = step.plan
         return step
 
-    def try_call(self, action: Callable[[], None]) -> bool:
-        """Call the controller outside of its steps; return False if it raises, which counts as a failure."""
-        return self.calls.try_call(type(self.controller).__name__, action)
+    def try_call(self, action: Callable[[], None]) -> None:
+        """Call the controller outside of its steps; an exception counts as a failure."""
+        self.calls.try_call(type(self.controller).__name__, action)
 
     def try_exchange(self, share: float, exchange: Callable[[], T]) -> T | None:
         """Call a scheme in a share of the time of a step; None if it fails. Then its next step fails, too."""

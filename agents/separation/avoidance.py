@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from rcopterx.agents.formation.law import LeaderPlan
 from rcopterx.agents.guards.step_guard import StepGuard
-from rcopterx.control.interfaces import AvoidsObstacles, Controller, Obstacle
+from rcopterx.control.interfaces import AvoidsObstacles, Obstacle
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.state import Array
 
@@ -86,7 +86,6 @@ class PlanAvoidance:
     def __init__(self, ellipsoid: SeparationEllipsoid | None, step_guard: StepGuard) -> None:
         self._ellipsoid = ellipsoid
         self._step_guard = step_guard
-        self._unconstrained: Controller | None = None  # controller that is known to have no obstacles
         self.ticks = 0  # control periods in which separation constraints held the plan off another one
         self.closest_m: float | None = None  # smallest distance to another plan so far, if any
 
@@ -108,11 +107,8 @@ class PlanAvoidance:
             obstacles, touching = found.obstacles, found.touching
             # The next plan may differ from the last one.
             self._step_guard.neighbours = found.neighbours
-        if not obstacles and controller is self._unconstrained:
-            return True
         if not isinstance(controller, AvoidsObstacles):
             return not touching
-        done = self._step_guard.try_call(lambda: controller.set_obstacles(obstacles))
-        self._unconstrained = controller if done and not obstacles else None
+        self._step_guard.try_call(lambda: controller.set_obstacles(obstacles))
         self.ticks += touching
         return True

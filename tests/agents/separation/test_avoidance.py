@@ -1,9 +1,13 @@
 """Who is near, and how large the ellipsoid between two vehicles is."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.failing import FailingController
+from support.flight import ExactEstimator, NotedController
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.estimation import StampedMeasurement
@@ -15,7 +19,7 @@ from rcopterx.agents.phases import Event
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.separation.avoidance import NEAR, TOUCHING, Neighbour, SeparationEllipsoid, near
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.control.interfaces import AvoidsObstacles, Measurement
+from rcopterx.control.interfaces import AvoidsObstacles, Measurement, Obstacle
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
 
@@ -136,6 +140,30 @@ def test_a_controller_that_cannot_avoid_says_so(controller: str) -> None:
     else:
         assert pilot.fallbacks["cannot_avoid"] == 2
         assert pilot.avoidance.ticks == 0
+
+
+class Avoiding(NotedController):
+    """Records the obstacles that it avoids."""
+
+    obstacles: Sequence[Obstacle] = ()
+
+    def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
+        self.obstacles = obstacles
+
+
+def test_a_default_controller_that_flew_for_another_one_avoids_no_vehicle_that_has_gone() -> None:
+    default = Avoiding(COAXIAL_LAG.hover_input[None, :])
+    pilot = Pilot(COAXIAL_LAG, default, ExactEstimator(), Guidance(), CLEARANCE, default)
+    pilot.observe(StampedMeasurement(1, 1, 0.02, Measurement(np.array([0.0, 0.0, 1.0]), 0.0)))
+    pilot.note_applied("armed", 0, COAXIAL_LAG.hover_input)
+    pilot.control({})
+    pilot.use_controller(FailingController(default, ["raises"]))
+    while not pilot.step_guard.given_up:
+        pilot.control({}, ACROSS)
+    assert default.obstacles
+    pilot.control({})
+    assert pilot.controller is default
+    assert not default.obstacles
 
 
 def test_a_vehicle_that_takes_off_or_lands_goes_straight_on() -> None:
