@@ -100,15 +100,20 @@ def take_off_problem(
 
 
 def move_problem(
-    name: str, samples: Array, links: FormationGraph, room: Room, unrelated: Mapping[str, Array]
+    name: str,
+    samples: Array,
+    links: FormationGraph,
+    heads: Mapping[str, Array],
+    room: Room,
+    unrelated: Mapping[str, Array],
 ) -> str | None:
     """Return why a vehicle that leads cannot go somewhere, None if it can; its followers come along.
 
-    `samples`: its places in future, x, y, z [m], yaw [rad] first, shape (k, 4 or more). `unrelated`: places
-    of others to keep clear of, x y z first. Vehicles that avoid each other's plans are not among them: they
-    may be sent to each other's places.
+    `samples`: its places in future, x, y, z [m], yaw [rad] first, shape (k, 4 or more). `heads`: places of
+    other leaders, shape (4,). `unrelated`: places of others to keep clear of, x y z first. Vehicles that
+    avoid each other's plans are not among them: they may be sent to each other's places.
     """
-    where = places({**links, name: ()}, {name: samples[:, :4]})
+    where = places({**links, name: ()}, {**heads, name: samples[:, :4]})
     problem = _leaving(followers(links, name), where, room)
     if problem is not None:
         return problem

@@ -279,7 +279,7 @@ class RequestHandler:
         if self.settings.separation is None or not isinstance(self.pilot.controller, AvoidsObstacles):
             moved = {own, *followers(links, own)}
             others = {name: at for name, at in places(links, heads).items() if name not in moved}
-        return partial(move_problem, own, links=links, room=self.settings.room, unrelated=others)
+        return partial(move_problem, own, links=links, heads=heads, room=self.settings.room, unrelated=others)
 
     def _lead(self, _: Lead) -> Reply:
         self.changes.lead()

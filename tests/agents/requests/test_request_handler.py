@@ -135,6 +135,17 @@ def test_a_set_point_that_would_take_a_follower_out_of_the_volume_is_refused(ben
     assert bench.ask(go_to(0.5, 0.0, 1.0)).refusal is None
 
 
+def test_a_follower_of_several_leaders_is_not_taken_out_of_the_volume(bench: HandlerBench) -> None:
+    bench.fly()
+    say(bench, "h1", hovering((0.9, 0.0, 1.0)))
+    links = [LeaderLink(leader=name, offset_m=(0.4, 0.0, 0.0)) for name in ("h1", "h9")]
+    say(bench, "h2", hovering((0.9, 0.1, 1.0), *links))
+    words = "h2 would leave: x: 1.3 m is outside the flight volume -1.2 .. 1.2 m"
+    assert bench.ask(go_to(0.9, 0.5, 1.0)).refusal == words
+    assert str(bench.ask(trajectory_to(0.9)).refusal).startswith("h2 would leave: x: 1.2")
+    assert bench.ask(go_to(0.5, 0.5, 1.0)).refusal is None
+
+
 def test_turning_does_not_swing_a_follower_out_of_the_volume(bench: HandlerBench) -> None:
     bench.fly()
     abreast = LeaderLink(leader="h9", offset_m=(0.0, 0.6, 0.0), frame="heading")
