@@ -76,6 +76,10 @@ class Cooperation:
         """Set what the exchanges of a control period start from."""
         self._estimate, self._reference = estimate, reference
 
+    def rest(self) -> None:
+        """Exchange nothing until the next control period begins: the vehicle stands."""
+        self._estimate = self._reference = None
+
     def exchange(self, received: Mapping[str, Unpacked], ahead_s: float = 0.0) -> Sent | None:
         """Exchange messages some time after the present frame; return what to send, None for nothing.
 

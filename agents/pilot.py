@@ -273,6 +273,7 @@ class Pilot:
             self._lift_off.thrust(self.clock.time_s + number * period_s) for number in range(len(inputs))
         ]
         self._flown_by_controller = False
+        self.cooperation.rest()
         self.plan = self.reference = None
         plan = resting(self.estimate, period_s, self.controller.horizon)
         return ControlOutput(inputs[0], inputs[1:], plan, self.model.delay_s, None)

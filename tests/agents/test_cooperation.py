@@ -5,6 +5,7 @@ import math
 import msgspec
 import numpy as np
 import pytest
+from pilot_bench import HOVER, airborne, real
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.cooperation import MOST_EXCHANGES, SILENT_S, Cooperation, Unpacked
@@ -167,3 +168,16 @@ def test_later_exchanges_are_spread_over_the_period() -> None:
         due_s.append(later.due_s)
         assert later.exchange({}) is not None
     assert due_s == pytest.approx([7.005, 7.01, 7.015])
+
+
+def test_vehicle_that_has_landed_sends_nothing() -> None:
+    pilot = airborne(real("cascade", "kalman"))
+    pilot.use_controller(SCHEMES.build("admm", COAXIAL_LAG, PERIOD_S, {"exchanges": 2}))
+    later = LaterExchanges(pilot.cooperation)
+    assert pilot.control({}).sent is not None
+    later.begin_period(7.0)
+    assert later.exchange({}) is not None
+    pilot.note_applied("disarmed", 0, HOVER)
+    assert pilot.control({}).sent is None
+    later.begin_period(7.02)
+    assert later.exchange({}) is None
