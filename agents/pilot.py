@@ -280,6 +280,7 @@ class Pilot:
 
     def fly_as_planned(self) -> None:
         """Leave out a control period: the transmitter gateway plays the input planned for it."""
+        self.step_guard.leave_out()
         if len(self._planned):
             self._check_vehicle(self._planned[0], self.clock.time_s)
             self._record_input(self._planned[0])

@@ -71,6 +71,7 @@ class _Task(NamedTuple):
     reference: Trajectory
     last_input: Array
     known: bool  # whether the estimate is finite
+    periods: int  # since the last step
 
 
 class StepGuard:
@@ -83,6 +84,7 @@ class StepGuard:
         self.model = model
         self.neighbours: Sequence[Obstacle] = ()  # vehicles that may come near
         self._exchange_failed = False  # since the last step
+        self._left_out = 0  # control periods without a step since the last one
         self._age_s = 0.0  # time since the last usable step
         self._failed_for_s = 0.0
         self._needs_reset = False  # whether the controller has to be reset before its next step
@@ -116,12 +118,17 @@ class StepGuard:
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         """Reset the controller to a flying vehicle."""
         self._failed_for_s = self._age_s = 0.0
+        self._left_out = 0
         self.calls.begin()
         self._inputs = self._plan = self._reference = None
         self._default_flies = False
         self._needs_reset = not is_finite(estimate)
         if not self._needs_reset:
             self._reset(self.controller, _capped(estimate), last_input)
+
+    def leave_out(self) -> None:
+        """Pass a control period without a step; an input that was planned for it flies."""
+        self._left_out += 1
 
     def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
         """Return one finite control step within the limits; `fallback` names what flew instead, if any."""
@@ -160,7 +167,8 @@ class StepGuard:
             place = np.nan_to_num(estimate.motion[:4]) if known is None else known.samples[-1, :4]
             period_s, horizon = self.controller.period_s, self.controller.horizon
             reference = hold(place[POSITION], float(place[YAW]), period_s, horizon)
-        return _Task(estimate, reference, last_input, is_finite(estimate))
+        periods, self._left_out = 1 + self._left_out, 0
+        return _Task(estimate, reference, last_input, is_finite(estimate), periods)
 
     def _controller_step(self, task: _Task) -> ControlStep | None:
         """Return a step of the controller; None after a failure, or if its solver finds none."""
@@ -179,7 +187,7 @@ class StepGuard:
         if result is None:
             # Its state may be inconsistent.
             self._needs_reset = True
-            self._failed_for_s += self.controller.period_s
+            self._failed_for_s += task.periods * self.controller.period_s
         return result
 
     def _within(self, envelope: Envelope, task: _Task, step: ControlStep) -> ControlStep | None:
@@ -193,12 +201,12 @@ class StepGuard:
         return None
 
     def _shifted_step(self, task: _Task) -> ControlStep | None:
-        """Return the inputs of the last usable step, one stage on; None if they are too old."""
-        young = self._age_s < SHIFTED_PLAN_LIMIT_S - _TOLERANCE
-        self._age_s += self.controller.period_s
-        if self._inputs is None or not young:
+        """Return the inputs of the last usable step at the present stage; None if they are too old."""
+        self._age_s += task.periods * self.controller.period_s
+        if self._inputs is None or self._age_s > SHIFTED_PLAN_LIMIT_S + _TOLERANCE:
             return None
-        self._inputs = shift(self._inputs)
+        for _ in range(task.periods):
+            self._inputs = shift(self._inputs)
         return self._with_plan(self._inputs, SHIFTED_PLAN, task)
 
     def _default_step(self, task: _Task) -> ControlStep | None:
@@ -230,7 +238,8 @@ class StepGuard:
         plan = predict(self.model, task.estimate, inputs, period_s) if task.known else None
         if plan is None or not np.isfinite(plan.samples).all():
             known = task.reference if self._plan is None else self._plan
-            plan = known.resampled(0.0 if self._plan is None else period_s, period_s, stages)
+            passed_s = 0.0 if self._plan is None else task.periods * period_s
+            plan = known.resampled(passed_s, period_s, stages)
         return ControlStep(inputs, plan, fallback, 0)
 
     def _attempt(self, controller: Controller, task: _Task) -> ControlStep | NoSolutionError | None:

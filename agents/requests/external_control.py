@@ -38,7 +38,10 @@ class ExternalControl:
         self._return_control()
         self.answers.drain()
         self.client = request.source
-        self._controller = ExternalController(self.pilot.controller, self.pilot.model, request.patience_s)
+        pilot = self.pilot
+        self._controller = ExternalController(
+            pilot.controller, pilot.model, request.patience_s, lambda: pilot.clock.time_s
+        )
         self.pilot.use_controller(self._controller)
         return None
 

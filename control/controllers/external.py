@@ -5,6 +5,7 @@ reference from then on. So the way to the program and back costs one period of p
 While there is no answer, the vehicle's own controller flies.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,23 +22,26 @@ from rcopterx.vehicles.state import Array
 class Task:
     """What an external controller is to solve."""
 
-    number: int  # counts up; the answer names it
+    number: int  # counts control periods; the answer names it
     estimate: Estimate  # state at the instant the answer begins to act
     reference: Trajectory  # N stages from that instant on
     last_input: Array  # input that acts until then, shape (4,)
 
 
 class ExternalController:
-    """A `Controller` that flies by answers from outside, `own` before the first and after `patience_s`."""
+    """A `Controller` that flies by answers from outside, `own` before the first and after `patience_s`.
 
-    def __init__(self, own: Controller, model: Model, patience_s: float) -> None:
+    `clock` is that of the fleet [s]: at a lower control rate several periods pass between two steps.
+    """
+
+    def __init__(self, own: Controller, model: Model, patience_s: float, clock: Callable[[], float]) -> None:
         self.own, self.horizon, self.period_s = own, own.horizon, own.period_s
         self.task: Task | None = None
-        self.late = 0  # periods flown by an older answer than the newest task's
-        self._model = model
+        self.late = 0  # steps flown by an older answer than the newest task's
+        self._model, self._clock = model, clock
         self._patience = max(1, round(patience_s / own.period_s))
-        self._number = 0
-        self._answered = 0
+        self._number = self._answered = 0  # of the newest task, and of the one answered last
+        self._task_s = clock()  # time of the newest task
         self._inputs: Array | None = None
 
     @property
@@ -63,11 +67,13 @@ class ExternalController:
 
     def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
         """Fly by the newest answer, its later inputs if the task has moved on, and give out the next task."""
+        now_s = self._clock()
+        present = self._number + max(1, round((now_s - self._task_s) / self.period_s))
         if self._inputs is None:
             step = self.own.step(estimate, reference, last_input)
         else:
-            step = self._step_by(self._inputs, estimate)
-        self._number += 1
+            step = self._step_by(self._inputs, present - self._answered - 1, estimate)
+        self._number, self._task_s = present, now_s
         self.task = Task(
             self._number,
             predict(self._model, estimate, step.inputs[0], self.period_s),
@@ -76,10 +82,11 @@ class ExternalController:
         )
         return step
 
-    def _step_by(self, answer: Array, estimate: Estimate) -> ControlStep:
-        behind = self._number - self._answered
-        self.late += behind > 0
-        stages = np.minimum(np.arange(self.horizon - 1) + behind, len(answer) - 1)
+    def _step_by(self, answer: Array, stage: int, estimate: Estimate) -> ControlStep:
+        """Return a step by the inputs of an answer from a stage on."""
+        late = self._number > self._answered
+        self.late += late
+        stages = np.minimum(np.arange(self.horizon - 1) + stage, len(answer) - 1)
         inputs = answer[stages]
         plan = roll_out(self._model, estimate, inputs, self.period_s)
-        return ControlStep(inputs, plan, "external_late" if behind else None, 0)
+        return ControlStep(inputs, plan, "external_late" if late else None, 0)

@@ -19,7 +19,7 @@ from rcopterx.agents.guards.step_guard import (
 )
 from rcopterx.agents.guards.step_guard import HOVER as HOVERING
 from rcopterx.agents.pilot import CONTROLLER_REPLACED, Pilot
-from rcopterx.control.interfaces import Controller, ControlStep, Estimate
+from rcopterx.control.interfaces import Controller, ControlStep, Estimate, NoSolutionError
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.state import Array
@@ -161,6 +161,43 @@ def test_a_shifted_plan_has_an_end() -> None:
     fallbacks = [guard.step(estimate, reference, HOVER).fallback for _ in range(60)]
     shifted = round(SHIFTED_PLAN_LIMIT_S / PERIOD_S)
     assert fallbacks == [None] + shifted * [SHIFTED_PLAN] + (59 - shifted) * [HOVERING]
+
+
+class NoSolution(NotedController):
+    """Finds one plan, and no further one."""
+
+    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+        if self.asked:
+            raise NoSolutionError
+        return super().step(estimate, reference, last_input)
+
+
+def test_a_shifted_plan_has_the_stage_and_the_end_of_the_time_while_periods_are_left_out() -> None:
+    rows = HOVER + 0.01 * np.arange(20)[:, None]
+    guard = StepGuard(COAXIAL_LAG, NoSolution(rows, horizon=21))
+    estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, 21)
+    guard.reset(estimate, HOVER)
+    guard.step(estimate, reference, HOVER)
+    for stage in (4, 8, 12):
+        for _ in range(3):
+            guard.leave_out()
+        step = guard.step(estimate, reference, HOVER)
+        assert (step.fallback, step.inputs[0, 0]) == (SHIFTED_PLAN, pytest.approx(rows[stage, 0]))
+    for _ in range(3):
+        guard.leave_out()
+    assert guard.step(estimate, reference, HOVER).fallback == HOVERING
+
+
+def test_a_controller_is_given_up_after_the_same_time_while_periods_are_left_out() -> None:
+    guard = StepGuard(COAXIAL_LAG, FailingController(built("lqr"), [None] + ["raises"] * 100))
+    estimate, reference = still((0.0, 0.0, 1.0)), hold(PLACE, 0.0, PERIOD_S, HORIZON)
+    guard.reset(estimate, HOVER)
+    failed = 0
+    while not guard.given_up:
+        failed += guard.step(estimate, reference, HOVER).fallback is not None
+        for _ in range(2):
+            guard.leave_out()
+    assert failed == 2
 
 
 def test_an_estimate_that_is_not_finite_still_gives_a_command() -> None:

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from agent_bench import Bench
-from pilot_bench import airborne, noted, seen
+from pilot_bench import HOVER, airborne, noted, seen
+from support.failing import FailingController
+from support.flight import NotedController
 
 from rcopterx.agents.following.traffic import MOST, Traffic
 from rcopterx.agents.load.load_relief import NEAREST, LoadRelief
@@ -184,6 +186,18 @@ def test_a_period_that_is_left_out_is_predicted_with_the_input_planned_for_it() 
     assert pilot.sequence == sequence
     assert np.array_equal(pilot.input_history.newest, output.next_inputs[0])
     assert pilot.fallbacks["control_left_out"] == 1
+
+
+def test_the_plan_of_a_step_that_fails_later_is_that_of_the_time_although_periods_were_left_out() -> None:
+    pilot = airborne(noted())
+    rows = HOVER + 0.01 * np.arange(30)[:, None]
+    pilot.use_controller(FailingController(NotedController(rows, horizon=31), [None, "raises"]))
+    pilot.control({})
+    for frame in (1, 2, 3):
+        pilot.observe(seen(frame))
+        pilot.fly_as_planned()
+    pilot.observe(seen(4))
+    assert pilot.control({}).input[0] == pytest.approx(rows[4, 0], abs=1e-3)
 
 
 def test_a_vehicle_on_the_floor_has_nothing_planned() -> None:

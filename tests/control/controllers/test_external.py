@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL_LAG
+from support.waiting import FakeClock
 
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.controllers.external import ExternalController
@@ -16,9 +17,14 @@ REFERENCE = hold(np.array([0.0, 0.0, 1.0]), 0.0, PERIOD_S, 10)
 
 
 @pytest.fixture
-def controller() -> ExternalController:
+def clock() -> FakeClock:
+    return FakeClock()
+
+
+@pytest.fixture
+def controller(clock: FakeClock) -> ExternalController:
     own = Configuration("pid", "kalman", {"horizon": 10}).controller_for(COAXIAL_LAG, PERIOD_S)
-    external = ExternalController(own, COAXIAL_LAG, patience_s=0.1)
+    external = ExternalController(own, COAXIAL_LAG, 0.1, clock)
     external.reset(REST, HOVER)
     return external
 
@@ -61,6 +67,20 @@ def test_silence_is_noticed_after_the_patience(controller: ExternalController) -
     assert controller.silent
     assert controller.answer(6, HOVER[None, :]) is None
     assert not controller.silent
+
+
+def test_at_a_lower_rate_rows_and_patience_are_those_of_the_time(
+    controller: ExternalController, clock: FakeClock
+) -> None:
+    step(controller)
+    assert controller.task is not None
+    rows = HOVER + 0.01 * np.arange(9)[:, None]
+    assert controller.answer(controller.task.number, rows) is None
+    for passed, silent in ((4, False), (8, False), (12, True)):
+        assert controller.silent is silent
+        clock.advance(4 * PERIOD_S)
+        assert step(controller) == pytest.approx(rows[min(passed - 1, 8)])
+    assert controller.late == 2
 
 
 def test_the_task_tells_the_state_in_which_the_answer_will_act(controller: ExternalController) -> None:
