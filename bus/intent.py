@@ -56,7 +56,7 @@ class Intent(Message, frozen=True, kw_only=True):
     set_point: SetPoint
     """Held without a path, and while no plan of a leader arrives."""
     path: FloatArray | None = None
-    """Trajectory of a vehicle without leaders, shape (n, 13) as in the request `fly`."""
+    """Path of a vehicle without leaders, shape (n, 13) as in the request `fly`."""
     path_elapsed_s: Clock = 0.0
     """Time since the start of the path."""
     floor_m: Number = 0.0
@@ -82,6 +82,8 @@ class Intent(Message, frozen=True, kw_only=True):
     """Controller and estimator before the last change, for a return if the change ends the process."""
     lease: Count = 0
     """Control lease of the agent."""
+    path_requested: bool = True
+    """Whether the path is that of a request `fly`; false for a way to the set point."""
 
     def check(self) -> None:
         """See `Message.check`."""

@@ -26,6 +26,7 @@ from rcopterx.control.references.set_points import (
     ProfileLimits,
     ReferenceSource,
     SetPointReference,
+    TimedPath,
     smooth_move,
     smooth_way,
 )
@@ -267,7 +268,7 @@ class Guidance:
         unfinished = task.phase if task.interrupted is None else task.interrupted
         if unfinished is Phase.LANDING:
             self.land(estimate, time_s)
-        if self.phase is not Phase.LANDING or isinstance(task.source, PathReference):
+        if self.phase is not Phase.LANDING or isinstance(task.source, TimedPath):
             self.source = task.source
         if unfinished is Phase.TAKEOFF:
             # As a climb, not as a path, so that it resumes after an interruption by the gateway.

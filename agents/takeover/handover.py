@@ -32,6 +32,7 @@ from rcopterx.control.references.set_points import (
     ReferenceSource,
     SetPointReference,
     TimedPath,
+    Transition,
 )
 from rcopterx.vehicles.state import YAW, three
 
@@ -82,6 +83,7 @@ def intent_of(
         estimator_settings=flown.estimator_settings,
         model=flown.model,
         previous=None if previous is None else previous.message,
+        path_requested=isinstance(path, PathReference),
     )
 
 
@@ -92,7 +94,8 @@ def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
         np.array(intent.set_point.position_m), intent.set_point.yaw_rad
     )
     if intent.path is not None:
-        source = PathReference(FlightPath(intent.path.to_numpy()), published_s - intent.path_elapsed_s)
+        kind = PathReference if intent.path_requested else Transition
+        source = kind(FlightPath(intent.path.to_numpy()), published_s - intent.path_elapsed_s)
     assigned = followed = tuple(followed_leader(link) for link in intent.assigned)
     joined: frozenset[str] = frozenset()
     if intent.following == tuple(link.leader for link in assigned):

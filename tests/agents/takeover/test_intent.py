@@ -161,6 +161,23 @@ def test_offsets_wait_for_the_first_plan_after_a_restart() -> None:
     assert guidance.followed[0].start_s == 1.6, "later a leader that was missing is joined anew"
 
 
+def test_a_way_to_a_set_point_is_none_of_a_trajectory_after_a_restart() -> None:
+    limits = ProfileLimits(3 * (1.0,), 3 * (1.0,), 3 * (9.0,))
+    goal_m = np.array([1.0, 0.0, 1.0])
+    way = smooth_way(limits, goal_m, 0.0, SetPointReference(np.array(UP), 0.0), 0.0)
+    guidance = Guidance()
+    guidance.on_event(Event.RESUME, still(UP))
+    task = Task(Phase.FLYING, way, (), (), frozenset(), 0.0)
+    guidance.restore(task_of(received_intent(task, 0.1), 0.1, 0.0), still(UP), 0.1)
+    assert guidance.path_left_s(0.1) == 0.0
+    # The transmitter gateway holds the vehicle for a moment.
+    guidance.on_event(Event.OVERRIDE, still(UP))
+    guidance.on_event(Event.ARM, still(UP))
+    guidance.resume_interrupted(still(UP), 0.2)
+    assert guidance.set_point()[0] == pytest.approx(goal_m)
+    assert not guidance.events["trajectory_given_up"]
+
+
 def test_a_task_of_before_the_flight_is_not_flown() -> None:
     guidance = Guidance()
     guidance.on_event(Event.RESUME, still(UP))
