@@ -74,7 +74,8 @@ class CascadeSettings(MpcSettings, frozen=True, kw_only=True):
     disturbance_compensation: bool = True
     """Predict with the estimated disturbance."""
     integrators: bool | None = None
-    """Integral action; by default only while no disturbance is estimated or used."""
+    """Integral action; by default only while no disturbance is estimated or used. It has no effect on the
+    horizontal motion of a vehicle with a tilt model, whose estimator estimates the wind."""
     soft_weight: Annotated[float, msgspec.Meta(gt=0.0, le=1e7)] = 1e5
     """Weight of the squared excess over a state bound, in SI units."""
     separation_weight: Annotated[float, msgspec.Meta(gt=0.0, le=1e8)] = 5e5
