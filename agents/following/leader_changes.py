@@ -1,7 +1,7 @@
 """Changes of leaders that were requested and wait for the plans of the new leaders.
 
-If recent statuses show that the plans will come, the reply precedes the first plan. Until the plan arrives,
-the vehicle flies on as before.
+If recent statuses show that the plans will come, the reply precedes the first plan: the leaders are promised.
+Until the plan arrives, the vehicle flies on as before.
 """
 
 from collections import Counter
@@ -29,7 +29,7 @@ class _Waiting:
     incoming: Incoming
     request: Follow | PrepareLeaders
     deadline_s: float
-    answered: bool = False
+    promised: bool = False  # whether it was accepted before the first plan
 
 
 @dataclass
@@ -68,13 +68,13 @@ class LeaderChanges:
             return
         waiting = _Waiting(incoming, request, self.clock() + FIRST_PLAN_LIMIT_S)
         if isinstance(request, Follow):
-            self._discard_promises()
-            reply = self._foreseen(request.following)
+            reply = self._promise(request.following)
             if reply is not None:
                 incoming.answer(reply)
                 if not reply.accepted:
                     return
-                waiting = replace(waiting, answered=True)
+                self._overtake()
+                waiting = replace(waiting, promised=True)
         self._waiting.append(waiting)
         self.update_subscriptions()
         self.decide()
@@ -89,16 +89,22 @@ class LeaderChanges:
         self.update_subscriptions()
 
     def promised(self) -> str | None:
-        """Name the leaders that have been accepted before their first plan; None if there are none."""
-        names = [link.leader for item in self._waiting if item.answered for link in item.request.following]
+        """Name the promised leaders; None if there are none."""
+        names = [link.leader for item in self._waiting if item.promised for link in item.request.following]
         return f"it is about to follow {', '.join(names)}" if names else None
 
-    def _discard_promises(self) -> None:
-        self._waiting = [item for item in self._waiting if not item.answered]
+    def _overtake(self) -> None:
+        """Refuse the requests to follow that wait, because the leaders change otherwise."""
+        waiting, self._waiting = self._waiting, []
+        for item in waiting:
+            if isinstance(item.request, PrepareLeaders):
+                self._waiting.append(item)
+            elif not item.promised:
+                item.incoming.answer(reply_of("overtaken by another change of leaders"))
 
     def lead(self) -> None:
         """Follow no leader."""
-        self._discard_promises()
+        self._overtake()
         self.pilot.guidance.lead(self.pilot.estimate)
         self.update_subscriptions()
 
@@ -117,7 +123,7 @@ class LeaderChanges:
                 reply = reply_of("; ".join(map(self._absence, missing)))
             else:
                 reply = self._decide(waiting.request)
-            if not waiting.answered:
+            if not waiting.promised:
                 waiting.incoming.answer(reply)
             elif not reply.accepted:
                 self._events["promised_leader_missing"] += 1
@@ -135,7 +141,7 @@ class LeaderChanges:
             self._regrouping.events["regrouping_missed"] += 1
             self.update_subscriptions()
             return
-        self._discard_promises()
+        self._overtake()
         if change.set_point is None:
             # For a moment the plans of the new leaders still name the ancestors that are given up now.
             clock = pilot.clock
@@ -185,7 +191,7 @@ class LeaderChanges:
             return f"no plan from {name}: its agent sends nothing"
         return f"no plan from {name}: its phase is {status.phase}"
 
-    def _foreseen(self, following: tuple[LeaderLink, ...]) -> Reply | None:
+    def _promise(self, following: tuple[LeaderLink, ...]) -> Reply | None:
         """Return the reply by the statuses of the leaders; None if only their plans can decide."""
         now_s = self.clock()
         missing = [link.leader for link in following if self.plans.fresh(link.leader, now_s) is None]
@@ -213,6 +219,7 @@ class LeaderChanges:
         refusal = self._follow_problem(following)
         if refusal is not None:
             return reply_of(refusal)
+        self._overtake()
         self._follow(following, request.transition_s)
         line = self.plans.ancestors(link.leader for link in following)
         return reply_of(None, self._in_words(following, line))

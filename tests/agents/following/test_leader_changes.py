@@ -19,6 +19,7 @@ from rcopterx.agents.phases import Phase
 from rcopterx.bus.messages import LeaderLink, SetPoint
 from rcopterx.bus.requests import (
     CommitLeaders,
+    Follow,
     Land,
     Lead,
     PrepareLeaders,
@@ -91,6 +92,31 @@ def test_requests_that_wait_do_not_take_each_others_plans_away(bench: HandlerBen
     bench.changes.decide()
     assert second.refusal is None
     assert bench.plan_bus.open_names() == ["h2"]
+
+
+def test_a_request_that_waits_is_refused_once_a_later_one_is_accepted(bench: HandlerBench) -> None:
+    bench.fly()
+    first = bench.ask(follow("h1"))
+    assert bench.ask(Lead()).refusal is None
+    second, third = bench.ask(follow("h1")), bench.ask(follow("h2"))
+    bench.plan_bus.deliver(plan_of("h2"))
+    bench.changes.decide()
+    assert third.refusal is None
+    bench.plan_bus.deliver(plan_of("h1"))
+    bench.changes.decide()
+    assert first.refusal == second.refusal == "overtaken by another change of leaders"
+    assert [link.leader for link in bench.pilot.guidance.followed] == ["h2"]
+    assert bench.plan_bus.open_names() == ["h2"]
+
+
+def test_a_promise_holds_if_a_later_request_is_refused(bench: HandlerBench) -> None:
+    promised(bench, "h1")
+    assert bench.ask(follow("h9")).refusal is not None
+    later = bench.ask(Follow(following=(LeaderLink(leader="h2", offset_m=(3.0, 0.0, 0.0)),)))
+    assert later.refusal is not None
+    bench.plan_bus.deliver(plan_of("h1"))
+    bench.changes.decide()
+    assert [link.leader for link in bench.pilot.guidance.followed] == ["h1"]
 
 
 def test_a_cycle_is_refused_with_the_line_that_leads_back(bench: HandlerBench) -> None:
