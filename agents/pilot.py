@@ -163,6 +163,7 @@ class Pilot:
         time_s = self.clock.time_s
         refusal = self.guidance.take_off(self.estimate, height_m, time_s)
         if refusal is None:
+            self._lift_off = LiftOff(self.model)
             self._lift_off.begin(time_s, float(self.estimate.motion[Z]))
             self.vehicle_watch.begin()
         return refusal
@@ -176,8 +177,6 @@ class Pilot:
         self.model = self.step_guard.model = model
         self.step_guard.default, self.estimator.default = default, default_estimator
         self.vehicle_watch = self.vehicle_watch.with_model(model)
-        if not self._lift_off.under_way:
-            self._lift_off = LiftOff(model)
 
     def use_controller(self, controller: Controller) -> None:
         """Change to another controller, which starts from the input applied last."""

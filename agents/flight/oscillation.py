@@ -133,9 +133,10 @@ def _alike(earlier: _HalfWave, later: _HalfWave) -> bool:
 
 
 class OscillationDetector:
-    """Counts half-waves of the sticks and of the tilt of one vehicle."""
+    """Counts half-waves of the sticks and of the tilt of one vehicle, whose model is `model`."""
 
     def __init__(self, model: Model) -> None:
+        self.model = model
         room = model.stick_room
         tilt = float(model.b[:2].mean()) * float(room[:2].mean()) / GRAVITY_M_S2
         rests = (*model.hover_input.tolist(), 0.0, 0.0)

@@ -68,6 +68,8 @@ class OscillationGuard:
     def watch(self, output: ControlOutput, flown_by_own: bool = True) -> None:
         """Process the last period, lower the bandwidth if necessary; not that of an external program."""
         pilot = self._pilot
+        if self._detector.model is not pilot.model:
+            self._detector = OscillationDetector(pilot.model)
         if output.reference is None or pilot.exciter.under_way:
             # Sines that an identification adds are no oscillation; should they bring one about, the vehicle
             # leaves its box, which ends them.

@@ -1,5 +1,7 @@
 """Promises of the pilot: when the rotor turns, when its controller is called, what its commands contain."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pilot_bench import HOVER, UP, airborne, controller_of, noted, seen
@@ -8,7 +10,7 @@ from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.inputs import INPUT_UNIT
-from rcopterx.agents.flight.lift_off import SPOOL_UP_S
+from rcopterx.agents.flight.lift_off import SPOOL_UP_S, SPOOL_UP_SHARE
 from rcopterx.agents.formation.law import FollowedLeader, FormationOffset
 from rcopterx.agents.guards.step_guard import BRIDGED_S
 from rcopterx.agents.phases import Event, Phase
@@ -56,6 +58,20 @@ def test_take_off_turns_the_rotor_up_open_loop_until_the_vehicle_lifts() -> None
     push = pilot.model.b[U_THRUST] * estimate.actuator[U_THRUST] + estimate.disturbance[U_THRUST]
     assert push == pytest.approx(pilot.model.gravity_m_s2, abs=0.1)
     assert pilot.guidance.set_point()[0][2] == pytest.approx(1.0)
+
+
+def test_a_model_changed_while_the_rotor_turns_up_lifts_the_vehicle_next_time() -> None:
+    pilot = taking_off()
+    heavy = replace(COAXIAL_LAG, gravity_m_s2=1.2 * COAXIAL_LAG.gravity_m_s2)
+    pilot.use_model(heavy, controller_of(pilot), ExactEstimator(heavy))
+    pilot.note_applied("disarmed", 0, np.zeros(4))
+    pilot.control({})
+    pilot.note_applied("armed", 0, np.zeros(4))
+    assert pilot.take_off(1.0) is None
+    for frame in range(1, 1 + round(SPOOL_UP_S / 0.02)):
+        pilot.observe(seen(frame, (0.0, 0.0, 0.0)))
+    thrust = pilot.control({}).input[U_THRUST]
+    assert thrust == pytest.approx(SPOOL_UP_SHARE * heavy.hover_input[U_THRUST])
 
 
 def test_while_the_rotor_turns_up_the_next_inputs_are_those_that_would_follow() -> None:

@@ -1,6 +1,7 @@
 """The guard lowers the bandwidth of a vehicle that oscillates, step by step, and of no other one."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -24,7 +25,7 @@ from rcopterx.agents.tuning.guard import (
     without_guard,
 )
 from rcopterx.control.identification.excitation import Excitation
-from rcopterx.vehicles.state import YAW
+from rcopterx.vehicles.state import U_THRUST, YAW
 
 
 class Watched:
@@ -72,6 +73,20 @@ def test_only_the_loop_that_oscillates_is_lowered(stick: int, loop: Loop) -> Non
     factors = effort_factors(watched.flight.tuning.configuration)
     assert factors[loop] > 1.0
     assert {factor for other, factor in zip(Loop, factors, strict=True) if other is not loop} == {1.0}
+
+
+def test_an_oscillation_is_one_about_the_hover_of_the_present_model() -> None:
+    watched = Watched()
+    old = watched.flight.pilot.model
+    model = replace(old, gravity_m_s2=1.5 * old.gravity_m_s2)
+    watched.flight.pilot.use_model(
+        model,
+        watched.flight.tuning.configuration.controller_for(model, PERIOD_S),
+        watched.flight.tuning.configuration.estimator_for(model, PERIOD_S),
+    )
+    watched.flight.flown[-1].input[:] = model.hover_input
+    watched.swing(1.6, 0.8 * float(model.stick_room[U_THRUST]), stick_index=U_THRUST)
+    assert watched.guard.events[OSCILLATION] > 0
 
 
 def test_what_oscillated_is_told_until_somebody_tunes_the_vehicle() -> None:
