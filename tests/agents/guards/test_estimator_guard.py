@@ -152,9 +152,10 @@ def test_a_call_that_takes_too_long_is_a_failure_but_for_the_first_ones() -> Non
 
 def test_events_of_an_estimator_are_among_those_of_its_guard() -> None:
     class Counting(ExactEstimator):
-        events: ClassVar = {"restarts": 2}
+        events: ClassVar = {"tilt_distrusted": 2}
+        restarts = 1
 
-    assert EstimatorGuard(Counting()).events == {"restarts": 2}
+    assert EstimatorGuard(Counting()).events == {"tilt_distrusted": 2, "jump_accepted": 1}
 
 
 @pytest.mark.parametrize(
