@@ -88,7 +88,7 @@ class LeaderPlans:
         return tuple(line)
 
     def level(self, names: Iterable[str]) -> int:
-        """Return the number of leaders above this vehicle in its longest line, by their plans."""
+        """Return the number of vehicles above this one: the most that a leader and its ancestors are."""
         plans = map(self.newest, names)
         return max((1 if plan is None else 1 + len(plan.ancestors) for plan in plans), default=0)
 
