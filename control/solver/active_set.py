@@ -1,4 +1,4 @@
-"""Newton's method for the piecewise quadratic cost: each sweep pulls rows beyond a bound with weight s."""
+"""Newton's method for the piecewise quadratic cost: each sweep penalises an excess with weight s."""
 
 from typing import Any, Final, NamedTuple
 
@@ -49,31 +49,31 @@ def update_active_set(p: OptimalControlProblem, y: Array, side: Array) -> int:
 
 
 @part
-def set_pulls(p: OptimalControlProblem, a: ActiveSet) -> bool:
-    """Set weights and targets of the rows; return whether any bound is active."""
-    pulled = False
+def set_penalties(p: OptimalControlProblem, a: ActiveSet) -> bool:
+    """Set the penalty weights and targets of active bounds; return whether any bound is active."""
+    any_active = False
     for k in range(a.side.shape[0]):
         for row in range(a.side.shape[1]):
             a.e[k, row] = a.target[k, row] = 0.0
             if a.side[k, row] != 0.0:
                 a.e[k, row] = p.s[k, row]
                 a.target[k, row] = p.high[k, row] if a.side[k, row] > 0.0 else p.low[k, row]
-                pulled = True
-    return pulled
+                any_active = True
+    return any_active
 
 
 @compiled(PROBLEM, ACTIVE_SET, FACTOR, FACTOR, FLAG, TRAJECTORIES)
 def iterate_active_set(
-    p: OptimalControlProblem, a: ActiveSet, free: Factor, pulled: Factor, factored: bool, plan: Trajectories
+    p: OptimalControlProblem, a: ActiveSet, free: Factor, bounded: Factor, factored: bool, plan: Trajectories
 ) -> tuple[int, bool, bool]:
     """Sweep until the active set stays; return the number of sweeps, whether it did, and of `free`.
 
-    `free` and `pulled` are factors without and with active bounds; `factored` if `free` is this problem's.
+    `free` and `bounded` are factors without and with active bounds; `factored` if `free` is this problem's.
     """
     for sweep in range(1, MOST_SWEEPS + 1):
-        if set_pulls(p, a):
-            factorize(p, a.e, pulled)
-            solve(p, a.e, a.target, pulled, plan)
+        if set_penalties(p, a):
+            factorize(p, a.e, bounded)
+            solve(p, a.e, a.target, bounded, plan)
         else:
             if not factored:
                 factorize(p, a.e, free)

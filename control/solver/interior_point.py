@@ -69,21 +69,21 @@ def product(b: Barrier, side: int, k: int, row: int, centring: float) -> float:
 
 
 @compiled(PROBLEM, MATRIX, BARRIER, NUMBER)
-def set_barrier_pulls(p: OptimalControlProblem, y: Array, b: Barrier, centring: float) -> None:
+def set_barrier_weights(p: OptimalControlProblem, y: Array, b: Barrier, centring: float) -> None:
     """Set weights and targets of the sweep."""
     for k in range(y.shape[0]):
         for row in range(y.shape[1]):
             if p.s[k, row] == 0.0:
                 continue
-            weight = pull = 0.0
+            weight = gradient = 0.0
             for side in range(2):
                 t, z = b.t[side, k, row], b.z[side, k, row]
                 scale = t + z / p.s[k, row]
                 force = z + (z * b.gap[side, k, row] - product(b, side, k, row, centring)) / scale
                 weight += z / scale
-                pull += force if side == 0 else -force
+                gradient += force if side == 0 else -force
             b.e[k, row] = weight
-            b.target[k, row] = y[k, row] - pull / weight
+            b.target[k, row] = y[k, row] - gradient / weight
 
 
 @compiled(PROBLEM, MATRIX, MATRIX, BARRIER, NUMBER)
@@ -132,13 +132,13 @@ def iterate(
 ) -> None:
     """Do one predictor-corrector step; `plan` satisfies the dynamics before and after it."""
     b.dt[:] = b.dz[:] = 0.0
-    set_barrier_pulls(p, plan.y, b, 0.0)
+    set_barrier_weights(p, plan.y, b, 0.0)
     factorize(p, b.e, f)
     solve(p, b.e, b.target, f, trial)
     step = set_changes(p, plan.y, trial.y, b, 0.0)
     # The corrector adds the products of the predictor's changes.
     centring = remaining(b, step) ** 3 * complementarity
-    set_barrier_pulls(p, plan.y, b, centring)
+    set_barrier_weights(p, plan.y, b, centring)
     solve(p, b.e, b.target, f, trial)
     step = min(1.0, TO_BOUNDARY * set_changes(p, plan.y, trial.y, b, centring))
     for values, targets in zip(plan, trial, strict=True):

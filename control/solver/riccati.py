@@ -59,7 +59,7 @@ class RiccatiSolver:
         stages, rows, nx = p.C.shape
         nu = p.D.shape[2]
         self._shape = p.C.shape + p.D.shape
-        self._free, self._pulled = (
+        self._free, self._bounded = (
             Factor(np.empty((stages, nu, nx)), np.empty((stages, nu, nu)), np.empty((stages + 1, nx, nx)))
             for _ in range(2)
         )
@@ -70,7 +70,7 @@ class RiccatiSolver:
     def _iterate_active_set(self, p: OptimalControlProblem, plan: Trajectories) -> tuple[int, bool]:
         """Sweep until the active set stays; return the number of sweeps, and whether it does."""
         sweeps, converged, self._factored = iterate_active_set(
-            p, self._active, self._free, self._pulled, self._factored, plan
+            p, self._active, self._free, self._bounded, self._factored, plan
         )
         return sweeps, converged
 
@@ -93,5 +93,5 @@ class RiccatiSolver:
                 level = next(levels)
             if expired():
                 return inside, iteration, False
-            iterate(p, inside, trial, self._pulled, barrier, complementarity)
+            iterate(p, inside, trial, self._bounded, barrier, complementarity)
         return inside, self._max_iterations, False

@@ -1,7 +1,7 @@
 """One linear-quadratic sweep with extra weights e on the rows, from which all of the solver is built.
 
 `factorize` runs the Riccati recursion backwards, `solve` the vector recursion backwards and the dynamics
-forwards. Both treat a row that is pulled to a target as one more quadratic term, 1/2 e (y - target)^2.
+forwards. Both add the quadratic term 1/2 e (y - target)^2 of every row to the cost.
 """
 
 import math
@@ -134,7 +134,7 @@ def follow(p: OptimalControlProblem, k: int, plan: Trajectories) -> None:
 
 @compiled(PROBLEM, MATRIX, MATRIX, FACTOR, TRAJECTORIES)
 def solve(p: OptimalControlProblem, e: Array, target: Array, f: Factor, plan: Trajectories) -> None:
-    """Minimise with the factor of `e`, which pulls rows to `target`; both of shape (N, ny)."""
+    """Minimise with the factor of `e`, the weights of the distances to `target`; both of shape (N, ny)."""
     stages, nx, nu = p.B.shape
     ahead, gradient, h = np.zeros(nx), np.empty(nx), np.empty(nu)
     for i in range(nx):
@@ -152,12 +152,12 @@ def solve(p: OptimalControlProblem, e: Array, target: Array, f: Factor, plan: Tr
             for i in range(nu):
                 h[i] += p.B[k, m, i] * ahead[m]
         for row in range(e.shape[1]):
-            pull = -(p.W[k, row] * p.r[k, row] + e[k, row] * target[k, row])
-            if pull != 0.0:
+            linear = -(p.W[k, row] * p.r[k, row] + e[k, row] * target[k, row])
+            if linear != 0.0:
                 for i in range(nx):
-                    gradient[i] += p.C[k, row, i] * pull
+                    gradient[i] += p.C[k, row, i] * linear
                 for i in range(nu):
-                    h[i] += p.D[k, row, i] * pull
+                    h[i] += p.D[k, row, i] * linear
         set_vector(ahead, gradient)
         for m in range(nu):
             for i in range(nx):
