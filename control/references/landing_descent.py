@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from rcopterx.control.references.quintic import PEAK_TO_MEAN_SPEED
-from rcopterx.control.references.set_points import Transition, smooth_move, way_through
+from rcopterx.control.references.set_points import Transition, smooth_move, transition_through
 from rcopterx.control.references.trajectory import COLUMNS, POSITION, VELOCITY, YAW
 from rcopterx.vehicles.state import Array, Z
 
@@ -35,4 +35,4 @@ def descent(start_m: Array, floor_m: float, yaw_rad: float, start_s: float) -> T
         knot[POSITION], knot[YAW] = place_m, yaw_rad
     flare[POSITION][Z] = floor_m + FLARE_M
     flare[VELOCITY][Z] = -TOUCHDOWN_SPEED_M_S
-    return way_through(start_s, (0.0, begin), (fast_s, flare), (fast_s + slow_s, end))
+    return transition_through(start_s, (0.0, begin), (fast_s, flare), (fast_s + slow_s, end))

@@ -97,7 +97,7 @@ def smooth_move(
     begin[POSITION], end[POSITION] = start_m, end_m
     begin[YAW] = end[YAW] = yaw_rad
     duration_s = max(PEAK_TO_MEAN_SPEED * float(np.linalg.norm(end_m - start_m)) / peak_speed_m_s, 1e-3)
-    return way_through(start_s, (0.0, begin), (duration_s, end))
+    return transition_through(start_s, (0.0, begin), (duration_s, end))
 
 
 def smooth_way(
@@ -121,7 +121,7 @@ def smooth_way(
         duration_s, used = _gentle_way(limits, row, end[None])
         if used <= 1.0:
             knots = [(number * _WAIT_S, rows[number]) for number in range(wait + 1)]
-            return way_through(time_s, *knots, (wait * _WAIT_S + duration_s, end))
+            return transition_through(time_s, *knots, (wait * _WAIT_S + duration_s, end))
     begin = rows[0]
     stops = np.tile(begin, (len(_DURATIONS_S), 1))
     stops[:, 4:] = 0.0
@@ -131,7 +131,7 @@ def smooth_way(
     stop_s, _ = _gentle_way(limits, begin, stops)
     stop = stops[np.searchsorted(_DURATIONS_S, stop_s)]
     duration_s, _ = _gentle_way(limits, stop, end[None])
-    return way_through(time_s, (0.0, begin), (stop_s, stop), (stop_s + duration_s, end))
+    return transition_through(time_s, (0.0, begin), (stop_s, stop), (stop_s + duration_s, end))
 
 
 def _gentle_way(limits: ProfileLimits, begin: Array, ends: Array) -> tuple[float, float]:
@@ -145,6 +145,6 @@ def _gentle_way(limits: ProfileLimits, begin: Array, ends: Array) -> tuple[float
     return float(_DURATIONS_S[best]), float(used[best])
 
 
-def way_through(start_s: float, *knots: tuple[float, Array]) -> Transition:
-    """Return a way through times after `start_s` [s] and rows of a trajectory, shape (12,)."""
+def transition_through(start_s: float, *knots: tuple[float, Array]) -> Transition:
+    """Return a transition through times after `start_s` [s] and rows of a trajectory, shape (12,)."""
     return Transition(FlightPath(np.array([[time_s, *row] for time_s, row in knots])), start_s)
