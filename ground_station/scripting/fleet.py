@@ -23,7 +23,7 @@ from rcopterx.ground_station.scripting.notes import capacity_notes
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.regroup import formation_leader, regroup, role, swapped
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
-from rcopterx.ground_station.scripting.waiting import NotReachedError, arrived_after
+from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, arrived_after
 
 if TYPE_CHECKING:
     from rcopterx.deploy.hosts.launcher import Launcher
@@ -206,12 +206,13 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         others = [name for name in self.present() if name not in killed]
         try:
             self.wait_ready(others, timeout_s=STAY_BEHIND_S)
+        except StoppedError:
+            raise
         except NotReachedError:
-            behind = {name: self.problems([name]) for name in self.present()}
-            if all(behind.values()):
-                self.wait_ready()
-                return {}
-            return {name: lines for name, lines in behind.items() if lines}
+            behind = {name: lines for name in self.present() if (lines := self.problems([name]))}
+            if not behind.keys() >= set(others):
+                return behind
+            self.wait_ready(others)
         return {name: self.problems([name]) for name in killed}
 
     def _wait_for_capacity(self) -> None:

@@ -14,7 +14,7 @@ from rcopterx.bus.session import (
 )
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import RefusedError, lines_of
-from rcopterx.ground_station.scripting.waiting import NotReachedError
+from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, stopped_by
 
 Vehicles = dict[str, ScriptedVehicle]
 
@@ -217,3 +217,29 @@ def test_a_killed_vehicle_stays_behind_at_once_when_everybody_takes_off(
     wait_for(lambda: fleet["h1"].state.transmitter_state == "killed", "not seen killed")
     with pytest.raises(RefusedError, match="killed: h1, h2; reset first"):
         fleet.take_off()
+
+
+def test_a_killed_vehicle_stays_behind_although_the_others_take_long_to_start(
+    fleet: Fleet, vehicles: Vehicles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcopterx.ground_station.scripting.fleet.STAY_BEHIND_S", 0.05)
+    vehicles["h1"].ready, vehicles["h2"].state = False, "killed"
+    wait_for(lambda: len(fleet.problems()) == 2, "not seen killed and not ready")
+    wait_ready = fleet.wait_ready
+
+    def ready_later(names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
+        vehicles["h1"].ready = timeout_s > 1.0
+        wait_ready(names, timeout_s)
+
+    monkeypatch.setattr(fleet, "wait_ready", ready_later)
+    assert fleet.take_off() == ["h2: killed (scripted); reset it first"]
+    assert phases(vehicles) == ["flying", "ground"]
+
+
+def test_ctrl_c_during_a_take_off_that_waits_starts_no_vehicle(fleet: Fleet, vehicles: Vehicles) -> None:
+    vehicles["h1"].ready, ctrl_c = False, threading.Event()
+    wait_for(lambda: bool(fleet.problems()), "not seen as not ready")
+    ctrl_c.set()
+    with stopped_by(ctrl_c), pytest.raises(StoppedError):
+        fleet.take_off()
+    assert vehicles["h2"].verbs == []
