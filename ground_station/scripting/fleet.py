@@ -162,6 +162,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         else:
             behind, vehicles = {}, wanted
             self.wait_ready(vehicles)
+        self._left_behind = (self._left_behind | behind.keys()) - set(vehicles)
         self._wait_for_capacity()
         self.arm(vehicles)
         for name in vehicles:

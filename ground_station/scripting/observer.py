@@ -90,6 +90,7 @@ class Observer:
         self._latency: LatencyWatch | None = None
         self._watching = threading.Lock()
         self._motion: Motion | None = None
+        self._left_behind: frozenset[str] = frozenset()  # by a take-off, on the floor
 
     def _join(self, clock: Callable[[], float] | None, timeout_s: float) -> None:
         address = bus_address(self.file, self._host, self._process)
@@ -343,11 +344,7 @@ class Observer:
             They were not within `timeout_s`; says what is missing of each.
         """
         self._wait_for_places(
-            names,
-            lambda state: formation_problem(state, tolerance_m),
-            timeout_s,
-            "no formation",
-            followers=True,
+            names, lambda state: formation_problem(state, tolerance_m), timeout_s, followers=True
         )
 
     def wait_for_arrival(
@@ -361,7 +358,7 @@ class Observer:
             They were not within `timeout_s`; says how far each one is away.
         """
         self._wait_for_places(
-            names, lambda state: arrival_problem(state, tolerance_m), timeout_s, "not there", followers=False
+            names, lambda state: arrival_problem(state, tolerance_m), timeout_s, followers=False
         )
 
     def _wait_for_places(
@@ -369,15 +366,17 @@ class Observer:
         names: Iterable[str] | None,
         problem: Callable[[VehicleState], str],
         timeout_s: float,
-        what: str,
         followers: bool,
     ) -> None:
         """Wait until new states show no problem of any vehicle, or of all followers, or of all others."""
+        what = "no formation" if followers else "not there"
         wanted = self.present() if names is None else named(self.file, names)
         from_s = self.session.clock() + UNDER_WAY_S
 
         def problem_of(name: str) -> str:
             state = self.state_of(name)
+            if names is None and name in self._left_behind and not state.airborne:
+                return ""
             if not arrived_after(from_s, state.agent_age_s, self.session.clock()):
                 return f"{name}: agent not responding"
             return "" if names is None and bool(state.assigned) != followers else problem(state)

@@ -82,6 +82,24 @@ def test_words_from_before_the_question_do_not_count(fleet: Fleet, vehicles: Veh
         fleet.wait_for_formation(timeout_s=0.3)
 
 
+@pytest.mark.parametrize("wait", [Fleet.wait_for_formation, Fleet.wait_for_arrival])
+def test_places_of_vehicles_that_a_take_off_left_behind_are_not_waited_for(
+    fleet: Fleet, vehicles: Vehicles, wait: Callable[..., None]
+) -> None:
+    vehicles["h2"].state = "killed"
+    if wait is Fleet.wait_for_formation:
+        vehicles["h2"].assigned = (LINK,)
+    wait_for(lambda: bool(fleet.problems(["h2"])), "not seen killed")
+    assert len(fleet.take_off()) == 1
+    vehicles["h1"].plan_at((0.0, 0.0, 0.0))
+    wait(fleet, timeout_s=10.0)
+    with pytest.raises(NotReachedError, match="h2: ground"):
+        wait(fleet, ["h2"], timeout_s=0.3)
+    vehicles["h2"].phase = "landing"
+    with pytest.raises(NotReachedError, match="h2: landing"):
+        wait(fleet, timeout_s=0.3)
+
+
 def test_an_arrival_is_waited_for_and_the_way_that_is_left_is_told(fleet: Fleet, vehicles: Vehicles) -> None:
     flying_formation(vehicles)
     fleet["h1"].go_to((0.3, 0.0, 1.0), 1.0)
