@@ -286,7 +286,7 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         self.wait_until(lambda: name not in self.present(), timeout_s, f"{name} does not leave")
 
     def land(self, names: Iterable[str] | None = None, timeout_s: float = 15.0) -> None:
-        """Land and disarm vehicles, by default every one that is in the air.
+        """Land and disarm vehicles, by default all, also those that stand armed.
 
         Raises
         ------
