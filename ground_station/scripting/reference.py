@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from rcopterx.bus.message import Setting
+from rcopterx.bus.message import Parameters, Setting
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.ground_station.scripting.state import VehicleState
@@ -16,6 +16,7 @@ BEGIN: Final = "<!-- begin: python -m rcopterx.ground_station.scripting.referenc
 END: Final = "<!-- end -->\n"
 PAGE: Final = Path(__file__).resolve().parents[2] / "docs" / "scripting.md"
 CLASSES: Final = (Fleet, Vehicle, VehicleState)
+ALIASES: Final = {"Parameters": Parameters, "Setting": Setting}  # the outer one first
 INTERNAL: Final = frozenset({"statuses", "frame_period_s"})
 
 
@@ -50,8 +51,11 @@ def _call(name: str, function: object) -> str:
     signature = inspect.signature(function)
     kept = [parameter for parameter in signature.parameters.values() if parameter.name != "self"]
     text = str(signature.replace(parameters=kept, return_annotation=inspect.Signature.empty))
-    text = _short(text).replace(_short(inspect.formatannotation(Setting)), "Setting").replace("|", "\\|")
-    return f"`{name}{text}` | {_purpose(function)}"
+    text = _short(text)
+    for alias, annotation in ALIASES.items():
+        text = text.replace(_short(inspect.formatannotation(annotation)), alias)
+    escaped = text.replace("|", "\\|")
+    return f"`{name}{escaped}` | {_purpose(function)}"
 
 
 def _short(text: str) -> str:

@@ -53,3 +53,8 @@ def test_every_public_call_is_listed(kind: type) -> None:
     for name, _ in inspect.getmembers(kind, inspect.isroutine):
         if not name.startswith("_") and name not in ("statuses", "frame_period_s"):
             assert f"| `{name}(" in listed
+
+
+def test_types_of_arguments_have_their_names() -> None:
+    assert "| `use_model(parameters: Parameters)` |" in reference()
+    assert "Meta(" not in reference()
