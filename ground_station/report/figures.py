@@ -19,7 +19,6 @@ from rcopterx.bus.host_messages import LaboratoryVehicle, RouterStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Applied, Diagnostics, Plan, Pose
 from rcopterx.control.interfaces import Measurement
-from rcopterx.ground_station.geometry import inertial_offset
 from rcopterx.ground_station.report.frames import epoch_offsets, restart_offsets, shifted
 from rcopterx.ground_station.report.latency import clock_offset, stage_times_ms
 from rcopterx.ground_station.report.recorder import Recording
@@ -219,8 +218,7 @@ class FlightFigures:
             apart[3] = math.remainder(apart[3], 2 * math.pi)
             frames.append(plan.frame)
             flown.append(apart)
-            offset_m = inertial_offset(link, float(other[plan.frame][3]))
-            wanted.append(np.array([*offset_m, link.yaw_offset_rad]))
+            wanted.append(station([link], [other[plan.frame]]) - other[plan.frame])
         numbers = np.array(frames, dtype=np.int64)
         return numbers, np.array(flown).reshape(-1, 4), np.array(wanted).reshape(-1, 4)
 
