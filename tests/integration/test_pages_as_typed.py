@@ -174,8 +174,12 @@ BEFORE = {
     },
     "mavlink.md": {"rcopterx up lab.toml": [f"cp {FLEETS}/families.toml lab.toml"]},
     "motion_capture.md": {
-        "rcopterx tracker": [LAB, "rcopterx up lab.toml"],
-        "rcopterx replay-tracker": ["until [ -s session.raw ]; do sleep 0.1; done"],
+        "rcopterx replay-tracker": [
+            LAB,
+            "sed -i 's/^.tracker.$/&\\nrecord_raw = \"session.raw\"/' lab.toml",
+            "rcopterx up lab.toml",
+            "until [ -s session.raw ]; do sleep 0.1; done",
+        ],
     },
     "multi-host.md": {
         "rcopterx host lab.toml --host main": [LAB, HOSTS, "rcopterx certs lab.toml"],
