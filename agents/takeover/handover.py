@@ -20,7 +20,7 @@ from rcopterx.agents.takeover.lease import ControlLease
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus import channels
-from rcopterx.bus.intent import FlownBy, Intent, OffsetMove
+from rcopterx.bus.intent import Intent, OffsetMove
 from rcopterx.bus.message import FloatArray
 from rcopterx.bus.messages import SetPoint
 from rcopterx.bus.requests import Recall, RecallReply
@@ -105,13 +105,6 @@ def task_of(intent: Intent, time_s: float, passed_s: float) -> Task:
     # Else others replaced lost leaders; the successor decides again whether they still have to.
     interrupted = None if intent.interrupted is None else Phase(intent.interrupted)
     return Task(Phase(intent.phase), source, followed, assigned, joined, intent.floor_m, interrupted)
-
-
-def configuration_of(flown: Intent | FlownBy) -> Configuration:
-    """Return controller, estimator and model of a predecessor."""
-    return Configuration(
-        flown.controller, flown.estimator, flown.controller_settings, flown.estimator_settings, flown.model
-    )
 
 
 def passed_s(intent: Intent, age_s: float, clock: FleetClock) -> float:
@@ -221,15 +214,15 @@ class Handover:
         """Restore the configuration of the predecessor, unless it is what ends the process."""
         if self._quick_deaths >= DEFAULTS_AFTER:
             return
-        wanted = configuration_of(intent)
+        wanted = Configuration.reported(intent)
         if self._quick_deaths >= PREVIOUS_AFTER and intent.previous is not None:
-            wanted = configuration_of(intent.previous)
+            wanted = Configuration.reported(intent.previous)
             self._tuning.remark = (
                 f"the agent died {self._quick_deaths + 1} times in a row; the last change of controller or "
                 "settings is withdrawn"
             )
         elif intent.previous is not None:
-            self._tuning.previous = configuration_of(intent.previous)
+            self._tuning.previous = Configuration.reported(intent.previous)
         self._tuning.restore(wanted)
 
     def publish(self) -> None:

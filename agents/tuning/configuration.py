@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from rcopterx.bus.intent import FlownBy
+from rcopterx.bus.intent import FlownBy, Intent
 from rcopterx.bus.message import Parameters, Setting
 from rcopterx.bus.messages import Diagnostics
 from rcopterx.control.interfaces import Controller, Estimator
@@ -48,15 +48,9 @@ class Configuration:
             object.__setattr__(self, name, plain)
 
     @classmethod
-    def reported(cls, diagnostics: Diagnostics) -> "Configuration":
-        """The configuration that an agent reports in its status."""
-        return cls(
-            diagnostics.controller,
-            diagnostics.estimator,
-            diagnostics.controller_settings,
-            diagnostics.estimator_settings,
-            diagnostics.model,
-        )
+    def reported(cls, by: Diagnostics | Intent | FlownBy) -> "Configuration":
+        """The configuration that an agent reports in its status or its intent."""
+        return cls(by.controller, by.estimator, by.controller_settings, by.estimator_settings, by.model)
 
     @property
     def message(self) -> FlownBy:

@@ -13,7 +13,7 @@ from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.task import Task
 from rcopterx.agents.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.agents.phases import Event, Phase
-from rcopterx.agents.takeover.handover import configuration_of, intent_of, passed_s, task_of
+from rcopterx.agents.takeover.handover import intent_of, passed_s, task_of
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.intent import Intent
@@ -199,7 +199,7 @@ def test_a_landing_goes_on_where_it_was() -> None:
 
 def test_settings_are_those_of_before() -> None:
     task = Task(Phase.FLYING, SetPointReference(np.zeros(3), 0.0), (), (), frozenset(), 0.0)
-    assert configuration_of(received_intent(task, 0.0)) == CONFIGURATION
+    assert Configuration.reported(received_intent(task, 0.0)) == CONFIGURATION
 
 
 @pytest.mark.parametrize(("epoch", "expected_s"), [(7, 0.5), (8, 0.3)])
