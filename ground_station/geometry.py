@@ -7,6 +7,7 @@ from typing import Final
 import msgspec
 import numpy as np
 
+from rcopterx.agents.formation.topology import station
 from rcopterx.bus.messages import LeaderLink, Plan
 from rcopterx.vehicles.state import Array, three, turned_about_z
 
@@ -34,16 +35,11 @@ def box_edges(low: Array, high: Array) -> Array:
     return np.array([(corners[i], corners[i | bit]) for bit in (1, 2, 4) for i in range(8) if not i & bit])
 
 
-def inertial_offset(link: LeaderLink, leader_yaw_rad: float) -> Array:
-    """Offset from a leader with this heading in the inertial frame, shape (3,) [m]."""
-    return turned_about_z(np.array(link.offset_m), leader_yaw_rad if link.frame == "heading" else 0.0)
-
-
 def place_beside(
     link: LeaderLink, leader_m: Sequence[float], leader_yaw_rad: float
 ) -> tuple[float, float, float]:
     """Place of a follower in the inertial frame [m]."""
-    return three(np.array(leader_m) + inertial_offset(link, leader_yaw_rad))
+    return three(station([link], [np.array([*leader_m, leader_yaw_rad])])[:3])
 
 
 def link_to(
