@@ -89,13 +89,13 @@ def test_an_answer_that_cannot_be_read_is_asked_for_again(tmp_path: Path, ports:
     answers = "127.0.0.1\n127.0.0.1:99999\n127.0.0.1:1\nheli7\n/dev/ttyACM0\n-1,-1\n-1,-1,0\nwide\n1,1,2\n"
     result = new_lab(tmp_path / "lab.toml", answers=answers)
     assert result.exit_code == 0, result.output
-    for told in (
+    for complaint in (
         "'127.0.0.1' is not HOST:PORT",
         "'127.0.0.1:99999' is not HOST:PORT",
         "'-1,-1': three numbers",
         "'wide': three numbers",
     ):
-        assert told in result.stderr
+        assert complaint in result.stderr
     assert load_fleet(tmp_path / "lab.toml").volume.min_m == (-1.0, -1.0, 0.0)
 
 
