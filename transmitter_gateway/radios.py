@@ -12,13 +12,14 @@ from pathlib import Path
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.bus.turns import Turns
+from rcopterx.transmitter_gateway.background import at_once, in_thread
 from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, UsbDevice, crazyradio, find_dongle
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.port import Port
 from rcopterx.transmitter_gateway.protocols.crtp import RADIO, RadioAddress
 from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
-from rcopterx.transmitter_gateway.serial_port import SerialPort, in_thread
+from rcopterx.transmitter_gateway.serial_port import SerialPort
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import StatePage, open_page, page_of_process
 from rcopterx.transmitter_gateway.transmitter import Transmitter
@@ -31,13 +32,12 @@ def port_for(
     dongles: Callable[[int], UsbDevice] = find_dongle,
 ) -> Port:
     """Return a port for a transmitter, not yet opened; `dongles` finds Crazyradios by their number."""
+    start = at_once if clock.lockstep else in_thread
     if settings.port.startswith(UDP) and isinstance(settings.protocol, SetPointRadio):
-        return UdpPort(settings.port, settings.protocol)
+        return UdpPort(settings.port, settings.protocol, start)
     if settings.port.startswith(RADIO):
         address = RadioAddress.of(settings.port)
         return CrazyradioPort(settings.port, address, crazyradio(address.dongle, dongles, clock))
-    # In lockstep no time passes while a port opens.
-    start = (lambda work: work()) if clock.lockstep else in_thread
     return SerialPort(settings.port, settings.protocol.line, start)
 
 

@@ -9,14 +9,13 @@ import os
 import select
 import struct
 import termios
-from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
-from threading import Thread
 
 import serial
 
+from rcopterx.transmitter_gateway.background import Start, begin, in_thread
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 from rcopterx.transmitter_gateway.protocols.base import SerialLine
 
@@ -52,11 +51,6 @@ def reason_of(error: Exception) -> str:
     return REASONS.get(number, os.strerror(number))
 
 
-def in_thread(work: Callable[[], None]) -> None:
-    """Run `work` in a thread of its own, which does not keep the process from ending."""
-    Thread(target=work, name="serial port", daemon=True).start()
-
-
 class SerialPort(Port):
     """A serial device; see `Port`.
 
@@ -67,9 +61,7 @@ class SerialPort(Port):
     `start`: runs openings and closings, which an adapter can block for seconds.
     """
 
-    def __init__(
-        self, path: str, line: SerialLine, start: Callable[[Callable[[], None]], None] = in_thread
-    ) -> None:
+    def __init__(self, path: str, line: SerialLine, start: Start = in_thread) -> None:
         super().__init__(path)
         self.line = line
         self._start = start
@@ -102,8 +94,8 @@ class SerialPort(Port):
             return False
         try:
             if self._opening is None:
-                self._opening, self._opening_since_s = Future(), now_s
-                self._start(partial(_complete, self._opening, partial(open_serial, self.path, self.line)))
+                self._opening_since_s = now_s
+                self._opening = begin(self._start, partial(open_serial, self.path, self.line))
             if not self._opening.done():
                 if now_s > self._opening_since_s + SLOW_OPENING_S:
                     self.problem = f"{self.path} does not open; unplug the adapter"
@@ -211,13 +203,6 @@ def open_serial(path: str, line: SerialLine) -> serial.Serial:
         port.close()
         raise
     return port
-
-
-def _complete(opening: Future[serial.Serial], work: Callable[[], serial.Serial]) -> None:
-    try:
-        opening.set_result(work())
-    except Exception as error:  # noqa: BLE001 - it is raised where the port is awaited
-        opening.set_exception(error)
 
 
 def _shut(port: serial.Serial) -> None:

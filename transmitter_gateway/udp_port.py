@@ -1,9 +1,14 @@
 """Vehicles behind a UDP port."""
 
+import ipaddress
+import math
 import socket
+from concurrent.futures import Future
 from contextlib import suppress
+from functools import partial
 from typing import Final
 
+from rcopterx.transmitter_gateway.background import Start, begin, in_thread
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
 from rcopterx.transmitter_gateway.protocols.base import ProtocolError
 from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
@@ -11,6 +16,7 @@ from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
 UDP: Final = "udp://"
 LONGEST_DATAGRAM: Final = 2048
 PROBE_S: Final = 0.05
+LOOK_UP_S: Final = 2.0  # between two look-ups of a name while nothing answers at its last address
 MOST_AT_ONCE: Final = 64  # datagrams, so that a flood keeps no other vehicle waiting
 
 
@@ -22,13 +28,33 @@ def udp_address(path: str) -> tuple[str, int]:
     return host, int(port)
 
 
-class UdpPort(Port):
-    """A socket that is open from a probe's first answer until the other end is gone."""
+Address = tuple[str, int]
 
-    def __init__(self, path: str, protocol: SetPointRadio) -> None:
+
+def look_up(host: str, port: int) -> Address:
+    """Return the address of a host name; raises `OSError`. It may block."""
+    try:
+        return str(socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)[0][4][0]), port
+    except UnicodeError as error:  # a label of the name is empty or too long
+        raise OSError(f"{host!r} is no host name: {error}") from None
+
+
+class UdpPort(Port):
+    """A socket that is open from a probe's first answer until the other end is gone.
+
+    `start`: runs look-ups of names, which a name service can block for seconds. The address found is kept;
+    while nothing answers there, the name is looked up again.
+    """
+
+    def __init__(self, path: str, protocol: SetPointRadio, start: Start = in_thread) -> None:
         super().__init__(path)
         self._protocol = protocol
-        self._address = udp_address(path)
+        self._host, number = udp_address(path)
+        self._look_up, self._start = partial(look_up, self._host, number), start
+        named = not _is_address(self._host)
+        self._address: Address | None = None if named else (self._host, number)
+        self._look_up_at_s = -math.inf if named else math.inf
+        self._looking_up: Future[Address] | None = None
         self._socket: socket.socket | None = None
 
     def fileno(self) -> int | None:
@@ -40,7 +66,10 @@ class UdpPort(Port):
         if self.is_open or (now_s < self._next_attempt_s and self._socket is None):
             return False
         try:
-            if self._socket is None:
+            self._find(now_s)
+            if self._address is None:
+                self._next_attempt_s = now_s + PROBE_S
+            elif self._socket is None:
                 self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
                 self._socket.setblocking(False)
                 self._socket.bind(("", self._protocol.local_port))
@@ -49,13 +78,32 @@ class UdpPort(Port):
                 self.problem = None
                 self.counters["openings"] += 1
                 return True
-            if now_s >= self._next_attempt_s:
+            if self._socket is not None and now_s >= self._next_attempt_s:
                 self._socket.send(self._protocol.probe())
                 self._next_attempt_s = now_s + PROBE_S
-            self.problem = f"no answer from {self.path}"
-        except OSError as error:
+                self.problem = f"no answer from {self.path}"
+        except (OSError, RuntimeError) as error:
             self._lose(error, now_s)
         return False
+
+    def _find(self, now_s: float) -> None:
+        """Look the name up, if there is one and it is time."""
+        found = self._looking_up
+        if found is None and now_s >= self._look_up_at_s:
+            self._look_up_at_s = now_s + LOOK_UP_S
+            found = self._looking_up = begin(self._start, self._look_up)
+        if found is None:
+            return
+        if not found.done():
+            if self._address is None:
+                self.problem = f"{self.path}: the name service has not found {self._host} yet"
+            return
+        self._looking_up, error = None, found.exception()
+        if error is None and found.result() != self._address:
+            self.close()
+            self._address = found.result()
+        elif error is not None and self._address is None:
+            self.problem = _text(self.path, error)
 
     def _write(self, frame: bytes, now_s: float) -> WriteOutcome:
         if self._socket is None or not self.is_open:
@@ -88,11 +136,11 @@ class UdpPort(Port):
                 packets.append(self._socket.recv(LONGEST_DATAGRAM))
         return [packet for packet in packets if packet]
 
-    def _lose(self, error: OSError, now_s: float) -> None:
+    def _lose(self, error: BaseException, now_s: float) -> None:
         if self.is_open:
             self.counters["losses"] += 1
         self.close()
-        self.problem = f"{self.path}: {error.strerror or error}"
+        self.problem = _text(self.path, error)
         self._next_attempt_s = now_s + PROBE_S
 
     def close(self) -> None:
@@ -100,3 +148,15 @@ class UdpPort(Port):
         if self._socket is not None:
             self._socket.close()
         self._socket, self.problem = None, "closed"
+
+
+def _text(path: str, error: BaseException) -> str:
+    return f"{path}: {getattr(error, 'strerror', None) or error}"
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ipaddress.IPv4Address(host)
+    except ValueError:
+        return False
+    return True

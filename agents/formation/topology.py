@@ -79,25 +79,29 @@ def places(links: FormationGraph, heads: Mapping[str, Array]) -> dict[str, Array
     Vehicles whose leaders' places are unknown are left out; several leaders give a weighted mean.
     """
     found: dict[str, Array] = {}
-
-    def visit(name: str) -> Array | None:
-        if name in found:
-            return found[name]
-        own = links.get(name, ())
-        if not own:
-            place = heads.get(name)
-        else:
-            leading = [visit(link.leader) for link in own]
-            known = [leader for leader in leading if leader is not None]
-            place = station(own, known) if len(known) == len(own) else None
-        if place is not None:
-            found[name] = place
-        return place
-
     if not cycle(links):
         for name in links:
-            visit(name)
+            _find_place(name, links, heads, found)
     return found
+
+
+def _find_place(
+    name: str, links: FormationGraph, heads: Mapping[str, Array], found: dict[str, Array]
+) -> Array | None:
+    """Add the place of a vehicle, and those of its leaders, to `found`."""
+    # An inner function that called itself would leave a reference cycle for a garbage collector that is off.
+    if name in found:
+        return found[name]
+    own = links.get(name, ())
+    if not own:
+        place = heads.get(name)
+    else:
+        leading = [_find_place(link.leader, links, heads, found) for link in own]
+        known = [leader for leader in leading if leader is not None]
+        place = station(own, known) if len(known) == len(own) else None
+    if place is not None:
+        found[name] = place
+    return place
 
 
 def station(following: Iterable[LeaderLink], leading: Iterable[Array]) -> Array:

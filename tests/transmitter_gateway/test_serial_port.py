@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 import serial
+from support.garbage import no_garbage
 from support.waiting import wait_for
 
 from rcopterx.transmitter_gateway import serial_port
@@ -379,3 +380,10 @@ def test_system_without_another_thread_is_a_problem_and_keeps_no_port_open(devic
     port.close()
     with pytest.raises(OSError, match="Bad file descriptor"):
         os.fstat(descriptor)
+
+
+def test_a_device_that_is_missing_leaves_no_reference_cycles(tmp_path: Path) -> None:
+    port = SerialPort(str(tmp_path / "missing"), LINE, call)
+    with no_garbage():
+        for turn in range(100):
+            assert not port.service(2 * turn * RETRY_S)

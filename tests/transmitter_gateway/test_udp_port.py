@@ -1,9 +1,13 @@
-"""Promises of UDP ports: a successor is found at the port number of its own, long datagrams are rejected."""
+"""Promises of UDP ports: names are looked up beside the loop, a successor is found at the port number of its
+own, long datagrams are rejected.
+"""
 
 import socket
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 
 import pytest
+from support.garbage import no_garbage
 from support.udp import udp_paths
 from support.waiting import wait_for
 
@@ -11,7 +15,7 @@ from rcopterx.transmitter_gateway.protocols import crtp
 from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
 from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
 from rcopterx.transmitter_gateway.protocols.mavlink_settings import MavlinkSettings
-from rcopterx.transmitter_gateway.udp_port import PROBE_S, UdpPort, udp_address
+from rcopterx.transmitter_gateway.udp_port import LOOK_UP_S, PROBE_S, UdpPort, udp_address
 
 
 @pytest.fixture
@@ -63,3 +67,122 @@ def test_a_datagram_that_is_too_long_is_counted_and_those_beside_it_are_read(veh
     wait_for(ready, "the state does not arrive")
     assert protocol.counters == {"crtp: packet that is empty or longer than 31 bytes": 2}
     port.close()
+
+
+class NameService:
+    """Holds look-ups back until `answer` gives an address, or an error."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._waiting: list[Callable[[], None]] = []
+        self.found: str | OSError = socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+        monkeypatch.setattr(socket, "getaddrinfo", self._look_up)
+
+    def _look_up(self, *_: object) -> list[object]:
+        if isinstance(self.found, OSError):
+            raise self.found
+        return [(socket.AF_INET, socket.SOCK_DGRAM, 17, "", (self.found, 0))]
+
+    def start(self, work: Callable[[], None]) -> None:
+        """Instead of a thread."""
+        self._waiting.append(work)
+
+    @property
+    def asked(self) -> int:
+        """Number of look-ups that wait."""
+        return len(self._waiting)
+
+    def answer(self, found: str | OSError) -> None:
+        """Complete the look-ups that wait."""
+        self.found = found
+        while self._waiting:
+            self._waiting.pop()()
+
+
+@pytest.fixture
+def names(monkeypatch: pytest.MonkeyPatch) -> NameService:
+    return NameService(monkeypatch)
+
+
+def port_by_name(vehicle: socket.socket, names: NameService) -> UdpPort:
+    return UdpPort(f"udp://drone.lab:{vehicle.getsockname()[1]}", MavlinkProtocol(), names.start)
+
+
+def test_a_name_service_that_does_not_answer_delays_no_turn_of_the_loop(
+    vehicle: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_: time.sleep(3.0))
+    port = UdpPort(f"udp://drone.lab:{vehicle.getsockname()[1]}", MavlinkProtocol())
+    began_s = time.monotonic()
+    for turn in range(20):
+        assert not port.service(turn * PROBE_S)
+    assert time.monotonic() - began_s < 1.0
+    assert port.problem is not None
+    assert "the name service has not found drone.lab yet" in port.problem
+
+
+def test_a_vehicle_is_reached_once_its_name_is_found(vehicle: socket.socket, names: NameService) -> None:
+    port = port_by_name(vehicle, names)
+    assert not port.service(0.0)
+    names.answer("127.0.0.1")
+    assert not port.service(2 * PROBE_S)
+    _, sender = vehicle.recvfrom(2048)
+    vehicle.sendto(b"\xfd", sender)
+    wait_for(lambda: port.service(4 * PROBE_S), "the port does not open")
+    port.close()
+
+
+def test_an_unknown_name_is_a_problem_and_is_looked_up_again(
+    vehicle: socket.socket, names: NameService
+) -> None:
+    port = port_by_name(vehicle, names)
+    assert not port.service(0.0)
+    names.answer(names.found)
+    assert not port.service(2 * PROBE_S)
+    assert port.problem is not None
+    assert "Name or service not known" in port.problem
+    assert not port.service(LOOK_UP_S)
+    assert names.asked == 1
+    names.answer("127.0.0.1")
+    assert not port.service(LOOK_UP_S + 2 * PROBE_S)
+    assert vehicle.recvfrom(2048)[0]
+    port.close()
+
+
+def test_a_vehicle_that_returns_under_another_address_is_found(
+    vehicle: socket.socket, names: NameService
+) -> None:
+    port = port_by_name(vehicle, names)
+    assert not port.service(0.0)
+    names.answer("127.0.0.2")
+    assert not port.service(2 * PROBE_S)
+    assert not port.service(LOOK_UP_S)
+    names.answer("127.0.0.1")
+    assert not port.service(LOOK_UP_S + 2 * PROBE_S)
+    assert vehicle.recvfrom(2048)[0]
+    port.close()
+
+
+def test_a_name_service_that_fails_later_does_not_lose_the_address(
+    vehicle: socket.socket, names: NameService
+) -> None:
+    port = port_by_name(vehicle, names)
+    assert not port.service(0.0)
+    names.answer("127.0.0.1")
+    assert not port.service(2 * PROBE_S)
+    assert not port.service(LOOK_UP_S)
+    names.answer(OSError("no network"))
+    assert not port.service(LOOK_UP_S + 2 * PROBE_S)
+    assert port.problem is not None
+    assert "no answer from" in port.problem
+    port.close()
+
+
+def test_a_name_that_is_never_found_leaves_no_reference_cycles(
+    vehicle: socket.socket, names: NameService
+) -> None:
+    port = port_by_name(vehicle, names)
+    with no_garbage():
+        for turn in range(100):
+            assert not port.service(turn * LOOK_UP_S)
+            names.answer(names.found)
+            assert not port.service(turn * LOOK_UP_S + 2 * PROBE_S)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.garbage import no_garbage
 
 from rcopterx.agents.formation.topology import (
     TopologyError,
@@ -152,3 +153,9 @@ def test_only_those_who_get_other_leaders_are_told() -> None:
 def test_impossible_changes_of_roles_are_refused(first: str, second: str, words: str) -> None:
     with pytest.raises(TopologyError, match=words):
         exchanged(CHAIN, {}, first, second)
+
+
+def test_places_leave_no_reference_cycles() -> None:
+    with no_garbage():
+        for _ in range(100):
+            places(CHAIN, {"h1": np.zeros(4)})

@@ -1,0 +1,36 @@
+"""Work that can block for seconds, beside a loop that serves several vehicles."""
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+from threading import Thread
+from typing import TypeVar
+
+T = TypeVar("T")
+Start = Callable[[Callable[[], None]], None]
+
+
+def in_thread(work: Callable[[], None]) -> None:
+    """Run `work` in a thread of its own, which does not keep the process from ending."""
+    Thread(target=work, name="background", daemon=True).start()
+
+
+def at_once(work: Callable[[], None]) -> None:
+    """Run `work` now: in lockstep no time passes meanwhile."""
+    work()
+
+
+def begin(start: Start, work: Callable[[], T]) -> Future[T]:
+    """Let `start` run `work`; return its future result. `RuntimeError`: no further thread is allowed."""
+    result: Future[T] = Future()
+    start(partial(_complete, result, work))
+    return result
+
+
+def _complete(result: Future[T], work: Callable[[], T]) -> None:
+    try:
+        result.set_result(work())
+    except Exception as error:  # noqa: BLE001 - it is raised where the result is read
+        # Tracebacks lead to the result: cycles, which a loop without garbage collection would keep.
+        error.__traceback__ = error.__context__ = None
+        result.set_exception(error)
