@@ -21,16 +21,16 @@ from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.inputs import BumplessTransfer, InputHistory, as_sent
 from rcopterx.agents.flight.lift_off import LiftOff
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
-from rcopterx.agents.formation.law import LeaderPlan
 from rcopterx.agents.guards.estimator_guard import EstimatorGuard
 from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
-from rcopterx.agents.phases import EVENT_OF_STATE, Event, Phase
 from rcopterx.agents.separation.avoidance import Neighbour, PlanAvoidance, SeparationEllipsoid
 from rcopterx.control.identification.excitation import Exciter
 from rcopterx.control.interfaces import Controller, Estimate, Estimator
 from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.formation.law import LeaderPlan
 from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.phases import EVENT_OF_STATE, Event, Phase
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, Array, Z
 
 CONTROLLER_REPLACED: Final = "controller_replaced"  # counted when the default one takes its place

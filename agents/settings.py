@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits
-from rcopterx.agents.formation.placement import Room
-from rcopterx.agents.formation.succession import Succession
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.session import BusAddress
+from rcopterx.formation.placement import Room
+from rcopterx.formation.succession import Succession
 from rcopterx.vehicles.model import Model
 
 

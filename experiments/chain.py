@@ -13,7 +13,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rcopterx.agents.formation.topology import places
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.events import Event, GoTo
 from rcopterx.experiments.figures import finish_figure
@@ -22,6 +21,7 @@ from rcopterx.experiments.record import rms, rms_and_max_mm
 from rcopterx.experiments.rig import ROOM_M, SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx.experiments.schemes import CASCADE, Scheme
+from rcopterx.formation.topology import places
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array

@@ -7,7 +7,6 @@ from itertools import count
 from rich.table import Table
 from rich.text import Text
 
-from rcopterx.agents.phases import Phase
 from rcopterx.experiments.paper_sequence import fly_paper_sequence, leader_of
 from rcopterx.ground_station.report.figures import SETTLED_S, FlightFigures
 from rcopterx.ground_station.report.recorder import Recorder, Recording
@@ -15,6 +14,7 @@ from rcopterx.ground_station.report.statistics import rms_and_max
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
 from rcopterx.ground_station.scripting.waiting import Stop, StoppedError, stopped_by
+from rcopterx.vehicles.phases import Phase
 
 TURNS_PER_SEQUENCE = 3 * math.pi
 RECORDS_KEPT = 40_000

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcopterx.agents.following.leader_plans import followed_leader
-from rcopterx.agents.formation.law import LeaderPlan
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.set_points import ProfileLimits
+from rcopterx.formation.law import LeaderPlan
 from rcopterx.vehicles.tuples import Three
 
 

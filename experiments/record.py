@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.formation.topology import station
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.formation.topology import station
 from rcopterx.vehicles.state import YAW, Array
 
 UNKNOWN: Final = np.full(4, np.nan)

@@ -19,9 +19,6 @@ from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.cooperation import Sent, Unpacked
 from rcopterx.agents.estimation import OCCLUDED, StampedMeasurement
 from rcopterx.agents.following.leader_plans import link_message, target_link
-from rcopterx.agents.formation.law import LeaderPlan
-from rcopterx.agents.formation.placement import Room
-from rcopterx.agents.formation.profile_limits import profile_limits_of
 from rcopterx.agents.guards.step_guard import hovering_input
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.scheme_messages import scheme_message, unpacked
@@ -39,6 +36,9 @@ from rcopterx.control.interfaces import Measurement
 from rcopterx.experiments.events import Event, apply
 from rcopterx.experiments.network import PERFECT, LinkQuality, Network
 from rcopterx.experiments.record import UNKNOWN, FlightRecord, VehicleRecord, station_of
+from rcopterx.formation.law import LeaderPlan
+from rcopterx.formation.placement import Room
+from rcopterx.formation.profile_limits import profile_limits_of
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose

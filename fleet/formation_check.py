@@ -4,9 +4,9 @@ from itertools import combinations
 
 import numpy as np
 
-from rcopterx.agents.formation.topology import places, roots
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.fleet.schema import FleetError, FleetFile
+from rcopterx.formation.topology import places, roots
 from rcopterx.vehicles.state import Array
 
 TOLERANCE_M = 1e-6

@@ -7,8 +7,8 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from rcopterx.agents.formation.topology import station
 from rcopterx.bus.messages import LeaderLink, Plan
+from rcopterx.formation.topology import station
 from rcopterx.vehicles.state import Array, three, turned_about_z
 
 NOWHERE: Final = np.zeros((1, 2, 3))  # an invisible line

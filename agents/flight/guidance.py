@@ -9,14 +9,6 @@ import numpy as np
 
 from rcopterx.agents.flight.lift_off import Touchdown
 from rcopterx.agents.flight.task import Task, end_of
-from rcopterx.agents.formation.law import (
-    FollowedLeader,
-    LeaderPlan,
-    References,
-    offset_between,
-    references_beside,
-)
-from rcopterx.agents.phases import AIRBORNE, Event, Phase, next_phase
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.landing_descent import descent
 from rcopterx.control.references.paths import FlightPath
@@ -31,6 +23,14 @@ from rcopterx.control.references.set_points import (
     smooth_way,
 )
 from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.formation.law import (
+    FollowedLeader,
+    LeaderPlan,
+    References,
+    offset_between,
+    references_beside,
+)
+from rcopterx.vehicles.phases import AIRBORNE, Event, Phase, next_phase
 from rcopterx.vehicles.state import YAW, Array
 
 TAKE_OFF_SPEED_M_S = 0.6

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Final
 
-from rcopterx.agents.formation.law import FollowedLeader
-from rcopterx.agents.phases import Phase
 from rcopterx.control.references.set_points import ReferenceSource
+from rcopterx.formation.law import FollowedLeader
+from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import Array
 
 END_OF_TIME_S: Final = 1e9

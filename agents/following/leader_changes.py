@@ -12,13 +12,13 @@ import numpy as np
 
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader
 from rcopterx.agents.following.regrouping import Regrouping
-from rcopterx.agents.formation.placement import Room, offset_problem, place_problem
-from rcopterx.agents.formation.topology import ancestors, formation_of, in_words, line_between
-from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.bus.requests import CommitLeaders, Follow, PrepareLeaders, Reply, WithdrawLeaders
 from rcopterx.bus.session import Incoming
+from rcopterx.formation.placement import Room, offset_problem, place_problem
+from rcopterx.formation.topology import ancestors, formation_of, in_words, line_between
+from rcopterx.vehicles.phases import Phase
 
 FIRST_PLAN_LIMIT_S = 0.3
 RECENT_STATUS_S = 0.3  # age of a status, of which five arrive in a second, that announces a plan

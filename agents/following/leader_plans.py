@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
-from rcopterx.agents.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.vehicles.state import three
 
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from rcopterx.agents.flight.guidance import PLAN_LIMIT_S
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader, target_link
-from rcopterx.agents.formation.law import FollowedLeader, LeaderPlan
-from rcopterx.agents.formation.succession import (
+from rcopterx.agents.pilot import Pilot
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.formation.law import FollowedLeader, LeaderPlan
+from rcopterx.formation.succession import (
     Finding,
     FollowingMode,
     Policy,
@@ -17,9 +19,7 @@ from rcopterx.agents.formation.succession import (
     link_to_successor,
     successor_of,
 )
-from rcopterx.agents.phases import Phase
-from rcopterx.agents.pilot import Pilot
-from rcopterx.bus.messages import LeaderLink
+from rcopterx.vehicles.phases import Phase
 
 LATE_AFTER_S = 0.1  # age from which the newest plan counts as the last one
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.following.leader_plans import leader_plan
-from rcopterx.agents.formation.law import LeaderPlan
-from rcopterx.agents.formation.topology import FormationGraph, ancestors, formation_of, places, roots
-from rcopterx.agents.phases import Phase
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
 from rcopterx.bus.messages import AgentStatus, Plan
 from rcopterx.bus.subscription import Inbox
+from rcopterx.formation.law import LeaderPlan
+from rcopterx.formation.topology import FormationGraph, ancestors, formation_of, places, roots
+from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import Array
 
 FORMATION_SCALE: Final = 0.9  # fraction of the distance of two places in a formation that its vehicles keep

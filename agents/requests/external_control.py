@@ -4,13 +4,13 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.message import FloatArray
 from rcopterx.bus.messages import ControlTask, ExternalInput
 from rcopterx.bus.requests import TakeControl
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.controllers.external import ExternalController
+from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import Array, four
 
 

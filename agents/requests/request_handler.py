@@ -10,9 +10,6 @@ import numpy as np
 
 from rcopterx.agents.following.leader_changes import LeaderChanges, reply_of
 from rcopterx.agents.following.leader_plans import PeerStatuses, target_link
-from rcopterx.agents.formation.placement import Room, move_problem, take_off_problem
-from rcopterx.agents.formation.profile_limits import profile_limits_of
-from rcopterx.agents.formation.topology import FormationGraph, followers, formation_of, places
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.requests.external_control import ExternalControl
 from rcopterx.agents.settings import AgentSettings
@@ -41,6 +38,9 @@ from rcopterx.bus.session import Incoming
 from rcopterx.control.identification.excitation import Excitation
 from rcopterx.control.interfaces import AvoidsObstacles
 from rcopterx.control.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
+from rcopterx.formation.placement import Room, move_problem, take_off_problem
+from rcopterx.formation.profile_limits import profile_limits_of
+from rcopterx.formation.topology import FormationGraph, followers, formation_of, places
 from rcopterx.vehicles.state import Array
 
 CHECKED_EVERY_S: Final = 0.1  # between moments of a trajectory at which places of followers are checked

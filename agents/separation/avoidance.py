@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from msgspec import Struct
 
-from rcopterx.agents.formation.law import LeaderPlan
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.control.interfaces import AvoidsObstacles, Obstacle
 from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.formation.law import LeaderPlan
 from rcopterx.vehicles.state import Array
 
 NEAR: Final = 1.3  # plans that come no closer than this, in ellipsoids, constrain nothing

@@ -12,8 +12,6 @@ from msgspec.structs import replace
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.task import Task, end_of
 from rcopterx.agents.following.leader_plans import followed_leader, target_link
-from rcopterx.agents.formation.law import FollowedLeader, FormationOffset
-from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.takeover.lease import ControlLease
@@ -34,6 +32,8 @@ from rcopterx.control.references.set_points import (
     TimedPath,
     Transition,
 )
+from rcopterx.formation.law import FollowedLeader, FormationOffset
+from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import YAW, three
 
 

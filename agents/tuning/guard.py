@@ -11,11 +11,11 @@ from dataclasses import replace
 from typing import Final
 
 from rcopterx.agents.flight.oscillation import Loop, OscillationDetector
-from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.plugins import flying
+from rcopterx.vehicles.phases import Phase
 
 EFFORT_FACTORS: Final = "effort_factors"  # controller's setting that lowers bandwidth, one for each `Loop`
 STEP: Final = 3.0

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final
 
 from rcopterx.agents.load.overload import LATE_SHARE
-from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.lockstep_page import opened_page
@@ -24,6 +23,7 @@ from rcopterx.deploy.processes.log_reading import read_page
 from rcopterx.deploy.processes.process_log import rotate
 from rcopterx.deploy.processes.supervisor import Child, Supervisor
 from rcopterx.deploy.processes.table import ROUTER
+from rcopterx.vehicles.phases import AIRBORNE
 
 REPORT_PERIOD_S = 0.5
 MAX_TEXT = 400

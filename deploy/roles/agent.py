@@ -9,8 +9,6 @@ from typing import NamedTuple
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.flight.vehicle_watch import HoverThrustLimits
-from rcopterx.agents.formation.placement import Room
-from rcopterx.agents.formation.succession import Succession
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.process import run_agent
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
@@ -24,6 +22,8 @@ from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import limits_of, model_of
+from rcopterx.formation.placement import Room
+from rcopterx.formation.succession import Succession
 
 
 class _Prepared(NamedTuple):

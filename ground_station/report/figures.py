@@ -12,13 +12,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rcopterx.agents.formation.topology import station
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.host_messages import LaboratoryVehicle, RouterStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Applied, Diagnostics, Plan, Pose
 from rcopterx.control.interfaces import Measurement
+from rcopterx.formation.topology import station
 from rcopterx.ground_station.report.frames import epoch_offsets, restart_offsets, shifted
 from rcopterx.ground_station.report.latency import clock_offset, stage_times_ms
 from rcopterx.ground_station.report.recorder import Recording

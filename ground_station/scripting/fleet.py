@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rcopterx.agents.formation.placement import Room, take_off_problem
-from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Kill
 from rcopterx.bus.session import RequestFailedError
 from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.vehicle_models import limits_of
+from rcopterx.formation.placement import Room, take_off_problem
 from rcopterx.ground_station.scripting.joining import fleet_that_is_up
 from rcopterx.ground_station.scripting.names import named
 from rcopterx.ground_station.scripting.notes import capacity_notes
@@ -24,6 +23,7 @@ from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.regroup import formation_leader, regroup, role, swapped
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, RefusedError, Vehicle, lines_of
 from rcopterx.ground_station.scripting.waiting import NotReachedError, StoppedError, arrived_after
+from rcopterx.vehicles.phases import AIRBORNE
 
 if TYPE_CHECKING:
     from rcopterx.deploy.hosts.launcher import Launcher

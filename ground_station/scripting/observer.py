@@ -4,7 +4,6 @@ import threading
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple, TypeVar
 
-from rcopterx.agents.phases import Phase
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus, RouterStatus
 from rcopterx.bus.message import Message
@@ -27,6 +26,7 @@ from rcopterx.ground_station.scripting.notes import (
 )
 from rcopterx.ground_station.scripting.state import VehicleState, arrival_problem, formation_problem
 from rcopterx.ground_station.scripting.waiting import Notifier, NotReachedError, arrived_after, begin_turns
+from rcopterx.vehicles.phases import Phase
 
 M = TypeVar("M", bound=Message)
 

@@ -10,10 +10,10 @@ import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
-from rcopterx.agents.formation import topology
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, SetPoint
 from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Request, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
+from rcopterx.formation import topology
 from rcopterx.ground_station.scripting.observer import Observer
 from rcopterx.ground_station.scripting.vehicle import RefusedError
 from rcopterx.vehicles.state import Array

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.load.overload import LATE_SHARE
-from rcopterx.agents.phases import AIRBORNE
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, TransmitterStatus
 from rcopterx.ground_station.report.latency import Percentiles
+from rcopterx.vehicles.phases import AIRBORNE
 
 STALE_S: Final = 1.0
 """Age from which a status blocks take-off; statuses come five times a second."""

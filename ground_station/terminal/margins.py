@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any, Final
 
-from rcopterx.agents.formation.topology import ancestors
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.control.margins.cascade import loops_of
 from rcopterx.control.margins.following import LinearVehicle, amplifications, linear_vehicle
@@ -26,6 +25,7 @@ from rcopterx.fleet.formation_check import links_of
 from rcopterx.fleet.reading import snapshot_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.formation.topology import ancestors
 from rcopterx.ground_station.scripting.fleet import Fleet
 
 COLUMNS: Final = (

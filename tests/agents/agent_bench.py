@@ -9,7 +9,6 @@ from support.waiting import FakeClock, wait_for
 
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_plans import followed_leader
-from rcopterx.agents.formation.placement import Room
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.process import Agent
 from rcopterx.agents.settings import AgentSettings
@@ -17,6 +16,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.messages import AgentStatus, Applied, Command, LeaderLink, Lease, Pose
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.bus.stepping import SteppedSession
+from rcopterx.formation.placement import Room
 
 HOVER = COAXIAL_LAG.hover_input
 LEASE = 1

@@ -6,12 +6,12 @@ from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.formation.law import FollowedLeader
-from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
+from rcopterx.formation.law import FollowedLeader
 from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.phases import Phase
 
 HOVER = COAXIAL_LAG.hover_input
 UP = (0.1, -0.2, 1.0)

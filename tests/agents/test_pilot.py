@@ -11,13 +11,13 @@ from support.vehicle_types import COAXIAL_LAG
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.inputs import INPUT_UNIT
 from rcopterx.agents.flight.lift_off import SPOOL_UP_S, SPOOL_UP_SHARE
-from rcopterx.agents.formation.law import FollowedLeader, FormationOffset
 from rcopterx.agents.guards.step_guard import BRIDGED_S
-from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.message import SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
 from rcopterx.control.identification.excitation import Excitation
+from rcopterx.formation.law import FollowedLeader, FormationOffset
+from rcopterx.vehicles.phases import Event, Phase
 from rcopterx.vehicles.state import U_THRUST
 
 

@@ -8,11 +8,11 @@ from pilot_bench import HOVER, real, seen
 from support.flight import Lab, Plant, assert_sound, measured, still
 
 from rcopterx.agents.estimation import StampedMeasurement
-from rcopterx.agents.formation.law import FollowedLeader, FormationOffset, LeaderPlan
-from rcopterx.agents.phases import Phase
 from rcopterx.control.interfaces import Measurement
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.control.references.trajectory import hold
+from rcopterx.formation.law import FollowedLeader, FormationOffset, LeaderPlan
+from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import YAW
 
 PAIRS = [

@@ -13,10 +13,10 @@ from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
 from rcopterx.agents.estimation import BLIND_LIMIT_S, StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.control.interfaces import Measurement
 from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import inertial_velocity
 
 

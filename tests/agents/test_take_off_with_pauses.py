@@ -7,7 +7,6 @@ from support.flight import Plant, measured
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.estimation import StampedMeasurement
-from rcopterx.agents.phases import Phase
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
@@ -19,6 +18,7 @@ from rcopterx.transmitter_gateway.inputs import (
     PoseInput,
 )
 from rcopterx.transmitter_gateway.limits import ArbiterLimits
+from rcopterx.vehicles.phases import Phase
 
 PERIOD_S = 0.02
 ARMED_AT_S = 0.6

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from rcopterx.agents.formation.topology import ancestors, cycle
 from rcopterx.experiments import chain
 from rcopterx.experiments.chain import (
     SHAPES,
@@ -18,6 +17,7 @@ from rcopterx.experiments.chain import (
 )
 from rcopterx.experiments.record import rms
 from rcopterx.experiments.runner import Options, Result
+from rcopterx.formation.topology import ancestors, cycle
 from rcopterx.simulator.conditions import HELICOPTERS, LABORATORY
 
 EACH_TIME = ("chain_heading", "several_leaders")

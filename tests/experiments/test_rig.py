@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
-from rcopterx.agents.formation.topology import places
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.experiments.events import Event, Follow, GoTo, Lead
 from rcopterx.experiments.network import PERFECT, LinkQuality
@@ -20,6 +19,7 @@ from rcopterx.experiments.rig import (
     flying_order,
 )
 from rcopterx.experiments.schemes import CASCADE, NO_HURRY
+from rcopterx.formation.topology import places
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, IDEAL, LABORATORY, Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array

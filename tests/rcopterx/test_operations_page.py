@@ -4,13 +4,13 @@ import re
 from pathlib import Path
 
 import rcopterx
-from rcopterx.agents.phases import TRANSITIONS
 from rcopterx.bus.host_messages import SubjectState, TrackerStatus
 from rcopterx.bus.messages import TransmitterStatus
 from rcopterx.command_line import COMMANDS
 from rcopterx.ground_station.scripting.notes import tracker_problems
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.ground_station.terminal.live_table import COLUMNS
+from rcopterx.vehicles.phases import TRANSITIONS
 
 TEXT = (Path(rcopterx.__file__).parents[1] / "docs" / "operations.md").read_text(encoding="utf-8")
 

@@ -3,10 +3,10 @@
 import numpy as np
 
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.formation.law import FollowedLeader, FormationOffset, LeaderPlan
-from rcopterx.agents.phases import Event
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.formation.law import FollowedLeader, FormationOffset, LeaderPlan
+from rcopterx.vehicles.phases import Event
 from support.flight import still
 
 PERIOD_S = 0.02

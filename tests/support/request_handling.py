@@ -8,8 +8,6 @@ from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_changes import LeaderChanges
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses
-from rcopterx.agents.formation.placement import Room
-from rcopterx.agents.phases import Event
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.requests.external_control import ExternalControl
 from rcopterx.agents.requests.request_handler import RequestHandler
@@ -22,6 +20,8 @@ from rcopterx.bus.requests import Follow, GoTo, Reply, Request
 from rcopterx.bus.session import BusAddress
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.interfaces import Measurement
+from rcopterx.formation.placement import Room
+from rcopterx.vehicles.phases import Event
 from support.flight import ExactEstimator, NotedController, still
 from support.plans import PlanBus, plan_of
 from support.vehicle_types import COAXIAL_LAG

@@ -21,11 +21,11 @@ from support.guidance import (
 
 from rcopterx.agents.flight.guidance import TAKE_OFF_SPEED_M_S, Guidance
 from rcopterx.agents.flight.lift_off import FLOOR_TIME_S
-from rcopterx.agents.formation.law import FollowedLeader
-from rcopterx.agents.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.paths import FlightPath
 from rcopterx.control.references.set_points import SetPointReference
+from rcopterx.formation.law import FollowedLeader
+from rcopterx.vehicles.phases import AIRBORNE, TRANSITIONS, Event, Phase, next_phase
 
 events = st.sampled_from(list(Event))
 

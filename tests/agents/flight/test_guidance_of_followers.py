@@ -20,8 +20,8 @@ from support.guidance import (
 )
 
 from rcopterx.agents.flight.guidance import OFFSET_SPEED_M_S
-from rcopterx.agents.formation.law import FollowedLeader, LeaderPlan
 from rcopterx.control.references.trajectory import Trajectory, hold
+from rcopterx.formation.law import FollowedLeader, LeaderPlan
 
 
 @settings(max_examples=20, deadline=None)

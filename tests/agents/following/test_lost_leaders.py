@@ -14,8 +14,6 @@ from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader
 from rcopterx.agents.following.lost_leaders import LostLeaders
-from rcopterx.agents.formation.succession import FollowingMode
-from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.settings import Succession
 from rcopterx.bus import channels
@@ -23,6 +21,8 @@ from rcopterx.bus.codec import encode
 from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint
 from rcopterx.bus.subscription import Inbox
 from rcopterx.control.interfaces import Measurement
+from rcopterx.formation.succession import FollowingMode
+from rcopterx.vehicles.phases import Event, Phase
 
 PERIOD_S = 0.02
 OWN = LeaderLink(leader="h1", offset_m=(-0.5, 0.0, 0.0))

@@ -9,7 +9,6 @@ from support.request_handling import (
 )
 
 from rcopterx.agents.following.regrouping import PREPARED_S
-from rcopterx.agents.phases import Phase
 from rcopterx.bus.messages import LeaderLink, SetPoint
 from rcopterx.bus.requests import (
     CommitLeaders,
@@ -17,6 +16,7 @@ from rcopterx.bus.requests import (
     PrepareLeaders,
     WithdrawLeaders,
 )
+from rcopterx.vehicles.phases import Phase
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ from support.request_handling import UP, Asked, HandlerBench, follow, follow_at,
 from support.statuses import hovering
 
 from rcopterx.agents.following.leader_plans import followed_leader, link_message
-from rcopterx.agents.phases import Phase
 from rcopterx.agents.requests.request_handler import DEFERRED, MOST_IN_A_STEP
 from rcopterx.agents.tuning.guard import effort_factors
 from rcopterx.bus.message import FloatArray, Setting
@@ -25,6 +24,7 @@ from rcopterx.bus.requests import (
 )
 from rcopterx.control.references.path_shapes import through
 from rcopterx.control.references.set_points import SetPointReference
+from rcopterx.vehicles.phases import Phase
 
 
 @pytest.fixture

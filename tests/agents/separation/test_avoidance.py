@@ -13,15 +13,15 @@ from support.vehicle_types import COAXIAL_LAG
 from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.following.traffic import FORMATION_SCALE, ellipsoid_scale
-from rcopterx.agents.formation.law import LeaderPlan
-from rcopterx.agents.formation.topology import places
-from rcopterx.agents.phases import Event
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.separation.avoidance import NEAR, TOUCHING, Neighbour, SeparationEllipsoid, near
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.control.interfaces import AvoidsObstacles, Measurement, Obstacle
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.formation.law import LeaderPlan
+from rcopterx.formation.topology import places
+from rcopterx.vehicles.phases import Event
 
 CLEARANCE = SeparationEllipsoid()
 STAGES = 30

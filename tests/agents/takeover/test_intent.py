@@ -11,8 +11,6 @@ from support.flight import still
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.task import Task
-from rcopterx.agents.formation.law import FollowedLeader, FormationOffset, LeaderPlan
-from rcopterx.agents.phases import Event, Phase
 from rcopterx.agents.takeover.handover import intent_of, passed_s, task_of
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.codec import decode, encode
@@ -27,6 +25,8 @@ from rcopterx.control.references.set_points import (
     smooth_way,
 )
 from rcopterx.control.references.trajectory import COLUMNS, YAW, Trajectory
+from rcopterx.formation.law import FollowedLeader, FormationOffset, LeaderPlan
+from rcopterx.vehicles.phases import Event, Phase
 
 MODEL = {"delay_s": 0.05, "lag_s": (0.1, 0.1, 0.1, 0.05), "uncertainty": {"gain_factor": 1.3}}
 SETTINGS = {"horizon": 12, "position_weights": (1.0, 2.0)}

@@ -6,9 +6,9 @@ from itertools import permutations
 import pytest
 from support.hovering import PERIOD_S, HoveringFlight
 
-from rcopterx.agents.phases import Event
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
+from rcopterx.vehicles.phases import Event
 
 BUMP = 0.3
 """Largest step of any input at a switch, of a range from -1 to 1; gusts alone make steps of 0.1."""

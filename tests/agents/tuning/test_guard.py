@@ -9,7 +9,6 @@ import pytest
 from support.hovering import PERIOD_S, HoveringFlight
 
 from rcopterx.agents.flight.oscillation import Loop
-from rcopterx.agents.phases import Phase
 from rcopterx.agents.pilot import ControlOutput
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.agents.tuning.guard import (
@@ -25,6 +24,7 @@ from rcopterx.agents.tuning.guard import (
     without_guard,
 )
 from rcopterx.control.identification.excitation import Excitation
+from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import U_THRUST, YAW
 
 

@@ -5,10 +5,10 @@ from itertools import count
 import pytest
 from support.fleets import PAIR
 
-from rcopterx.agents.phases import Phase
 from rcopterx.deploy.hosts.control_time import PERIODS, control_time_s
 from rcopterx.deploy.roles.agent import pilot_of
 from rcopterx.fleet.reading import parse_fleet
+from rcopterx.vehicles.phases import Phase
 
 
 @pytest.mark.parametrize("vehicle", ["h1", "h2"])

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from support.plans import plan_of
 from support.statuses import hovering
 
-from rcopterx.agents.formation.topology import cycle
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan
 from rcopterx.bus.requests import CommitLeaders, PrepareLeaders, Reply, Request, WithdrawLeaders
 from rcopterx.bus.session import RequestFailedError
+from rcopterx.formation.topology import cycle
 from rcopterx.ground_station.scripting.regroup import (
     formation_leader,
     regroup,

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.formation.topology import FormationGraph, followers, places
 from rcopterx.control.references.set_points import ProfileLimits
+from rcopterx.formation.topology import FormationGraph, followers, places
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, three
 

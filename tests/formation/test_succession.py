@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.formation.succession import (
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.formation.succession import (
     Finding,
     FollowingMode,
     Policy,
@@ -13,8 +14,7 @@ from rcopterx.agents.formation.succession import (
     link_to_successor,
     successor_of,
 )
-from rcopterx.agents.formation.topology import cycle, places
-from rcopterx.bus.messages import LeaderLink
+from rcopterx.formation.topology import cycle, places
 
 NAMES = ("h1", "h2", "h3", "h4", "h5")
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcopterx.agents.formation.topology import AT_WORK, FormationGraph, followers, formation_of, places
 from rcopterx.bus.messages import AgentStatus, LeaderLink
+from rcopterx.formation.topology import AT_WORK, FormationGraph, followers, formation_of, places
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Three
 

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.garbage import no_garbage
 
-from rcopterx.agents.formation.topology import (
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.formation.topology import (
     TopologyError,
     ancestors,
     cycle,
@@ -17,7 +18,6 @@ from rcopterx.agents.formation.topology import (
     places,
     roots,
 )
-from rcopterx.bus.messages import LeaderLink
 
 NAMES = tuple(f"h{number}" for number in range(1, 8))
 

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.formation.law import (
+from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
+from rcopterx.formation.law import (
     FollowedLeader,
     FormationOffset,
     combined_reference,
     follower_reference,
 )
-from rcopterx.control.references.trajectory import COLUMNS, Trajectory, hold
 from rcopterx.vehicles.state import Array, heading_matrix
 
 PERIOD_S = 0.02

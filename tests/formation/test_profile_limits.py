@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL_LAG, QUADROTOR
 
-from rcopterx.agents.formation.profile_limits import (
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.formation.profile_limits import (
     ACCELERATION_SHARE,
     ARM_ACCELERATION_SHARE,
     ARM_SPEED_SHARE,
@@ -14,7 +15,6 @@ from rcopterx.agents.formation.profile_limits import (
     arms_of,
     profile_limits_of,
 )
-from rcopterx.bus.messages import LeaderLink
 from rcopterx.vehicles.model import Uncertainty
 
 LINKS = {"h1": ()} | {f"h{k}": (LeaderLink(leader=f"h{k - 1}", offset_m=(0.5, 0, 0)),) for k in range(2, 21)}

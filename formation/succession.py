@@ -10,8 +10,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from rcopterx.agents.formation.topology import FormationGraph, link_between, places
 from rcopterx.bus.messages import LeaderLink
+from rcopterx.formation.topology import FormationGraph, link_between, places
 
 
 class Finding(StrEnum):

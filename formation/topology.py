@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from rcopterx.agents.phases import Phase
 from rcopterx.bus.messages import AgentStatus, LeaderLink
+from rcopterx.vehicles.phases import Phase
 from rcopterx.vehicles.state import YAW, Array, heading_matrix
 
 FormationGraph = Mapping[str, tuple[LeaderLink, ...]]  # leaders of each vehicle; empty for one without
