@@ -1,6 +1,6 @@
 """Keeps the links of a router to those of other hosts alive: sends beats, and closes silent links."""
 
-import sys
+import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -20,6 +20,7 @@ DIAL_CHECK_S: Final = 0.02  # pause between checks of dialling attempts while a 
 SHORTEST_PAUSE_S: Final = 0.005
 STATUS_S: Final = 0.5
 BEATS_KEPT: Final = 32
+_LOG = logging.getLogger(__name__)
 
 
 class LinkService:
@@ -91,7 +92,7 @@ class LinkService:
         self._links = links
         broken = self._watch.broken(links, now_s)
         for link in broken:
-            print(f"links: {_text(link)} is closed, to be dialled again", file=sys.stderr)
+            _LOG.warning("links: %s is closed, to be dialled again", _text(link))
             close_link(link)
         complete = len(links) - len(broken) >= len(self._others)
         if complete:

@@ -4,7 +4,6 @@ import logging
 import os
 import select
 import signal
-import traceback
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
@@ -175,7 +174,7 @@ class Radios:
         try:
             poses = list(new_poses())
         except Exception:  # noqa: BLE001 - whatever is wrong with the poses, the vehicles must come down
-            traceback.print_exc()
+            _LOG.exception("poses cannot be read")
             return False
         for pose, arrived_s in poses:
             _each(working, partial(Transmitter.on_pose, pose=pose, now_s=arrived_s))
@@ -211,6 +210,5 @@ def _each(working: dict[str, Transmitter], act: Callable[[Transmitter], object])
         try:
             act(transmitter)
         except Exception:  # noqa: BLE001 - whatever is wrong with it, the others must come down
-            traceback.print_exc()
-            _LOG.error("%s: cannot be brought down", name)
+            _LOG.exception("%s: cannot be brought down", name)
             del working[name]

@@ -29,7 +29,7 @@ from rcopterx.deploy.hosts.vehicle_states import begin_states, remove_states
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.forking import URGENT_NICE, ForkServer
 from rcopterx.deploy.processes.preloading import modules_of
-from rcopterx.deploy.processes.process_log import append
+from rcopterx.deploy.processes.process_log import LauncherLog
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import RECORDER, ROUTER, ProcessSpec, agent_process, processes_of
 from rcopterx.deploy.roles.addresses import bus_address, clock_of
@@ -203,6 +203,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         write_flight(flight_path(self._host, self.directory), flight)
 
     def _run(self) -> None:
+        self._log = LauncherLog(self._logs)
         request_realtime(Priority.SUPERVISOR.of(self._fleet), children=False)
         # This thread starts and stops all processes: they receive SIGTERM when it ends.
         attempt = Attempts()
@@ -219,6 +220,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         if self._capacity is not None:
             self._capacity.close()
         self.supervisor.stop_all()
+        self._log.close()
 
     def _prepare_pilots(self) -> list[str]:
         """Let the fork server build the pilots of this host; agents build for themselves what it cannot."""
@@ -277,7 +279,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         """Log lines, and keep them for the program that started the fleet and for the bus."""
         if not lines:
             return
-        append(self._logs / "launcher.log", lines)
+        self._log.append(lines)
         self.events.extend(lines)
         self._unpublished.extend(lines)
 

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from pathlib import Path
+from threading import Thread
 from typing import Final
 
 from rcopterx.agents.load.overload import LATE_SHARE
@@ -14,13 +15,12 @@ from rcopterx.bus.lockstep_page import opened_page
 from rcopterx.bus.log_messages import LauncherEvent
 from rcopterx.bus.messages import AgentStatus
 from rcopterx.bus.requests import ReadLogs, Reply, StartHost, StartVehicle, StopHost, StopVehicle, TakeVehicle
-from rcopterx.bus.session import BusAddress
+from rcopterx.bus.session import BusAddress, Incoming
 from rcopterx.bus.turns import MEMBERSHIP
 from rcopterx.deploy.hosts.capacity import AGENT, may_be_crowded
 from rcopterx.deploy.hosts.serving import Service
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.log_reading import read_page
-from rcopterx.deploy.processes.process_log import rotate
 from rcopterx.deploy.processes.supervisor import Child, Supervisor
 from rcopterx.deploy.processes.table import ROUTER
 from rcopterx.vehicles.phases import AIRBORNE
@@ -75,7 +75,11 @@ class MembershipService(Service):
     def _step(self) -> None:
         now_s = self._session.clock()
         for incoming in self._session.pending():
-            incoming.answer(self._answer_or_error(incoming.request))
+            if isinstance(incoming.request, ReadLogs) and self._session.turns is None:
+                # A disk may block that.
+                Thread(target=self._reply, args=[incoming], name="logs", daemon=True).start()
+            else:
+                self._reply(incoming)
             self._report_at_s = now_s
         if now_s >= self._report_at_s:
             self._report_at_s = now_s + REPORT_PERIOD_S
@@ -84,11 +88,13 @@ class MembershipService(Service):
             self._reported_s = time.monotonic()
             self._events.extend(self._attempt("reporting", partial(self._report, elapsed_s)))
 
+    def _reply(self, incoming: Incoming) -> None:
+        incoming.answer(self._answer_or_error(incoming.request))
+
     def _report(self, elapsed_s: float) -> list[str]:
         self._check_supervisor(elapsed_s)
         self._publish_events()
         self._session.publish(channels.LAUNCHER, self._host, self._status())
-        rotate(self._logs)
         return []
 
     def _check_supervisor(self, elapsed_s: float) -> None:

@@ -1,4 +1,7 @@
-"""Logging of the processes of a fleet to standard error; supervised processes add the time."""
+"""Logging of the processes of a fleet to standard error; supervised processes add the time.
+
+A disk, a full pipe or a terminal can block what writes to it. Loops only queue their lines.
+"""
 
 import logging
 import os
@@ -7,19 +10,58 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
 from types import TracebackType
-from typing import Final
+from typing import Final, TextIO
 
 LARGEST_BYTES: Final = 1_000_000  # the content of a larger log is moved to an older one, of which one is kept
 SUFFIX: Final = ".log"
 OLDER: Final = ".1"
 TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%S"
+MOST_WAITING: Final = 1000  # lines that have not been written; further ones are dropped
+CLOSE_LIMIT_S: Final = 1.0  # for the last lines of a process
+ROTATE_S: Final = 0.5
+
+
+class QueueingHandler(logging.Handler):
+    """Writes records to a stream in a thread of its own, which does not keep the process from ending."""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__()
+        self._stream = stream
+        self._lines: SimpleQueue[str | None] = SimpleQueue()
+        self._dropped = 0
+        self._thread = Thread(target=self._run, name="log", daemon=True)
+        self._thread.start()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Queue the line of a record; with too many waiting it is dropped."""
+        if self._lines.qsize() >= MOST_WAITING:
+            self._dropped += 1
+            return
+        if self._dropped:
+            self._lines.put(f"{self._dropped} lines were dropped here")
+            self._dropped = 0
+        self._lines.put(self.format(record))
+
+    def _run(self) -> None:
+        while (line := self._lines.get()) is not None:
+            with suppress(OSError, ValueError):  # ValueError: the stream is closed
+                self._stream.write(f"{line}\n")
+                self._stream.flush()
+
+    def close(self) -> None:
+        """Write the lines that wait, for a limited time; the interpreter calls it at its end."""
+        self._lines.put(None)
+        self._thread.join(CLOSE_LIMIT_S)
+        super().close()
 
 
 def set_up() -> None:
     """Log events of this process, and the exception that ends it, to standard error."""
     supervised = "RCOPTERX_PARENT" in os.environ
-    handler = logging.StreamHandler(sys.stderr)
+    handler = QueueingHandler(sys.stderr)
     form = "%(asctime)s.%(msecs)03dZ %(levelname)s %(message)s" if supervised else "%(message)s"
     formatter = logging.Formatter(form, TIME_FORMAT)
     formatter.converter = time.gmtime
@@ -38,6 +80,36 @@ def append(path: Path, lines: list[str]) -> None:
     stamp = f"{time.strftime(TIME_FORMAT, time.gmtime(now_s))}.{int(now_s * 1000) % 1000:03d}Z"
     with suppress(OSError), path.open("a", encoding="utf-8") as file:
         file.writelines(f"{stamp} INFO {line}\n" for line in lines)
+
+
+class LauncherLog:
+    """Log of a launcher, whose loops may not wait for a disk: a thread writes it and rotates all logs."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._lines: SimpleQueue[list[str] | None] = SimpleQueue()
+        self._thread = Thread(target=self._run, name="launcher log", daemon=True)
+        self._thread.start()
+
+    def append(self, lines: list[str]) -> None:
+        """Queue lines."""
+        self._lines.put(lines)
+
+    def _run(self) -> None:
+        while True:
+            lines: list[str] | None = []
+            with suppress(Empty):
+                lines = self._lines.get(timeout=ROTATE_S)
+            if lines is None:
+                return
+            if lines:
+                append(self._directory / f"launcher{SUFFIX}", lines)
+            rotate(self._directory)
+
+    def close(self) -> None:
+        """Write the lines that wait, for a limited time."""
+        self._lines.put(None)
+        self._thread.join(CLOSE_LIMIT_S)
 
 
 def rotate(directory: Path) -> None:

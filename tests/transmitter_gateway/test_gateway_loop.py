@@ -64,13 +64,13 @@ def test_no_period_of_the_other_radios_is_lost_while_an_adapter_blocks(
 
 
 def test_error_in_the_poses_still_brings_everybody_down(
-    laboratory: Laboratory, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    laboratory: Laboratory, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     laboratory.fly()
     monkeypatch.setattr(laboratory.bus.inboxes["pose", "h2", "lab"][0], "drain", fail)
     laboratory.gateway.bring_down()
     assert laboratory.states() == {State.CUT}
-    assert "broken" in capsys.readouterr().err
+    assert "broken" in caplog.text
 
 
 @pytest.mark.parametrize("fleet", ["lab", EVERY_FLEET])

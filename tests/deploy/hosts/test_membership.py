@@ -3,6 +3,7 @@
 import errno
 import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,7 +28,6 @@ from rcopterx.bus.requests import (
 from rcopterx.bus.session import BusAddress, NotServedError, Session
 from rcopterx.deploy.hosts.membership import MembershipService
 from rcopterx.deploy.processes.forking import ForkServer
-from rcopterx.deploy.processes.process_log import LARGEST_BYTES
 from rcopterx.deploy.processes.supervisor import Supervisor
 from rcopterx.deploy.processes.table import ProcessSpec
 
@@ -257,12 +257,24 @@ def test_a_host_on_a_full_disk_refuses_to_start_and_answers_later_requests(
         service.close()
 
 
-def test_large_logs_are_put_aside_while_the_host_runs(
-    membership: MembershipService, tmp_path: Path, join: Join
+@pytest.mark.usefixtures("membership")
+def test_a_disk_that_hangs_while_logs_are_read_delays_no_other_request(
+    join: Join, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "router.log").write_bytes(bytes(LARGEST_BYTES + 1))
-    wait_for(lambda: (tmp_path / "router.log").stat().st_size == 0, "the log grows on")
-    assert (tmp_path / "router.log.1").stat().st_size == LARGEST_BYTES + 1
+    mended = threading.Event()
+
+    def hang(*_: object) -> ReadLogsReply:
+        mended.wait(DEADLINE_S)
+        return ReadLogsReply(accepted=True)
+
+    monkeypatch.setattr("rcopterx.deploy.hosts.membership.read_page", hang)
+    session, other = join(), join()
+    reading = threading.Thread(target=asked, args=(other, "main", ReadLogs()))
+    reading.start()
+    assert asked(session, "main", StartVehicle(vehicle="h2")).reason == "h2 is started"
+    assert reading.is_alive()
+    mended.set()
+    reading.join(DEADLINE_S)
 
 
 def test_a_vehicle_takes_part_and_leaves_by_request(

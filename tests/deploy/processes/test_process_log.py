@@ -1,19 +1,33 @@
 """Promises of the logs of processes: one line per event, kept within bounds, read merged in time."""
 
 import errno
+import io
+import logging
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
+from threading import Event
 
 import pytest
+from support.waiting import wait_for
 
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.requests import MAX_LINE, MAX_LINES, LoggedLine, ReadLogs, ReadLogsReply
 from rcopterx.deploy.processes import process_log
 from rcopterx.deploy.processes.log_reading import PAGE_BYTES, ProcessLogs, read_page
-from rcopterx.deploy.processes.process_log import append, rotate
+from rcopterx.deploy.processes.process_log import MOST_WAITING, LauncherLog, QueueingHandler, append, rotate
 
+LINES = 20_000
+UNREAD = f"""
+import logging
+from rcopterx.deploy.processes.process_log import set_up
+set_up()
+for number in range({LINES}):
+    logging.warning("line %d", number)
+print("end", flush=True)
+"""
 CODE = """
 import logging
 from rcopterx.deploy.processes.process_log import set_up
@@ -43,6 +57,71 @@ def test_supervised_processes_log_with_times_and_others_only_what_is_wrong() -> 
     ]  # fmt: skip
     assert "Traceback" in lines[3]
     assert logged()[:2] == ["all is lost", "ends by ValueError: no way"]
+
+
+def test_a_process_whose_log_nothing_reads_goes_on_and_ends() -> None:
+    reading, writing = os.pipe()
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", UNREAD],
+            stdout=subprocess.PIPE,
+            stderr=writing,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+        assert (done.returncode, done.stdout) == (0, "end\n")
+    finally:
+        os.close(reading)
+        os.close(writing)
+
+
+def test_lines_that_are_dropped_are_counted_in_the_log() -> None:
+    written = io.StringIO()
+    held = HeldStream(written)
+    handler = QueueingHandler(held)
+    for number in range(2 * MOST_WAITING):
+        handler.handle(logging.makeLogRecord({"msg": str(number)}))
+    held.released.set()
+    wait_for(lambda: str(MOST_WAITING - 1) in written.getvalue(), "the lines are not written")
+    handler.handle(logging.makeLogRecord({"msg": "last"}))
+    handler.close()
+    first, *_, counted, last = written.getvalue().splitlines()
+    assert (first, last) == ("0", "last")
+    assert re.fullmatch(r"\d+ lines were dropped here", counted)
+
+
+class HeldStream(io.StringIO):
+    """Passes what is written on once it is released."""
+
+    def __init__(self, target: io.StringIO) -> None:
+        super().__init__()
+        self._target = target
+        self.released = Event()
+
+    def write(self, text: str) -> int:
+        self.released.wait(60.0)
+        return self._target.write(text)
+
+
+def test_a_launcher_logs_in_a_thread_and_its_last_lines_are_written(tmp_path: Path) -> None:
+    log = LauncherLog(tmp_path)
+    log.append(["agent-h1: killed by SIGKILL"])
+    log.append(["agent-h1: started again"])
+    log.close()
+    assert [line.text for line in ProcessLogs(tmp_path).new_lines()] == [
+        "INFO agent-h1: killed by SIGKILL",
+        "INFO agent-h1: started again",
+    ]
+
+
+@pytest.mark.usefixtures("small_logs")
+def test_a_launcher_puts_large_logs_aside(tmp_path: Path) -> None:
+    (tmp_path / "tracker.log").write_text("x" * 101)
+    log = LauncherLog(tmp_path)
+    wait_for(lambda: not (tmp_path / "tracker.log").stat().st_size, "the log stays")
+    log.close()
+    assert (tmp_path / "tracker.log.1").read_text() == "x" * 101
 
 
 @pytest.fixture
