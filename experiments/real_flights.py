@@ -22,8 +22,8 @@ from rcopterx.control.plugins import ESTIMATORS
 from rcopterx.experiments.figures import finish_figure
 from rcopterx.experiments.knowledge import CRAZYFLIE
 from rcopterx.experiments.record import rms
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
-from rcopterx.transmitter_gateway.protocols.crtp import FULL_THRUST
+from rcopterx.radios.crazyflie import CrazyflieSettings
+from rcopterx.radios.crtp import FULL_THRUST
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array, inertial_velocity
 

@@ -39,10 +39,10 @@ from rcopterx.experiments.record import UNKNOWN, FlightRecord, VehicleRecord, st
 from rcopterx.formation.law import LeaderPlan
 from rcopterx.formation.placement import Room
 from rcopterx.formation.profile_limits import profile_limits_of
+from rcopterx.radios.calibration import Calibration
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
-from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 

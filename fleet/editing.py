@@ -14,7 +14,7 @@ from rcopterx.fleet.radios import calibration_of
 from rcopterx.fleet.reading import SUFFIX, load_fleet, parse_fleet, shipped_fleets, text_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.radios.calibration import Calibration
 from rcopterx.vehicles.model import FITTED, Model
 
 DIGITS = 4

@@ -3,15 +3,12 @@
 from dataclasses import replace
 from typing import Any, Final
 
-from rcopterx.control.identification.flight_csv import CommandScale
 from rcopterx.fleet.reading import dataclass_from, replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import type_of
-from rcopterx.transmitter_gateway.calibration import Calibration
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError, RadioProtocol
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
-from rcopterx.transmitter_gateway.protocols.crtp import FULL_THRUST
-from rcopterx.transmitter_gateway.protocols.registry import create_protocol, default_line, settings_class
+from rcopterx.radios.calibration import Calibration
+from rcopterx.radios.protocol import ProtocolError, RadioProtocol
+from rcopterx.radios.registry import create_protocol, default_line, settings_class
 
 MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp": "model"}
 """Option for the number of the model match, by radio protocol; the others send none."""
@@ -42,11 +39,3 @@ def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:
     if transmitter.low_power and "low_power" not in radio.offers:
         raise FleetError(f"{where}.low_power: cannot be asked for with protocol {protocol!r}")
     return radio
-
-
-def command_scale_of(fleet: FleetFile, name: str) -> CommandScale:
-    """Return what full sticks command a Crazyflie over its own radio; raises `FleetError` for others."""
-    radio = protocol_of(fleet, name)
-    if not isinstance(radio, CrazyflieProtocol):
-        raise FleetError(f"vehicles.{name}: a CSV file is of a vehicle with the radio protocol 'crazyflie'")
-    return CommandScale(radio.settings.full_tilt_deg, radio.settings.full_yaw_rate_deg_s, FULL_THRUST)

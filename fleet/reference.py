@@ -13,16 +13,16 @@ from rcopterx.bus.reference import field_table, purpose
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.fleet import schema
 from rcopterx.fleet.vehicle_types import TypeFile, TypeTransmitter
-from rcopterx.simulator.conditions import Conditions
-from rcopterx.transmitter_gateway.calibration import (
+from rcopterx.radios.calibration import (
     ArmingChannel,
     Calibration,
     ChannelCalibration,
     SwitchChannel,
     ThrottleCalibration,
 )
-from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
-from rcopterx.transmitter_gateway.protocols.registry import settings_class
+from rcopterx.radios.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
+from rcopterx.radios.registry import settings_class
+from rcopterx.simulator.conditions import Conditions
 from rcopterx.vehicles.model import Model, Uncertainty
 from rcopterx.vehicles.tilt import TiltModel
 

@@ -6,7 +6,7 @@ from typing import Final
 from rcopterx.fleet.reading import merged, replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import type_of
-from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
+from rcopterx.radios.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
 from rcopterx.vehicles.model import Model
 
 

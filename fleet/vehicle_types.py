@@ -16,9 +16,9 @@ from msgspec import Meta, Struct, field
 from rcopterx.bus.message import Name
 from rcopterx.fleet.reading import converted, dataclass_from, merged, replaced, table_of
 from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text
-from rcopterx.transmitter_gateway.calibration import Calibration
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.registry import settings_class
+from rcopterx.radios.calibration import Calibration
+from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.radios.registry import settings_class
 from rcopterx.vehicles.model import Model
 
 GROUP = "rcopterx.vehicle_types"

@@ -8,13 +8,13 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from rcopterx.radios.mavlink import FORCE, packed, set_point_of
+from rcopterx.radios.mavlink_settings import MODES, MavlinkSettings
+from rcopterx.radios.protocol import FrameDecodeError
+from rcopterx.radios.set_points import SetPoint
 from rcopterx.simulator.plant import Plant
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.simulator.vehicle_udp import UdpVehicle
-from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
-from rcopterx.transmitter_gateway.protocols.mavlink import FORCE, packed, set_point_of
-from rcopterx.transmitter_gateway.protocols.mavlink_settings import MODES, MavlinkSettings
-from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
 LOITER, LAND = 4 << 16 | 3 << 24, 4 << 16 | 6 << 24  # modes of PX4 as reported
 SLOWEST_STREAM_S: Final = 0.5

@@ -8,15 +8,15 @@ from collections import Counter, deque
 from typing import Final
 from zlib import crc32
 
+from rcopterx.radios import crtp
+from rcopterx.radios.crazyflie import CrazyflieSettings
+from rcopterx.radios.crazyflie_battery import LOG
+from rcopterx.radios.crtp import LONGEST_DATA, Packet
+from rcopterx.radios.protocol import FrameDecodeError
+from rcopterx.radios.set_points import SetPoint
 from rcopterx.simulator.crazyflie_log import CrazyflieLog
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.simulator.vehicle_udp import UdpVehicle
-from rcopterx.transmitter_gateway.protocols import crtp
-from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
-from rcopterx.transmitter_gateway.protocols.crazyflie_battery import LOG
-from rcopterx.transmitter_gateway.protocols.crtp import LONGEST_DATA, Packet
-from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
 PROTOCOL_VERSION: Final = 12
 IDENTITY: Final = b"Bitcraze Crazyflie".ljust(LONGEST_DATA, b"\0")

@@ -7,8 +7,8 @@ import struct
 from typing import Final
 from zlib import crc32
 
-from rcopterx.transmitter_gateway.protocols import crazyflie_battery as log
-from rcopterx.transmitter_gateway.protocols.crtp import Packet
+from rcopterx.radios import crazyflie_battery as log
+from rcopterx.radios.crtp import Packet
 
 FULL_V: Final = 4.2
 EMPTY_V: Final = 3.0

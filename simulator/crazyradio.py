@@ -9,7 +9,7 @@ from collections.abc import Callable
 from random import Random
 from typing import Final
 
-from rcopterx.transmitter_gateway.crazyradio import (
+from rcopterx.radios.crazyradio import (
     ACKNOWLEDGED,
     LONGEST_ANSWER,
     RETRIES,
@@ -17,7 +17,7 @@ from rcopterx.transmitter_gateway.crazyradio import (
     SET_CHANNEL,
     SET_RATE,
 )
-from rcopterx.transmitter_gateway.protocols.crtp import RadioAddress
+from rcopterx.radios.crtp import RadioAddress
 
 PACKET_S: Final = 1 / 1300
 SETTING_S: Final = 0.001

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from rcopterx.radios.crazyflie import CrazyflieSettings
+from rcopterx.radios.crtp import FULL_THRUST
 from rcopterx.simulator.conditions import DRONE_MODELS, IDENTIFIED, Conditions
 from rcopterx.simulator.disturbance import PARAMETERS, random_stream
 from rcopterx.simulator.plant import CALM, Pose, SteppedPlant, four
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
-from rcopterx.transmitter_gateway.protocols.crtp import FULL_THRUST
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.tuples import Four, Three
 

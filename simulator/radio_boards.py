@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 
+from rcopterx.radios import dsm2_serial, dsmp
+from rcopterx.radios.ppm import LINE, PpmGenProtocol, PpmSettings
+from rcopterx.radios.protocol import CENTER_US, DecodedFrame, FrameDecodeError, SerialLine
 from rcopterx.simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
-from rcopterx.transmitter_gateway.protocols import dsm2_serial, dsmp
-from rcopterx.transmitter_gateway.protocols.base import CENTER_US, DecodedFrame, FrameDecodeError, SerialLine
-from rcopterx.transmitter_gateway.protocols.ppm import LINE, PpmGenProtocol, PpmSettings
 
 AIR_PERIOD_S = 0.022
 PAUSE_BYTES = 4

@@ -1,5 +1,12 @@
 """Emulated radio modules by the name of their protocol, and their faults."""
 
+from rcopterx.radios.crazyflie import CrazyflieProtocol
+from rcopterx.radios.dsm2_serial import Dsm2SerialProtocol
+from rcopterx.radios.dsmp import DsmpProtocol
+from rcopterx.radios.multi import MultiProtocol
+from rcopterx.radios.ppm import PpmGenProtocol
+from rcopterx.radios.set_points import SetPointRadio
+from rcopterx.radios.udp import UDP, udp_address
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_boards import Dsm2Board, DsmpModule, TrainerTransmitter
@@ -8,13 +15,6 @@ from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.simulator.settings import SimulatedRadio
 from rcopterx.simulator.vehicle_udp import UdpVehicle, VehicleOnAir, VehicleUdp
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
-from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
-from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
-from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
-from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
-from rcopterx.transmitter_gateway.udp_port import UDP, udp_address
 
 
 def module_of(radio: SimulatedRadio, start_s: float) -> RadioModule:
@@ -43,8 +43,8 @@ def _vehicle_of(protocol: SetPointRadio, start_s: float) -> UdpVehicle:
     if isinstance(protocol, CrazyflieProtocol):
         return Crazyflie(protocol.settings, start_s)
     # Its library is an extra.
+    from rcopterx.radios.mavlink import MavlinkProtocol
     from rcopterx.simulator.autopilot import EmulatedAutopilot
-    from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
 
     if isinstance(protocol, MavlinkProtocol):
         return EmulatedAutopilot(protocol.settings, start_s)

@@ -6,10 +6,10 @@ import math
 
 from msgspec import structs
 
+from rcopterx.radios.multi import CENTER_COUNT, FRAME_LENGTH, MultiFrame, pulse_of
+from rcopterx.radios.multi_radios import DSM, RADIOS, MultiRadio
+from rcopterx.radios.protocol import ten_bit_pulse_us
 from rcopterx.simulator.radio_module import AirPacket, RadioModule, SerialFrame, Timer
-from rcopterx.transmitter_gateway.protocols.base import ten_bit_pulse_us
-from rcopterx.transmitter_gateway.protocols.multi import CENTER_COUNT, FRAME_LENGTH, MultiFrame, pulse_of
-from rcopterx.transmitter_gateway.protocols.multi_radios import DSM, RADIOS, MultiRadio
 
 BYTE_S = 120e-6
 END_OF_FRAME_S = 250e-6

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 from rcopterx.bus.session import BusAddress
+from rcopterx.radios.calibration import Calibration
+from rcopterx.radios.protocol import RadioProtocol
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
-from rcopterx.transmitter_gateway.calibration import Calibration
-from rcopterx.transmitter_gateway.protocols.base import RadioProtocol
 from rcopterx.vehicles.model import Model
 
 

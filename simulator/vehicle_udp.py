@@ -4,8 +4,8 @@ import socket
 from abc import abstractmethod
 from contextlib import suppress
 
+from rcopterx.radios.udp import LONGEST_DATAGRAM
 from rcopterx.simulator.radio_module import RadioEnd, Reception
-from rcopterx.transmitter_gateway.udp_port import LONGEST_DATAGRAM
 
 
 class UdpVehicle(Reception):

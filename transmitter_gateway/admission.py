@@ -13,9 +13,9 @@ from msgspec import Struct
 
 from rcopterx.bus.message import LONGEST_PERIOD_S, MAX_COUNT, SHORTEST_PERIOD_S
 from rcopterx.bus.messages import MAX_NEXT_INPUTS
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.inputs import THRUST, Cause, CommandInput, Input, PoseInput
 from rcopterx.transmitter_gateway.leases import Leases
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 LONGEST_PLAN = 1 + MAX_NEXT_INPUTS  # planned inputs of a command, the first one included
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.admission import Admission, Stream
 from rcopterx.transmitter_gateway.bridging import bridging_step, next_change_s, played_input
 from rcopterx.transmitter_gateway.inputs import (
@@ -27,7 +28,6 @@ from rcopterx.transmitter_gateway.inputs import (
     State,
 )
 from rcopterx.transmitter_gateway.landing import Motion
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.shaping import Shaping
 from rcopterx.transmitter_gateway.surveillance import Surveillance
 from rcopterx.transmitter_gateway.take_over import take_over_problem

@@ -2,7 +2,7 @@
 
 import math
 
-from rcopterx.transmitter_gateway.protocols.base import ModuleStatus
+from rcopterx.radios.protocol import ModuleStatus
 
 LONGEST_BIND_S = 7.0
 POWER_UP_LIMIT_S = 30.0  # how long a board that binds only when it is switched on is waited for

@@ -6,9 +6,9 @@ not until HOLD, so that a command that is slightly late does not count as missin
 
 import math
 
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.admission import AcceptedCommand, Stream
 from rcopterx.transmitter_gateway.inputs import Input
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 FIRST_AFTER_PERIODS = 1.5
 ROUNDING = 1e-9

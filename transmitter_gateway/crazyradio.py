@@ -7,24 +7,33 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from threading import Condition, RLock, Thread
-from typing import Final, Protocol
+from typing import Final
 
 from rcopterx.bus.clock import REAL_TIME, Clock
+from rcopterx.radios.crazyradio import (
+    ACKNOWLEDGED,
+    FULL_POWER,
+    IN,
+    LONGEST_ANSWER,
+    OUT,
+    PRODUCT,
+    RETRIES,
+    SET_ADDRESS,
+    SET_CHANNEL,
+    SET_POWER,
+    SET_RATE,
+    SET_RETRIES,
+    TIMEOUT_MS,
+    TO_DEVICE,
+    VENDOR,
+    UsbDevice,
+)
+from rcopterx.radios.crtp import RadioAddress, joined, separated
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
-from rcopterx.transmitter_gateway.protocols.crtp import RadioAddress, joined, separated
 
-VENDOR, PRODUCT = 0x1915, 0x7777
-TO_DEVICE: Final = 0x40
-SET_CHANNEL, SET_ADDRESS, SET_RATE, SET_POWER, SET_RETRIES = 0x01, 0x02, 0x03, 0x04, 0x06
-FULL_POWER: Final = 3
-RETRIES: Final = 3
-OUT, IN = 0x01, 0x81
-LONGEST_ANSWER: Final = 64
-TIMEOUT_MS: Final = 100
-ACKNOWLEDGED: Final = 0x01
 RETRY_S: Final = 0.3
 SERVICE_S: Final = 0.02
 MOST_ANSWERS: Final = 64
@@ -32,19 +41,6 @@ PACKETS_PER_S: Final = 60
 """What each vehicle needs in flight: 50 set points, and two requests with every tenth of them."""
 TIMED: Final = 200  # newest packets whose duration is averaged
 MISSING_LIBRARY: Final = "the library pyusb is not installed: pip install 'rcopterx[crazyflie]'"
-
-
-class UsbDevice(Protocol):
-    """What is used of a device of `pyusb`; all members raise `OSError` when it is gone."""
-
-    def ctrl_transfer(self, kind: int, request: int, value: int, index: int, data: bytes | None) -> int:
-        """Configure the dongle."""
-
-    def write(self, endpoint: int, data: bytes, timeout: int) -> int:
-        """Send a packet."""
-
-    def read(self, endpoint: int, size: int, timeout: int) -> Sequence[int]:
-        """Return the status of a transfer and the packet of the vehicle, if any."""
 
 
 def find_dongle(number: int) -> UsbDevice:

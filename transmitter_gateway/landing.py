@@ -19,8 +19,8 @@ import math
 
 from msgspec import Struct
 
+from rcopterx.radios.limits import LandingLimits
 from rcopterx.transmitter_gateway.inputs import Input, Position
-from rcopterx.transmitter_gateway.limits import LandingLimits
 
 POSITION_GAIN_PER_S2 = 1.6
 VELOCITY_GAIN_PER_S = 2.0

@@ -11,18 +11,20 @@ from pathlib import Path
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.heartbeat import Heartbeat
 from rcopterx.bus.turns import Turns
+from rcopterx.radios.crazyradio import UsbDevice
+from rcopterx.radios.crtp import RADIO, RadioAddress
+from rcopterx.radios.set_points import SetPointRadio
+from rcopterx.radios.udp import UDP
 from rcopterx.transmitter_gateway.background import at_once, in_thread
-from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, UsbDevice, crazyradio, find_dongle
+from rcopterx.transmitter_gateway.crazyradio import CrazyradioPort, crazyradio, find_dongle
 from rcopterx.transmitter_gateway.inputs import FLYING, Action, ActionRequest, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.port import Port
-from rcopterx.transmitter_gateway.protocols.crtp import RADIO, RadioAddress
-from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import StatePage, open_page, page_of_process
 from rcopterx.transmitter_gateway.transmitter import Transmitter
-from rcopterx.transmitter_gateway.udp_port import UDP, UdpPort
+from rcopterx.transmitter_gateway.udp_port import UdpPort
 
 
 def port_for(

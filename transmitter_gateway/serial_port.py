@@ -15,9 +15,9 @@ from functools import partial
 
 import serial
 
+from rcopterx.radios.protocol import SerialLine
 from rcopterx.transmitter_gateway.background import Start, begin, in_thread
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
-from rcopterx.transmitter_gateway.protocols.base import SerialLine
 
 TCGETS2 = 0x802C542A
 TCSETS2 = 0x402C542B

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rcopterx.bus.session import BusAddress
-from rcopterx.transmitter_gateway.calibration import Calibration
-from rcopterx.transmitter_gateway.crazyradio import UsbDevice, find_dongle
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import RadioProtocol
+from rcopterx.radios.calibration import Calibration
+from rcopterx.radios.crazyradio import UsbDevice
+from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.radios.protocol import RadioProtocol
+from rcopterx.transmitter_gateway.crazyradio import find_dongle
 
 
 @dataclass(frozen=True)

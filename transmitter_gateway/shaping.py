@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.held_frames import least_thrust_share
 from rcopterx.transmitter_gateway.hover import HoverThrust
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, THRUST, Input
 from rcopterx.transmitter_gateway.landing import LandingLaw, Motion, climb_rate_m_s
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 LONGEST_SLEW_STEP_S = 0.04
 FADE_PER_S = 0.05  # fall of the thrust after a descent, while a vehicle is seen in the air: gently

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from msgspec import Struct
 
+from rcopterx.radios.limits import Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import PoseInput, Position
 from rcopterx.transmitter_gateway.landing import Motion
-from rcopterx.transmitter_gateway.limits import Fence, SurveillanceLimits
 
 LONGEST_EXTRAPOLATION_S = 0.1
 DRIFT_M_S = 0.2  # drift of an unseen vehicle, left level, from where it would be...

@@ -6,10 +6,10 @@ import math
 
 from msgspec import Struct
 
-from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.radios.calibration import Calibration
+from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.radios.protocol import PulseRangeError, RadioProtocol
 from rcopterx.transmitter_gateway.inputs import FLYING, NEUTRAL, ArbiterOutput, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import PulseRangeError, RadioProtocol
 
 
 class Arming(Struct, frozen=True):

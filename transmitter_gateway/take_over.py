@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.inputs import FLYING, LastApplied
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.surveillance import Track
 
 

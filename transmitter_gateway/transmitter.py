@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 from msgspec import Struct, structs
 
+from rcopterx.radios.protocol import FrameFlags, ModuleStatus, ProtocolError
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.binding import Binding
 from rcopterx.transmitter_gateway.inputs import (
@@ -28,7 +29,6 @@ from rcopterx.transmitter_gateway.inputs import (
     State,
 )
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
-from rcopterx.transmitter_gateway.protocols.base import FrameFlags, ModuleStatus, ProtocolError
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import StatePage
 from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_channels

@@ -8,27 +8,14 @@ from contextlib import suppress
 from functools import partial
 from typing import Final
 
+from rcopterx.radios.set_points import SetPointRadio
+from rcopterx.radios.udp import LONGEST_DATAGRAM, Address, udp_address
 from rcopterx.transmitter_gateway.background import Start, begin, in_thread
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError
-from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
 
-UDP: Final = "udp://"
-LONGEST_DATAGRAM: Final = 2048
 PROBE_S: Final = 0.05
 LOOK_UP_S: Final = 2.0  # between two look-ups of a name while nothing answers at its last address
 MOST_AT_ONCE: Final = 64  # datagrams, so that a flood keeps no other vehicle waiting
-
-
-def udp_address(path: str) -> tuple[str, int]:
-    """Host and port of `udp://HOST:PORT`; raises `ProtocolError` for anything else."""
-    host, _, port = path.removeprefix(UDP).rpartition(":")
-    if not path.startswith(UDP) or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ProtocolError(f"{path!r} is no address such as udp://127.0.0.1:19850")
-    return host, int(port)
-
-
-Address = tuple[str, int]
 
 
 def look_up(host: str, port: int) -> Address:

@@ -7,12 +7,11 @@ from rcopterx.deploy.hosts.run_directory import serial_path, states_directory
 from rcopterx.fleet.consistency import check_unique
 from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.simulator.crazyradio import place_of
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
-from rcopterx.transmitter_gateway.protocols.crtp import RADIO, RadioAddress
-from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
-from rcopterx.transmitter_gateway.udp_port import UDP, udp_address
+from rcopterx.radios.crazyflie import CrazyflieProtocol
+from rcopterx.radios.crtp import RADIO, RadioAddress
+from rcopterx.radios.protocol import ProtocolError
+from rcopterx.radios.set_points import SetPointRadio
+from rcopterx.radios.udp import UDP, udp_address
 
 
 def port_of(fleet: FleetFile, name: str, directory: Path) -> str:
@@ -42,17 +41,12 @@ def check_ports(fleet: FleetFile, directory: Path) -> None:
 def _place_of(port: str) -> Hashable:
     """Return what a port leads to: any Crazyradio reaches the same vehicle."""
     if port.startswith(RADIO):
-        return place_of("", RadioAddress.of(port))
+        address = RadioAddress.of(port)
+        return address.channel, address.rate, address.address
     if port.startswith(UDP):
         host, number = udp_address(port.lower())
         return "127.0.0.1" if host == "localhost" else host, number
     return port
-
-
-def simulated_port_of(fleet: FleetFile, name: str, directory: Path) -> str:
-    """Return where a simulated vehicle receives what is sent to its port; `FleetError` as `port_of`."""
-    port = port_of(fleet, name, directory)
-    return place_of(laboratory_of(directory), RadioAddress.of(port)) if port.startswith(RADIO) else port
 
 
 def laboratory_of(directory: Path) -> str:

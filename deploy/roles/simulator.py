@@ -7,7 +7,7 @@ from rcopterx.bus.message import Four
 from rcopterx.bus.turns import CONDUCTOR
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.addresses import bus_address
-from rcopterx.deploy.roles.ports import simulated_port_of
+from rcopterx.deploy.roles.ports import laboratory_of, port_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.roles.tracker import tracker_address
 from rcopterx.fleet.formation_check import formation_places
@@ -15,7 +15,9 @@ from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.reading import replaced
 from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.radios.crtp import RADIO, RadioAddress
 from rcopterx.simulator.conditions import PRESETS, Conditions
+from rcopterx.simulator.crazyradio import place_of
 from rcopterx.simulator.identified_crazyflie import missing_library
 from rcopterx.simulator.plant import Pose
 from rcopterx.simulator.process import run_simulator
@@ -78,3 +80,9 @@ def _simulated(fleet: FleetFile, name: str, directory: Path, start: Four) -> Sim
         radio=SimulatedRadio(protocol_of(fleet, name), vehicle.transmitter.model_match),
         calibration=calibration_of(fleet, name),
     )
+
+
+def simulated_port_of(fleet: FleetFile, name: str, directory: Path) -> str:
+    """Return where a simulated vehicle receives what is sent to its port; `FleetError` as `port_of`."""
+    port = port_of(fleet, name, directory)
+    return place_of(laboratory_of(directory), RadioAddress.of(port)) if port.startswith(RADIO) else port

@@ -11,10 +11,10 @@ from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import limits_of
-from rcopterx.simulator.crazyradio import EmulatedDongle
-from rcopterx.transmitter_gateway.crazyradio import UsbDevice, find_dongle
+from rcopterx.radios.crazyradio import UsbDevice
+from rcopterx.radios.protocol import ProtocolError
+from rcopterx.transmitter_gateway.crazyradio import find_dongle
 from rcopterx.transmitter_gateway.process import run_gateway
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.switches import prepare_channels
 
@@ -54,6 +54,8 @@ def _transmitter(fleet: FleetFile, name: str, directory: Path) -> TransmitterSet
 
 def _emulated(fleet: FleetFile, directory: Path) -> Callable[[int], UsbDevice]:
     """Crazyradios of a simulated laboratory; in lockstep their packets take no time."""
+    # Imported here: on hardware no process imports the simulator.
+    from rcopterx.simulator.crazyradio import EmulatedDongle
 
     def sleep(seconds: float) -> None:
         if not fleet.clock.lockstep:

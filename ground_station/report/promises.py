@@ -9,8 +9,8 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.messages import Applied, TransmitterStatus
 from rcopterx.ground_station.report.recorder import Recording
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.inputs import FLYING, NAMES, NEUTRAL, THRUST, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 NEEDED: Final[tuple[Channel[Any], ...]] = (channels.APPLIED, channels.POSE, channels.TRANSMITTER_STATUS)
 IN_FLIGHT: Final = frozenset(NAMES[state] for state in FLYING)

@@ -20,6 +20,7 @@ from rcopterx.commands.parsing import check_known
 
 if TYPE_CHECKING:
     from rcopterx.control.identification.fit import Identification
+    from rcopterx.control.identification.flight_csv import CommandScale
     from rcopterx.control.identification.recording import FlightRecording
     from rcopterx.fleet.schema import FleetFile
     from rcopterx.ground_station.scripting.fleet import Fleet
@@ -106,16 +107,29 @@ def _check_single(names: list[str], from_files: list[Path], save: Path | None, p
 def _loaded(file: "FleetFile", name: str, path: Path) -> "FlightRecording":
     from rcopterx.control.identification.flight_csv import is_csv, read_flight
     from rcopterx.control.identification.recording import load_recording
-    from rcopterx.fleet.radios import command_scale_of
     from rcopterx.fleet.vehicle_types import type_of
 
-    full = command_scale_of(file, name) if is_csv(path) else None
+    full = _command_scale(file, name) if is_csv(path) else None
     try:
         if full is None:
             return load_recording(path)
         return read_flight(path, type_of(file, name).name, full)
     except (ValueError, OSError) as error:
         raise failure(f"{name}: {error}") from None
+
+
+def _command_scale(file: "FleetFile", name: str) -> "CommandScale":
+    """What full sticks command a Crazyflie over its own radio; raises `FleetError` for others."""
+    from rcopterx.control.identification.flight_csv import CommandScale
+    from rcopterx.fleet.radios import protocol_of
+    from rcopterx.fleet.schema import FleetError
+    from rcopterx.radios.crazyflie import CrazyflieProtocol
+    from rcopterx.radios.crtp import FULL_THRUST
+
+    radio = protocol_of(file, name)
+    if not isinstance(radio, CrazyflieProtocol):
+        raise FleetError(f"vehicles.{name}: a CSV file is of a vehicle with the radio protocol 'crazyflie'")
+    return CommandScale(radio.settings.full_tilt_deg, radio.settings.full_yaw_rate_deg_s, FULL_THRUST)
 
 
 def _flown(

@@ -23,7 +23,7 @@ from rcopterx.fleet.radios import calibration_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.ground_station.identification.hover_trim import STEADY, HoverError, measured_hover
-from rcopterx.transmitter_gateway.calibration import Calibration, CalibrationError
+from rcopterx.radios.calibration import Calibration, CalibrationError
 from rcopterx.transmitter_gateway.workbench import Workbench, WorkbenchError
 
 SIGN_QUESTIONS = {

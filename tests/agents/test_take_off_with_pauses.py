@@ -7,6 +7,7 @@ from support.flight import Plant, measured
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.estimation import StampedMeasurement
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
@@ -17,7 +18,6 @@ from rcopterx.transmitter_gateway.inputs import (
     LinkState,
     PoseInput,
 )
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.vehicles.phases import Phase
 
 PERIOD_S = 0.02

@@ -11,8 +11,8 @@ from support.bus import free_port
 from support.udp import udp_paths
 from support.waiting import wait_for
 
+from rcopterx.radios.udp import udp_address
 from rcopterx.simulator.plant import Pose
-from rcopterx.transmitter_gateway.udp_port import udp_address
 from rcopterx.vicon_gateway.client import DataStreamClient
 from rcopterx.vicon_gateway.frame import SubjectPose
 

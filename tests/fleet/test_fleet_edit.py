@@ -10,7 +10,7 @@ from rcopterx.fleet.radios import calibration_of
 from rcopterx.fleet.reading import load_fleet, shipped_fleets, write_snapshot
 from rcopterx.fleet.schema import FleetError
 from rcopterx.fleet.vehicle_models import model_of
-from rcopterx.transmitter_gateway.calibration import Calibration
+from rcopterx.radios.calibration import Calibration
 from rcopterx.vehicles.model import IDENTIFIED
 
 

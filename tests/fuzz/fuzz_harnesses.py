@@ -19,11 +19,11 @@ from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.flights.flights import Flight
 from rcopterx.flights.listing import mend, summary_of
 from rcopterx.flights.mcap_reading import MAGIC, Contents, FlightLogError, messages_of
-from rcopterx.transmitter_gateway.protocols.base import FrameDecodeError
-from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
-from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol
-from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
-from rcopterx.transmitter_gateway.protocols.registry import PROTOCOL_NAMES, create_protocol
+from rcopterx.radios.dsm2_serial import Dsm2SerialProtocol
+from rcopterx.radios.dsmp import DsmpProtocol
+from rcopterx.radios.ppm import PpmGenProtocol
+from rcopterx.radios.protocol import FrameDecodeError
+from rcopterx.radios.registry import PROTOCOL_NAMES, create_protocol
 from rcopterx.vicon_gateway.datastream import DataStreamSession
 from rcopterx.vicon_gateway.wire import WireError
 

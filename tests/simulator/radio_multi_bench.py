@@ -1,12 +1,12 @@
 """An emulated Multiprotocol module and its frames, driven in virtual time."""
 
+from rcopterx.radios.multi import MultiProtocol, MultiSettings
+from rcopterx.radios.multi_answers import AnswerParser, MultiStatus
+from rcopterx.radios.protocol import FrameFlags
 from rcopterx.simulator.radio import RadioLink
 from rcopterx.simulator.radio_module import AirPacket
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
-from rcopterx.transmitter_gateway.protocols.base import FrameFlags
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
-from rcopterx.transmitter_gateway.protocols.multi_answers import AnswerParser, MultiStatus
 
 FRAME_S = 27 * 120e-6
 

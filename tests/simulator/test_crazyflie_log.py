@@ -2,8 +2,7 @@
 
 import pytest
 
-from rcopterx.simulator.crazyflie_log import NO_SUCH, TABLE, CrazyflieLog
-from rcopterx.transmitter_gateway.protocols.crazyflie_battery import (
+from rcopterx.radios.crazyflie_battery import (
     CONTROL_CHANNEL,
     CREATE_BLOCK,
     DATA_CHANNEL,
@@ -13,7 +12,8 @@ from rcopterx.transmitter_gateway.protocols.crazyflie_battery import (
     START_BLOCK,
     TABLE_CHANNEL,
 )
-from rcopterx.transmitter_gateway.protocols.crtp import Packet
+from rcopterx.radios.crtp import Packet
+from rcopterx.simulator.crazyflie_log import NO_SUCH, TABLE, CrazyflieLog
 
 
 @pytest.mark.parametrize(

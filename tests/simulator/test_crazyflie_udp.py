@@ -5,14 +5,15 @@ from collections.abc import Iterator
 import pytest
 from support.udp import udp_paths
 
+from rcopterx.radios.crazyflie import CrazyflieProtocol
+from rcopterx.radios.protocol import ProtocolError
+from rcopterx.radios.udp import udp_address
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.radio_kinds import condition_refused, radio_end_of, set_condition
 from rcopterx.simulator.settings import SimulatedRadio
 from rcopterx.simulator.vehicle_udp import VehicleUdp
 from rcopterx.transmitter_gateway.port import WriteOutcome
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
-from rcopterx.transmitter_gateway.udp_port import UdpPort, udp_address
+from rcopterx.transmitter_gateway.udp_port import UdpPort
 
 HOVER = (1540.0, 1500.0, 1500.0, 1500.0, 1900.0)
 LOW = (1100.0, 1500.0, 1500.0, 1500.0, 1100.0)

@@ -9,6 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
 
+from rcopterx.radios.mavlink import FORCE
+from rcopterx.radios.mavlink_settings import MODES, MavlinkSettings
 from rcopterx.simulator.autopilot import (
     ENDURANCE_S,
     LAND,
@@ -20,8 +22,6 @@ from rcopterx.simulator.autopilot import (
     EmulatedAutopilot,
 )
 from rcopterx.simulator.plant import Pose
-from rcopterx.transmitter_gateway.protocols.mavlink import FORCE
-from rcopterx.transmitter_gateway.protocols.mavlink_settings import MODES, MavlinkSettings
 
 OFFBOARD = MODES["offboard"].reported
 ARM, MODE = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE

@@ -4,10 +4,10 @@ import struct
 
 import pytest
 
+from rcopterx.radios import crtp
+from rcopterx.radios.crazyflie import CrazyflieSettings
+from rcopterx.radios.set_points import SetPoint
 from rcopterx.simulator.crazyflie import LEVEL_AFTER_S, STOP_AFTER_S, WATCHDOG_S, Crazyflie
-from rcopterx.transmitter_gateway.protocols import crtp
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
-from rcopterx.transmitter_gateway.protocols.set_points import SetPoint
 
 SETTINGS = CrazyflieSettings()
 FLY = SetPoint(roll_deg=15.0, thrust=0.6)

@@ -5,11 +5,8 @@ from itertools import count
 
 import pytest
 
-from rcopterx.simulator.crazyflie import Crazyflie
-from rcopterx.simulator.crazyradio import PACKET_S, SETTING_S, EmulatedDongle, place_of
-from rcopterx.simulator.radio_kinds import set_condition
-from rcopterx.simulator.vehicle_udp import VehicleOnAir
-from rcopterx.transmitter_gateway.crazyradio import (
+from rcopterx.radios.crazyflie import CrazyflieSettings
+from rcopterx.radios.crazyradio import (
     ACKNOWLEDGED,
     IN,
     OUT,
@@ -19,8 +16,11 @@ from rcopterx.transmitter_gateway.crazyradio import (
     SET_RATE,
     TO_DEVICE,
 )
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
-from rcopterx.transmitter_gateway.protocols.crtp import STATE_REQUEST, Packet, RadioAddress, SupervisorState
+from rcopterx.radios.crtp import STATE_REQUEST, Packet, RadioAddress, SupervisorState
+from rcopterx.simulator.crazyflie import Crazyflie
+from rcopterx.simulator.crazyradio import PACKET_S, SETTING_S, EmulatedDongle, place_of
+from rcopterx.simulator.radio_kinds import set_condition
+from rcopterx.simulator.vehicle_udp import VehicleOnAir
 
 PROBE = b"\xff"
 

@@ -13,9 +13,9 @@ from mavsdk.plugins.telemetry import FlightMode, Telemetry
 from support.served import Served
 from support.waiting import wait_for
 
+from rcopterx.radios.mavlink_settings import MavlinkSettings
 from rcopterx.simulator.autopilot import STREAM_BEFORE_S, EmulatedAutopilot
 from rcopterx.simulator.plant import Pose
-from rcopterx.transmitter_gateway.protocols.mavlink_settings import MavlinkSettings
 
 
 @pytest.fixture

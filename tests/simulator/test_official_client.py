@@ -11,8 +11,8 @@ from cflib.crazyflie.log import LogConfig
 from support.served import Served
 from support.waiting import wait_for
 
+from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.simulator.crazyflie import Crazyflie
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieSettings
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.vehicle_types import COAXIAL
 
+from rcopterx.radios.registry import create_protocol
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.faults import BreakRadio, Close, FaultError, Recover, TimedFault
 from rcopterx.simulator.laboratory import Laboratory
@@ -17,7 +18,6 @@ from rcopterx.simulator.radio_kinds import module_of
 from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.simulator.settings import SimulatedRadio
 from rcopterx.simulator.vehicle_faults import VehicleFaults
-from rcopterx.transmitter_gateway.protocols.registry import create_protocol
 
 
 def radio(path: Path, protocol: str) -> RadioPty:

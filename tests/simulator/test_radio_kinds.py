@@ -4,17 +4,17 @@ from pathlib import Path
 
 import pytest
 
+from rcopterx.radios.dsm2_serial import Dsm2Settings
+from rcopterx.radios.dsmp import DsmpSettings
+from rcopterx.radios.multi import MultiSettings
+from rcopterx.radios.ppm import PpmSettings
+from rcopterx.radios.protocol import SerialLine
+from rcopterx.radios.registry import create_protocol
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_kinds import condition_refused, module_of, set_condition
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
 from rcopterx.simulator.settings import SimulatedRadio
-from rcopterx.transmitter_gateway.protocols.base import SerialLine
-from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2Settings
-from rcopterx.transmitter_gateway.protocols.dsmp import DsmpSettings
-from rcopterx.transmitter_gateway.protocols.multi import MultiSettings
-from rcopterx.transmitter_gateway.protocols.ppm import PpmSettings
-from rcopterx.transmitter_gateway.protocols.registry import create_protocol
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 
 KINDS = {

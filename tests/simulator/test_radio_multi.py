@@ -4,11 +4,11 @@ from itertools import pairwise
 import pytest
 from radio_multi_bench import FRAME_S, Bench, booted, frame
 
+from rcopterx.radios.multi import MultiFrame, MultiProtocol, MultiSettings
+from rcopterx.radios.multi_radios import RADIOS
+from rcopterx.radios.protocol import ten_bit_count
 from rcopterx.simulator.radio_module import SerialInput
 from rcopterx.simulator.radio_multi import air_value, killed_throttle, status_answer
-from rcopterx.transmitter_gateway.protocols.base import ten_bit_count
-from rcopterx.transmitter_gateway.protocols.multi import MultiFrame, MultiProtocol, MultiSettings
-from rcopterx.transmitter_gateway.protocols.multi_radios import RADIOS
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ import math
 
 from radio_multi_bench import HOVER, Bench, booted, frame
 
+from rcopterx.radios.multi import MultiFrame, MultiProtocol, MultiSettings
 from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
-from rcopterx.transmitter_gateway.protocols.multi import MultiFrame, MultiProtocol, MultiSettings
 
 
 def test_autobind_stops_the_radio() -> None:

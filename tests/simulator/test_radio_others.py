@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import pytest
 
+from rcopterx.radios.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings
+from rcopterx.radios.dsmp import DsmpProtocol, DsmpSettings
+from rcopterx.radios.ppm import PpmGenProtocol, PpmSettings
+from rcopterx.radios.protocol import FrameFlags, RadioProtocol
 from rcopterx.simulator.radio import RadioLink
 from rcopterx.simulator.radio_boards import Dsm2Board, DsmpModule, TrainerTransmitter
 from rcopterx.simulator.radio_module import RadioModule
 from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
-from rcopterx.transmitter_gateway.protocols.base import FrameFlags, RadioProtocol
-from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol, Dsm2Settings
-from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol, DsmpSettings
-from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol, PpmSettings
 
 HOVER = [1540.0, 1450.0, 1520.0, 1480.0]
 

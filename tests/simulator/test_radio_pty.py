@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from rcopterx.radios.multi import MultiProtocol, MultiSettings
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import HOLD_S, Receiver
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 
 FRAME = MultiProtocol(MultiSettings(rx_num=3)).encode([1540])
 

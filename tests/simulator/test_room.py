@@ -4,12 +4,12 @@ from pathlib import Path
 
 from support.vehicle_types import QUADROTOR
 
+from rcopterx.radios.calibration import ArmingChannel, Calibration, SwitchChannel
+from rcopterx.radios.multi import MultiProtocol, MultiSettings
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.plant import Pose
 from rcopterx.simulator.room import Room
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle
-from rcopterx.transmitter_gateway.calibration import ArmingChannel, Calibration, SwitchChannel
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 
 SWITCHED = Calibration(arming=ArmingChannel(4), emergency=SwitchChannel(5))
 IDLE, LIFTING = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.8, 0.0)

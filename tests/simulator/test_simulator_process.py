@@ -11,14 +11,14 @@ from support.vehicle_types import COAXIAL_LAG
 from rcopterx.bus.host_messages import LaboratoryState
 from rcopterx.bus.requests import Inject, InjectedFault
 from rcopterx.bus.session import BusAddress, Incoming
+from rcopterx.radios.calibration import Calibration
+from rcopterx.radios.dsm2_serial import Dsm2Settings
+from rcopterx.radios.protocol import SerialLine
+from rcopterx.radios.registry import create_protocol
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.plant import Pose
 from rcopterx.simulator.process import LONGEST_STEP_S, Simulator
 from rcopterx.simulator.settings import SimulatedRadio, SimulatedVehicle, SimulatorSettings
-from rcopterx.transmitter_gateway.calibration import Calibration
-from rcopterx.transmitter_gateway.protocols.base import SerialLine
-from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2Settings
-from rcopterx.transmitter_gateway.protocols.registry import create_protocol
 
 LINE = SerialLine(115_200)
 WRITTEN_AFTER_S = 0.007

@@ -4,8 +4,8 @@ import threading
 import time
 from select import select
 
+from rcopterx.radios.udp import udp_address
 from rcopterx.simulator.vehicle_udp import UdpVehicle, VehicleUdp
-from rcopterx.transmitter_gateway.udp_port import udp_address
 from support.udp import udp_paths
 
 

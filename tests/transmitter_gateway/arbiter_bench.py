@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     Action,
@@ -16,7 +17,6 @@ from rcopterx.transmitter_gateway.inputs import (
     Position,
     State,
 )
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 U_HOVER = 0.55
 SLEW: Input = (20.0, 20.0, 4.0, 8.0)

@@ -3,12 +3,12 @@
 import math
 from collections import Counter
 
+from rcopterx.radios.calibration import ArmingChannel, Calibration
+from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.radios.set_points import SetPointRadio
 from rcopterx.simulator.vehicle_udp import UdpVehicle
-from rcopterx.transmitter_gateway.calibration import ArmingChannel, Calibration
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, CommandInput, PoseInput, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.port import Port, WriteOutcome
-from rcopterx.transmitter_gateway.protocols.set_points import SetPointRadio
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 

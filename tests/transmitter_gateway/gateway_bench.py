@@ -15,17 +15,17 @@ from rcopterx.bus.message import FloatArray, Message
 from rcopterx.bus.messages import Applied, Command, CommandTiming, LeaseBid, Pose
 from rcopterx.bus.session import BusAddress, Incoming
 from rcopterx.bus.subscription import Inbox
+from rcopterx.radios.calibration import Calibration
+from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.radios.multi import MultiProtocol, MultiSettings
+from rcopterx.radios.protocol import SerialLine
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
-from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.port import WriteOutcome
 from rcopterx.transmitter_gateway.process import Gateway
-from rcopterx.transmitter_gateway.protocols.base import SerialLine
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.radios import Radios, Wakeup
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import begin_page

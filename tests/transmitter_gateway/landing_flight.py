@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from arbiter_bench import PERIOD_S, Bench
 from support.vehicle_types import COAXIAL
 
+from rcopterx.radios.limits import ArbiterLimits, LandingLimits
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.first_order_plant import FirstOrderPlant
 from rcopterx.simulator.helicopter import Helicopter
@@ -14,7 +15,6 @@ from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Plant, Pose
 from rcopterx.transmitter_gateway.inputs import FLYING, Input, Position, State
 from rcopterx.transmitter_gateway.landing import LandingLaw
-from rcopterx.transmitter_gateway.limits import ArbiterLimits, LandingLimits
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from arbiter_bench import SLEW, U_HOVER
 
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
@@ -20,7 +21,6 @@ from rcopterx.transmitter_gateway.inputs import (
     Position,
     State,
 )
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.vehicles.state import GRAVITY_M_S2
 
 STEP_S = 0.005

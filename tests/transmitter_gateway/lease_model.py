@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from rcopterx.agents.takeover.lease import WARM_S, ControlLease
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.admission import Admission
 from rcopterx.transmitter_gateway.inputs import CommandInput
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 LIMITS = ArbiterLimits()
 PAUSE_S = 0.1

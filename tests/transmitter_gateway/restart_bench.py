@@ -4,14 +4,14 @@ from collections import Counter
 from operator import call
 from pathlib import Path
 
+from rcopterx.radios.calibration import Calibration
+from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.radios.multi import MultiProtocol, MultiSettings
+from rcopterx.radios.protocol import SerialLine
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver, ReceiverState
-from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, Answer, CommandInput, PoseInput, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import SerialLine
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import NOT_FLYING, PAGE_BYTES, StatePage

@@ -3,8 +3,8 @@
 from collections import Counter
 from typing import Any
 
+from rcopterx.radios.limits import Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import PoseInput, Position
-from rcopterx.transmitter_gateway.limits import Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.surveillance import Judgement, Surveillance
 
 BOX = Fence((-1.5, -1.5, 0.0), (1.5, 1.5, 2.0))

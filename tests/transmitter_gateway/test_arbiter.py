@@ -5,8 +5,8 @@ import math
 import pytest
 from arbiter_bench import HOVER, IDLE, PERIOD_S, PLAN, Bench, flying, silent
 
+from rcopterx.radios.limits import ArbiterLimits, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import Action, LinkState, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits, SurveillanceLimits
 
 # Output while ARMED ------------------------------------------------------------------------------------
 

@@ -7,8 +7,8 @@ from itertools import pairwise
 import pytest
 from arbiter_bench import HOVER, IDLE, Bench
 
+from rcopterx.radios.limits import ArbiterLimits, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import Action, Answer, Input, LinkState, PoseInput, Position, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits, SurveillanceLimits
 
 TICK_S = 1 / 1024
 PERIOD_S = 1 / 64

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from rcopterx.bus.message import SHORTEST_PERIOD_S
+from rcopterx.radios.limits import ArbiterLimits, Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
@@ -23,7 +24,6 @@ from rcopterx.transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
-from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.transitions import TRANSITIONS, Condition
 
 LIMITS = ArbiterLimits(surveillance=SurveillanceLimits(fence=Fence((-2, -2, -0.5), (2, 2, 2))))

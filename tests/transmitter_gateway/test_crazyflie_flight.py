@@ -3,9 +3,9 @@
 import pytest
 from firmware_bench import FirmwareBench
 
+from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
 from rcopterx.simulator.crazyflie import LEVEL_AFTER_S, WATCHDOG_S, Crazyflie
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol, CrazyflieSettings
 
 
 class Bench(FirmwareBench):

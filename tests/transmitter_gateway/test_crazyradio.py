@@ -9,21 +9,14 @@ import pytest
 from support.radio_addresses import radio_paths
 from support.waiting import FakeClock, wait_for
 
+from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
+from rcopterx.radios.crazyradio import IN, OUT, SET_ADDRESS, SET_CHANNEL, SET_RATE
+from rcopterx.radios.crtp import RadioAddress, joined
+from rcopterx.radios.protocol import ProtocolError
 from rcopterx.simulator.crazyflie import Crazyflie
 from rcopterx.simulator.crazyradio import EmulatedDongle
-from rcopterx.transmitter_gateway.crazyradio import (
-    IN,
-    OUT,
-    SET_ADDRESS,
-    SET_CHANNEL,
-    SET_RATE,
-    Crazyradio,
-    CrazyradioPort,
-)
+from rcopterx.transmitter_gateway.crazyradio import Crazyradio, CrazyradioPort
 from rcopterx.transmitter_gateway.port import WriteOutcome
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol, CrazyflieSettings
-from rcopterx.transmitter_gateway.protocols.crtp import RadioAddress, joined
 
 FIRST, SECOND = "radio://0/80/2M/E7E7E7E701", "radio://0/90/1M/E7E7E7E702"
 LOW = (1100.0, 1500.0, 1500.0, 1500.0, 1100.0)

@@ -3,11 +3,11 @@
 from arbiter_bench import PERIOD_S, U_HOVER, Bench
 from support.vehicle_types import COAXIAL_LAG
 
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.simulator.conditions import LABORATORY
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import Pose
 from rcopterx.transmitter_gateway.inputs import Position, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.vehicles.state import U_THRUST, ZD_BODY
 
 HEIGHT_M = 0.9

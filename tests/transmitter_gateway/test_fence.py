@@ -3,8 +3,8 @@
 import pytest
 from surveillance_bench import BOX, Watch
 
+from rcopterx.radios.limits import Fence, LimitsError, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import Position
-from rcopterx.transmitter_gateway.limits import Fence, LimitsError, SurveillanceLimits
 from rcopterx.transmitter_gateway.surveillance import Judgement, judge_fence
 
 

@@ -3,8 +3,8 @@
 import pytest
 from arbiter_bench import HOVER, IDLE, Bench, flying, silent
 
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.inputs import FLYING, NEUTRAL, Action, LinkState, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 
 @pytest.mark.parametrize("by", ["operator", "agent", "anybody"])

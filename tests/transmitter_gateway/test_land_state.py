@@ -6,9 +6,9 @@ from itertools import pairwise
 import pytest
 from arbiter_bench import EDGE_S, HOVER, IDLE, PERIOD_S, U_HOVER, Bench, silent
 
+from rcopterx.radios.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import NEUTRAL, Action, LastApplied, LinkState, PoseInput, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
 
 
 def seen_flying(limits: ArbiterLimits | None = None) -> Bench:

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rcopterx.radios.limits import LandingLimits, LimitsError
 from rcopterx.transmitter_gateway.inputs import Position
 from rcopterx.transmitter_gateway.landing import (
     CLIMB_CHANGE_M_S2,
@@ -24,7 +25,6 @@ from rcopterx.transmitter_gateway.landing import (
     Motion,
     climb_rate_m_s,
 )
-from rcopterx.transmitter_gateway.limits import LandingLimits, LimitsError
 
 LIMITS = LandingLimits(input_gain=(2.0, 4.0, 10.0), yaw_rate_gain_rad_s=20.0)
 HOVER = 0.5

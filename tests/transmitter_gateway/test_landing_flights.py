@@ -7,9 +7,9 @@ import pytest
 from landing_flight import HOVER_S, Flight, Landing, Options, landing
 from support.vehicle_types import QUADROTOR
 
+from rcopterx.radios.limits import Fence
 from rcopterx.simulator.conditions import HELICOPTER, HELICOPTERS, LABORATORY, Conditions
 from rcopterx.transmitter_gateway.inputs import State
-from rcopterx.transmitter_gateway.limits import Fence
 
 CONDITIONS = {"first order": LABORATORY, "helicopter": HELICOPTER, "drawn helicopters": HELICOPTERS}
 KINDS = pytest.mark.parametrize("conditions", CONDITIONS.values(), ids=CONDITIONS)

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from firmware_bench import FirmwareBench
 
+from rcopterx.radios.mavlink import MavlinkProtocol
+from rcopterx.radios.mavlink_settings import MODES, MavlinkSettings
 from rcopterx.simulator.autopilot import LAND, LOITER, LOSS_S, EmulatedAutopilot
 from rcopterx.simulator.plant import Pose
 from rcopterx.transmitter_gateway.inputs import Action, PoseInput, State
-from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
-from rcopterx.transmitter_gateway.protocols.mavlink_settings import MODES, MavlinkSettings
 
 OFFBOARD = MODES["offboard"].reported
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from rcopterx.radios.mavlink import MavlinkProtocol
+from rcopterx.radios.mavlink_settings import MavlinkSettings
 from rcopterx.simulator.autopilot import EmulatedAutopilot
 from rcopterx.simulator.plant import Pose
-from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
-from rcopterx.transmitter_gateway.protocols.mavlink_settings import MavlinkSettings
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 
 LOW = (1100.0, 1500.0, 1500.0, 1500.0, 1100.0)

@@ -11,8 +11,8 @@ from mavsdk.plugins.telemetry_server import AngularVelocityBody, Battery, EulerA
 from support.udp import udp_paths
 from support.waiting import wait_for
 
-from rcopterx.transmitter_gateway.protocols.base import FrameFlags
-from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
+from rcopterx.radios.mavlink import MavlinkProtocol
+from rcopterx.radios.protocol import FrameFlags
 from rcopterx.transmitter_gateway.udp_port import UdpPort
 
 LOW = (1100.0, 1500.0, 1500.0, 1500.0, 1100.0)

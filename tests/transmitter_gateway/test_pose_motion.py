@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from surveillance_bench import BOX, CENTRE, QUIET, Watch
 
-from rcopterx.transmitter_gateway.limits import SurveillanceLimits
+from rcopterx.radios.limits import SurveillanceLimits
 from rcopterx.transmitter_gateway.surveillance import Judgement
 
 

@@ -3,9 +3,9 @@
 import re
 from pathlib import Path
 
+from rcopterx.radios.limits import ArbiterLimits, Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import State
 from rcopterx.transmitter_gateway.landing import HURRY
-from rcopterx.transmitter_gateway.limits import ArbiterLimits, Fence, SurveillanceLimits
 from rcopterx.transmitter_gateway.radios import COMMANDED_TURN_S, TURN_S
 from rcopterx.transmitter_gateway.shaping import FADE_PER_S
 from rcopterx.transmitter_gateway.transitions import TRANSITIONS

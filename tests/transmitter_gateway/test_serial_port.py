@@ -17,8 +17,8 @@ import serial
 from support.garbage import no_garbage
 from support.waiting import wait_for
 
+from rcopterx.radios.protocol import SerialLine
 from rcopterx.transmitter_gateway import serial_port
-from rcopterx.transmitter_gateway.protocols.base import SerialLine
 from rcopterx.transmitter_gateway.serial_port import (
     LONGEST_BACKLOG_S,
     RETRY_S,

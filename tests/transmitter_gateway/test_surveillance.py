@@ -5,8 +5,8 @@ import math
 import pytest
 from surveillance_bench import QUIET, Watch
 
+from rcopterx.radios.limits import SurveillanceLimits
 from rcopterx.transmitter_gateway.inputs import Position
-from rcopterx.transmitter_gateway.limits import SurveillanceLimits
 from rcopterx.transmitter_gateway.surveillance import Judgement
 
 

@@ -7,20 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.transmitter_gateway.calibration import (
+from rcopterx.radios.calibration import (
     ArmingChannel,
     Calibration,
     SwitchChannel,
     ThrottleCalibration,
 )
+from rcopterx.radios.crazyflie import CrazyflieProtocol
+from rcopterx.radios.dsm2_serial import Dsm2SerialProtocol
+from rcopterx.radios.dsmp import DsmpProtocol, DsmpSettings
+from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.radios.multi import MultiProtocol, MultiSettings
+from rcopterx.radios.ppm import PpmGenProtocol, PpmSettings
+from rcopterx.radios.protocol import PulseRangeError, RadioProtocol
 from rcopterx.transmitter_gateway.inputs import FLYING, NEUTRAL, ArbiterOutput, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.base import PulseRangeError, RadioProtocol
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
-from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
-from rcopterx.transmitter_gateway.protocols.dsmp import DsmpProtocol, DsmpSettings
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
-from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol, PpmSettings
 from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_channels
 
 LOW_S = 0.1

@@ -4,6 +4,7 @@ import pytest
 from arbiter_bench import SLEW, U_HOVER
 from msgspec import structs
 
+from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.arbiter import Arbiter
 from rcopterx.transmitter_gateway.inputs import (
     Action,
@@ -15,7 +16,6 @@ from rcopterx.transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 
 LAST_FLYING = LastApplied(
     State.ARMED, (0.1, 0.0, 0.56, 0.0), 9.6, lease=5, issued=6, hover_thrust=0.55, commanded=True, ready=True

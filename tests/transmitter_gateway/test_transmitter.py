@@ -4,13 +4,13 @@ from pathlib import Path
 import pytest
 from transmitter_bench import FRAME_S, HOVER, IDLE, Bench, settings_of
 
-from rcopterx.simulator.radio_module import SerialFrame
-from rcopterx.transmitter_gateway.calibration import (
+from rcopterx.radios.calibration import (
     ArmingChannel,
     Calibration,
     SwitchChannel,
     ThrottleCalibration,
 )
+from rcopterx.simulator.radio_module import SerialFrame
 from rcopterx.transmitter_gateway.inputs import Action, CommandInput, LinkState, PoseInput, State
 from rcopterx.transmitter_gateway.port import WriteOutcome
 from rcopterx.transmitter_gateway.transmitter import Transmitter

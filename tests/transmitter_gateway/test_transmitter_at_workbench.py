@@ -8,17 +8,17 @@ from pathlib import Path
 import pytest
 from transmitter_bench import IDLE, LINE, Bench, settings_of
 
-from rcopterx.transmitter_gateway.calibration import (
+from rcopterx.radios.calibration import (
     ArmingChannel,
     Calibration,
     ChannelCalibration,
     ThrottleCalibration,
 )
+from rcopterx.radios.dsm2_serial import Dsm2SerialProtocol
+from rcopterx.radios.multi import MultiProtocol
+from rcopterx.radios.ppm import PpmGenProtocol
+from rcopterx.radios.protocol import ProtocolError, PulseRangeError, RadioProtocol
 from rcopterx.transmitter_gateway.inputs import Action, Answer, LinkState
-from rcopterx.transmitter_gateway.protocols.base import ProtocolError, PulseRangeError, RadioProtocol
-from rcopterx.transmitter_gateway.protocols.dsm2_serial import Dsm2SerialProtocol
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol
-from rcopterx.transmitter_gateway.protocols.ppm import PpmGenProtocol
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 from rcopterx.transmitter_gateway.transmitter import Transmitter
 

@@ -11,11 +11,12 @@ from support.garbage import no_garbage
 from support.udp import udp_paths
 from support.waiting import wait_for
 
-from rcopterx.transmitter_gateway.protocols import crtp
-from rcopterx.transmitter_gateway.protocols.crazyflie import CrazyflieProtocol
-from rcopterx.transmitter_gateway.protocols.mavlink import MavlinkProtocol
-from rcopterx.transmitter_gateway.protocols.mavlink_settings import MavlinkSettings
-from rcopterx.transmitter_gateway.udp_port import LOOK_UP_S, PROBE_S, UdpPort, udp_address
+from rcopterx.radios import crtp
+from rcopterx.radios.crazyflie import CrazyflieProtocol
+from rcopterx.radios.mavlink import MavlinkProtocol
+from rcopterx.radios.mavlink_settings import MavlinkSettings
+from rcopterx.radios.udp import udp_address
+from rcopterx.transmitter_gateway.udp_port import LOOK_UP_S, PROBE_S, UdpPort
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from support.waiting import wait_for
 
+from rcopterx.radios.calibration import ArmingChannel, Calibration
+from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.radios.multi import MultiProtocol, MultiSettings
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
-from rcopterx.transmitter_gateway.calibration import ArmingChannel, Calibration
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.serial_port import SerialLine, SerialPort
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.workbench import Workbench

@@ -4,16 +4,16 @@ import select
 from operator import call
 from pathlib import Path
 
+from rcopterx.radios.calibration import Calibration
+from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.radios.multi import MultiProtocol, MultiSettings
+from rcopterx.radios.protocol import RadioProtocol, SerialLine
 from rcopterx.simulator.radio import RadioLink, RadioPty
 from rcopterx.simulator.radio_module import SerialFrame
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
-from rcopterx.transmitter_gateway.calibration import Calibration
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, Answer, CommandInput, PoseInput, State
-from rcopterx.transmitter_gateway.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.port import WriteOutcome
-from rcopterx.transmitter_gateway.protocols.base import RadioProtocol, SerialLine
-from rcopterx.transmitter_gateway.protocols.multi import MultiProtocol, MultiSettings
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.transmitter import Transmitter, Write

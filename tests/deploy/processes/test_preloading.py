@@ -40,7 +40,7 @@ def test_what_the_fleet_flies_with_and_what_flies_where_that_fails_are_imported(
 
 
 def test_libraries_of_the_radios_are_imported_before_a_gateway_is_needed() -> None:
-    of_radio = "rcopterx.transmitter_gateway.protocols.mavlink"
+    of_radio = "rcopterx.radios.mavlink"
     text = PAIR + '[defaults.transmitter]\nprotocol = "mavlink"'
     assert of_radio in modules(text)
     assert of_radio not in modules(PAIR)

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from rcopterx.deploy.fleet_check import check_fleet
-from rcopterx.deploy.roles.ports import check_ports, port_of, simulated_port_of
+from rcopterx.deploy.roles.ports import check_ports, port_of
+from rcopterx.deploy.roles.simulator import simulated_port_of
 from rcopterx.fleet.reading import fleet_path, load_fleet, parse_fleet
 from rcopterx.fleet.schema import FleetError
 

@@ -13,7 +13,7 @@ from rcopterx.fleet.radios import protocol_of
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.fleet.schema import FleetError
 from rcopterx.fleet.vehicle_models import landing_of, limits_of, longest_shutdown_s
-from rcopterx.transmitter_gateway.protocols.registry import PROTOCOL_NAMES, default_line
+from rcopterx.radios.registry import PROTOCOL_NAMES, default_line
 
 
 @pytest.fixture(autouse=True)

@@ -1,0 +1,1 @@
+"""Radios: codecs behind the `RadioProtocol` interface, calibration, and limits of the arbiter."""

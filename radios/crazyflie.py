@@ -1,0 +1,120 @@
+"""Crazyflie with its own firmware: attitude set points, supervisor and watchdog."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rcopterx.radios import crtp
+from rcopterx.radios.crazyflie_battery import LOG, BatteryLog
+from rcopterx.radios.protocol import FrameDecodeError, SerialLine
+from rcopterx.radios.set_points import FullStick, SetPoint, SetPointRadio
+
+LINE = SerialLine(2_000_000)  # data rate on air; a Crazyflie has no serial port
+
+FRAMES_PER_REQUEST = 10  # so often the state is asked for and the watchdog fed: every 0.25 s at the latest
+SILENT_S = 1.0
+REQUESTS_REMEMBERED = 20  # for the quality of the link: those of the last 4 to 5 s
+
+
+@dataclass(frozen=True, slots=True)
+class CrazyflieSettings(FullStick):
+    """How channels become set points."""
+
+    watchdog: bool = True
+    """Feed the firmware's watchdog from the first flight on: it stops the motors 1 s after the last frame,
+    until a restart of the vehicle. Without it set points stop them after 2 s."""
+
+
+class CrazyflieProtocol(SetPointRadio):
+    """Driver of a Crazyflie; a frame is packets, see `crtp.joined`. `counters`: malformed answers."""
+
+    name: ClassVar[str] = "crazyflie"
+    settings: CrazyflieSettings
+    separated = staticmethod(crtp.separated)
+    joined = staticmethod(crtp.joined)
+
+    def __init__(self, settings: CrazyflieSettings | None = None, line: SerialLine = LINE) -> None:
+        super().__init__(settings or CrazyflieSettings(), line, REQUESTS_REMEMBERED)
+        self._frames = 0
+        self._armed: bool | None = None
+        self._watched = False
+        self._answered_s = -math.inf
+        self._state: crtp.SupervisorState | None = None
+        self._battery = BatteryLog()
+
+    def probe(self) -> bytes:
+        """See `SetPointRadio`."""
+        return crtp.NULL_PACKET
+
+    def _set_point_frame(self, point: SetPoint, *, armed: bool, kill: bool) -> bytes:
+        """Build a frame; a kill stops the motors until the vehicle restarts."""
+        packets = [crtp.set_point_packet(point)]
+        if kill:
+            packets.insert(0, crtp.EMERGENCY_STOP)
+        if armed is not self._armed or self._frames >= FRAMES_PER_REQUEST:
+            packets += self._requests(armed=armed)
+            self._armed, self._frames = armed, 0
+        elif not armed and self._state is not None and (wanted := self._battery.request()) is not None:
+            packets.append(wanted)
+        self._frames += 1
+        return crtp.joined(packet.to_bytes() for packet in packets)
+
+    def _requests(self, *, armed: bool) -> list[crtp.Packet]:
+        """Packets that are not needed in every frame."""
+        self._answers.append(False)
+        requests = [crtp.STATE_REQUEST]
+        state = self._state
+        if state is not None and armed != state.armed and (armed or not state.arms_itself):
+            requests.append(crtp.arm_request(on=armed))
+        self._watched = self._watched or (armed and self.settings.watchdog)
+        if self._watched:
+            requests.append(crtp.WATCHDOG)
+        return requests
+
+    def link_opened(self, now_s: float) -> None:
+        """Wait for a new state."""
+        super().link_opened(now_s)
+        self._armed = self._state = None
+        self._battery = BatteryLog()
+
+    def link_resumed(self, now_s: float) -> None:
+        """Count the vehicle as ready and armed, as if it had just reported it."""
+        self.link_opened(now_s)
+        self._state, self._answered_s = crtp.SupervisorState(armed=True), now_s
+        self._watched = self.settings.watchdog
+
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Keep the newest state; other packets mean that the vehicle is there, no more."""
+        try:
+            answers = crtp.separated(data)
+        except FrameDecodeError as error:
+            self.counters[str(error)] += 1
+            return
+        for raw in answers:
+            try:
+                self._take(crtp.Packet.from_bytes(raw), now_s)
+            except FrameDecodeError as error:
+                self.counters[str(error)] += 1
+
+    def _take(self, packet: crtp.Packet, now_s: float) -> None:
+        if packet.port == LOG:
+            self._battery.take(packet)
+            self.voltage_v = self._battery.voltage_v
+        elif (state := crtp.SupervisorState.of(packet)) is not None:
+            self._state, self._answered_s = state, now_s
+            if self._answers:
+                self._answers[-1] = True
+
+    def _problem(self, now_s: float) -> str | None:
+        state = self._state
+        if state is None:
+            return "no answer from the vehicle yet; check its power, channel, data rate and address"
+        if now_s - self._answered_s > SILENT_S:
+            return f"vehicle gone: silent for {now_s - self._answered_s:.1f} s"
+        if state.locked:
+            return "the vehicle is locked after a stop: switch it off and on"
+        if state.crashed or state.tumbled:
+            return "the vehicle has crashed or lies on its side"
+        return None if state.armed or state.can_be_armed else "the vehicle checks itself"

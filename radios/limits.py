@@ -1,0 +1,203 @@
+"""Limits of the arbiter (docs/safety.md) with their defaults."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from rcopterx.vehicles.tuples import Four, Three
+
+FAREWELL_S = 2.0
+"""For the throttle-low frames at the end, on a busy computer."""
+
+
+class LimitsError(ValueError):
+    """A limit that makes no sense; the message names the field."""
+
+
+def _positive(name: str, value: float | None) -> None:
+    if value is not None and not (math.isfinite(value) and value > 0):
+        raise LimitsError(f"{name}: {value} must be a positive number")
+
+
+@dataclass(frozen=True, slots=True)
+class Fence:
+    """Box the vehicle must stay in."""
+
+    lower_m: Three
+    upper_m: Three
+    """`lower_m`, `upper_m`: corners in the inertial frame."""
+    margin_m: float = 0.1
+    """Distance outside the box at which the vehicle is brought down."""
+    cut_m: float = 5.0
+    """Distance outside the box at which the motors of a vehicle are cut that the arbiter lands and that does
+    not obey its sticks."""
+    braking_m_s2: Three = (2.0, 2.0, 2.0)
+    """Deceleration a healthy vehicle reaches on each axis: one too fast to stop inside the box is held."""
+
+    def __post_init__(self) -> None:
+        for axis, lower, upper in zip("xyz", self.lower_m, self.upper_m, strict=True):
+            if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+                raise LimitsError(f"fence.upper_m: {axis} = {upper} must be above lower_m {axis} = {lower}")
+        if not (math.isfinite(self.margin_m) and self.margin_m >= 0):
+            raise LimitsError(f"fence.margin_m: {self.margin_m} must not be negative")
+        if not (math.isfinite(self.cut_m) and self.cut_m > self.margin_m):
+            raise LimitsError(f"fence.cut_m: {self.cut_m} must be above margin_m = {self.margin_m}")
+        for value in self.braking_m_s2:
+            _positive("fence.braking_m_s2", value)
+
+    def left(self, position_m: Three) -> bool:
+        """Whether a vehicle is so far outside that its motors are to be cut."""
+        return any(
+            not lower - self.cut_m <= p <= upper + self.cut_m
+            for p, lower, upper in zip(position_m, self.lower_m, self.upper_m, strict=True)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SurveillanceLimits:
+    """Limits judged from raw poses; None switches a judgement off."""
+
+    tracking_hold_s: float | None = 0.1
+    tracking_descend_s: float | None = 0.3
+    """`tracking_hold_s`, `tracking_descend_s`: time without a usable own pose before HOLD and DESCEND."""
+    fence: Fence | None = None
+    """Box to stay in. It depends on the laboratory, so there is none by default."""
+    minimum_distance_m: float | None = 0.3
+    """Smallest distance between two vehicles; below it HOLD."""
+    distance_hysteresis_m: float = 0.05
+    """Additional distance before the vehicles count as apart again."""
+    other_pose_s: float = 0.5
+    """Time for which the last position of another vehicle is used."""
+    maximum_thrust_s: float | None = None
+    """Longest time with thrust between arming and disarming; then DESCEND."""
+    maximum_jump_m: float | None = 0.1
+    """A position further than this from where the vehicle can be is rejected."""
+    maximum_speed_m_s: float = 2.5
+    """Growth of that distance with the time since the last accepted position."""
+    jump_descend_s: float = 0.3
+    """Time of rejection after which the vehicle comes down for good: it may be another body."""
+    velocity_filter_s: float = 0.05
+    """Time constant of the low-pass on the finite-difference velocity."""
+    trust_repeated_poses: bool = True
+    """Whether a position that equals the last one counts as seen. Measurements of a flying vehicle never
+    repeat themselves exactly. On the floor they always count."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            if item.name not in ("fence", "trust_repeated_poses"):
+                _positive(item.name, getattr(self, item.name))
+        hold, descend = self.tracking_hold_s, self.tracking_descend_s
+        if hold is not None and descend is not None and descend < hold:
+            raise LimitsError(f"tracking_descend_s: {descend} must not be below tracking_hold_s = {hold}")
+
+
+@dataclass(frozen=True, slots=True)
+class LandingLimits:
+    """Model of the vehicle for holding and landing, and limits of the law."""
+
+    input_gain: Three = (2.0, 2.1, 18.0)
+    """Nominal acceleration per unit of pitch, roll and thrust [m/s^2]."""
+    yaw_rate_gain_rad_s: float = 22.2
+    """Nominal yaw rate per unit of yaw."""
+    cyclic: float = 0.8
+    thrust: float = 0.2
+    yaw: float = 0.1
+    """`cyclic`, `thrust`, `yaw`: largest pitch and roll, difference from the hover thrust, and yaw."""
+    descent_m_s: float = 0.4
+    """Speed of the descent."""
+    touchdown_m_s: float = 0.25
+    flare_m: float = 0.2
+    """`touchdown_m_s`, `flare_m`: slower speed just above the floor, and the height where it begins."""
+    braked_m_s: float = 0.3
+    braking_s: float = 1.5
+    """`braked_m_s`, `braking_s`: the descent begins when the vehicle is slower than this, or after this time.
+    """
+    pose_age_s: float = 0.1
+    """A vehicle whose last accepted pose is older is not seen."""
+    longest_s: float = 20.0
+    """Longest landing; then the vehicle comes down open loop."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            for number in value if isinstance(value, tuple) else (value,):
+                _positive(f"landing.{item.name}", number)
+
+
+@dataclass(frozen=True, slots=True)
+class ArbiterLimits:
+    """Times, input limits and rates of the arbiter."""
+
+    hold_after_s: float = 0.06
+    descend_after_s: float = 0.2
+    cut_after_s: float = 2.0
+    """`hold_after_s`, `descend_after_s`, `cut_after_s`: age of the last accepted command at which HOLD, LAND
+    or DESCEND, and without poses CUT begin."""
+    bridge_s: float = 0.18
+    """For how long planned inputs are played when commands are late."""
+    command_age_s: float = 0.2
+    """A command computed from a pose that was captured longer ago is rejected, as are one of a frame further
+    ahead of the raw poses, and one of an epoch that they left longer ago."""
+    hold_limit_s: float = 0.5
+    """Longest HOLD before LAND or DESCEND."""
+    arm_low_s: float = 0.5
+    low_thrust: float = 0.05
+    """`arm_low_s`, `low_thrust`: commanded thrust must be at most `low_thrust` for `arm_low_s` before arming;
+    the same applied thrust for the same time means that the vehicle stands on the floor."""
+    disarm_after_s: float = 60.0
+    """How long an armed vehicle may stand on the floor before it is disarmed."""
+    lower: Four = (-1.0, -1.0, 0.0, -0.4)
+    upper: Four = (1.0, 1.0, 1.0, 0.4)
+    tolerance: float = 0.02
+    """`lower`, `upper`, `tolerance`: input limits; a command further outside than `tolerance` is rejected."""
+    descend_below_hover: float = 0.11
+    descend_rate_per_s: float = 0.5
+    """`descend_below_hover`, `descend_rate_per_s`: DESCEND lowers the thrust at this rate to this share below
+    hover."""
+    hover_correction: float = 0.35
+    """Largest correction of the calibrated hover thrust from the flight; 0 for none."""
+    take_over_s: float = 0.7
+    """Longest silence on the serial line after which a restarted gateway takes over a flying vehicle; well
+    under the time for which receivers hold their outputs."""
+    floor_m: float = 0.0
+    """Height at which vehicles stand, for one that was not seen standing."""
+    airborne_m: float = 0.1
+    """How far above that height a vehicle certainly flies."""
+    operators: frozenset[str] = frozenset({"operator"})
+    """Names whose requests count as an operator's."""
+    surveillance: SurveillanceLimits = SurveillanceLimits()
+    """Limits judged from raw poses."""
+    landing: LandingLimits = LandingLimits()
+    """How the vehicle is held and landed while it is seen."""
+
+    @property
+    def descent_s(self) -> float:
+        """Longest descent without poses."""
+        return self.cut_after_s - self.descend_after_s
+
+    @property
+    def longest_shutdown_s(self) -> float:
+        """Longest time from the request to shut down until the port may be closed."""
+        return self.landing.longest_s + self.descent_s + FAREWELL_S
+
+    def __post_init__(self) -> None:
+        others = ("lower", "upper", "tolerance", "hover_correction", "floor_m", "operators")
+        for item in fields(self):
+            if item.name not in (*others, "surveillance", "landing"):
+                _positive(item.name, getattr(self, item.name))
+        if not self.hold_after_s < self.descend_after_s < self.cut_after_s:
+            raise LimitsError(
+                f"descend_after_s: {self.descend_after_s} must lie between hold_after_s = {self.hold_after_s}"
+                f" and cut_after_s = {self.cut_after_s}"
+            )
+        if not math.isfinite(self.floor_m):
+            raise LimitsError(f"floor_m: {self.floor_m} must be a finite number")
+        for name in ("tolerance", "hover_correction"):
+            if not getattr(self, name) >= 0:
+                raise LimitsError(f"{name}: {getattr(self, name)} must not be negative")
+        for name, lower, upper in zip(
+            ("pitch", "roll", "thrust", "yaw"), self.lower, self.upper, strict=True
+        ):
+            if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+                raise LimitsError(f"upper: {name} {upper} must be above its lower limit {lower}")

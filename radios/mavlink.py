@@ -1,0 +1,235 @@
+"""Vehicles with PX4 or ArduPilot: attitude set points, mode and arming by MAVLink 2 (mavlink.io, common)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, ClassVar
+
+from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.quaternion import QuaternionBase
+
+from rcopterx.radios.mavlink_settings import LINE, MODES, MavlinkSettings
+from rcopterx.radios.mavlink_state import AutopilotState
+from rcopterx.radios.protocol import FrameDecodeError, SerialLine
+from rcopterx.radios.set_points import SetPoint, SetPointRadio
+
+HEARTBEAT_S = 0.5
+REQUEST_S = 0.25  # commands are repeated so often until they are obeyed
+ATTITUDE_INTERVAL_US, STATUS_INTERVAL_US = 20_000, 1_000_000
+FORCE = 21_196  # third word of a command to disarm: also in flight
+LARGEST_LEAD_RAD = 0.5  # of the heading of set points before that of the vehicle
+PACKETS_REMEMBERED = 300
+LONGEST_ERROR = 1e-3  # of the length of a quaternion, as ArduPilot allows it
+
+
+class MavlinkProtocol(SetPointRadio):
+    """Driver of one vehicle; a frame is one or more packets, which travel in one datagram.
+
+    A set point has a heading besides the yaw rate: it starts where the autopilot reports it, and moves
+    with the rate. Before the autopilot has reported its attitude a frame has no set point.
+    `counters` counts malformed packets.
+    """
+
+    name: ClassVar[str] = "mavlink"
+    settings: MavlinkSettings
+
+    def __init__(self, settings: MavlinkSettings | None = None, line: SerialLine = LINE) -> None:
+        settings = settings or MavlinkSettings()
+        super().__init__(settings, replace(line, baud=settings.baud), PACKETS_REMEMBERED)
+        self.local_port = settings.local_port
+        self._mav = mavlink.MAVLink(
+            None, srcSystem=settings.own_system, srcComponent=mavlink.MAV_COMP_ID_MISSIONPLANNER
+        )
+        self._mav.robust_parsing = True
+        self._mode = MODES[settings.mode]
+        self._state = AutopilotState(self._mode)
+        self._sequence: int | None = None
+        self._target = (settings.system, mavlink.MAV_COMP_ID_AUTOPILOT1)
+        self._now_s, self._beat_s, self._requested_s = 0.0, -math.inf, -math.inf
+        self._heading_rad: float | None = None
+        self._yaw_rate_rad_s = 0.0
+        self._pose: tuple[float, float, float, float] | None = None
+        self._armed = self._arming = self._thrusts = False
+
+    # Frames -------------------------------------------------------------------------------------------
+
+    def _set_point_frame(self, point: SetPoint, *, armed: bool, kill: bool) -> bytes:
+        """Build a frame; a kill stops the motors at once."""
+        urgent = armed is not self._armed or (kill and self._state.armed is not False)
+        self._arming = armed and (self._arming or not self._armed)
+        self._armed, self._thrusts = armed, point.thrust > 0
+        packets = []
+        if urgent or self._now_s >= self._requested_s + REQUEST_S:
+            self._requested_s = self._now_s
+            packets += self._kill() if kill else self._requests()
+        packets += [*self._set_point(point), *self._external_pose()]
+        if self._now_s >= self._beat_s + HEARTBEAT_S or not packets:
+            self._beat_s = self._now_s
+            packets.append(self.probe())
+        return b"".join(packets)
+
+    def _packed(self, message: Any) -> bytes:
+        return packed(self._mav, message)
+
+    def probe(self) -> bytes:
+        """Return a heartbeat; an autopilot answers to its sender."""
+        kind, autopilot = mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID
+        state, version = mavlink.MAV_STATE_ACTIVE, 3
+        return self._packed(mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, state, version))
+
+    def _command(self, command: int, *parameters: float) -> bytes:
+        values = [*parameters, *([0.0] * (7 - len(parameters)))]
+        return self._packed(mavlink.MAVLink_command_long_message(*self._target, command, 0, *values))
+
+    def _set_point(self, point: SetPoint) -> list[bytes]:
+        if self._state.attitude_rad is None:
+            return []
+        yaw_rad = self._state.attitude_rad[2]
+        heading_rad = self._heading_rad if self._thrusts else None
+        lead_rad = 0.0 if heading_rad is None else math.remainder(heading_rad - yaw_rad, math.tau)
+        self._heading_rad = yaw_rad + min(max(lead_rad, -LARGEST_LEAD_RAD), LARGEST_LEAD_RAD)
+        self._yaw_rate_rad_s = math.radians(point.yaw_rate_deg_s)
+        roll_rad, pitch_rad = math.radians(point.roll_deg), math.radians(point.pitch_deg)
+        rotation = QuaternionBase([roll_rad, pitch_rad, self._heading_rad]).q
+        time_ms, rates = round(1000 * self._now_s) % 2**32, (0.0, 0.0, self._yaw_rate_rad_s)
+        message = mavlink.MAVLink_set_attitude_target_message(
+            time_ms, *self._target, self._mode.ignored, list(rotation), *rates, point.thrust
+        )
+        return [self._packed(message)]
+
+    def pose_seen(self, position_m: tuple[float, float, float], yaw_rad: float) -> None:
+        """See `RadioProtocol`; its roll and pitch are those that the autopilot reports."""
+        self._pose = (*position_m, yaw_rad) if self.settings.external_pose else None
+
+    def _external_pose(self) -> list[bytes]:
+        """Pack the newest pose once, with unknown covariance."""
+        if self._pose is None or self._state.attitude_rad is None:
+            return []
+        (x, y, z, yaw_rad), self._pose = self._pose, None
+        roll_rad, pitch_rad, _ = self._state.attitude_rad
+        time_us, unknown = round(1e6 * self._now_s), [math.nan] * 21
+        return [
+            self._packed(
+                mavlink.MAVLink_vision_position_estimate_message(
+                    time_us, x, -y, -z, roll_rad, pitch_rad, -yaw_rad, unknown
+                )
+            )
+        ]
+
+    def _kill(self) -> list[bytes]:
+        packets = [self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCE)]
+        if self.settings.flight_termination:
+            packets.append(self._command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1))
+        return packets
+
+    def _requests(self) -> list[bytes]:
+        """Pack the commands that bring the vehicle into the state that is wanted, next step first.
+
+        It is armed only with a set point without thrust and once in each flight, and another mode is replaced
+        only then: later a pilot or a failsafe has chosen it, and flies and disarms the vehicle.
+        """
+        state = self._state
+        packets = []
+        if not state.sees_attitude(self._now_s):
+            interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+            packets.append(self._command(interval, mavlink.MAVLINK_MSG_ID_ATTITUDE, ATTITUDE_INTERVAL_US))
+            packets.append(self._command(interval, mavlink.MAVLINK_MSG_ID_SYS_STATUS, STATUS_INTERVAL_US))
+        arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+        if self._arming and state.armed and state.obeys:
+            self._arming = False
+        elif self._arming and not self._thrusts:
+            custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+            mode = self._command(mavlink.MAV_CMD_DO_SET_MODE, custom, self._mode.requested)
+            packets.append(self._command(arm, 1) if state.obeys else mode)
+        elif not self._armed and state.armed and state.obeys:
+            packets.append(self._command(arm, 0))
+        return packets
+
+    def frame_written(self, now_s: float) -> None:
+        """Move the heading with the yaw rate."""
+        if self._heading_rad is not None:
+            self._heading_rad += self._yaw_rate_rad_s * (now_s - self._now_s)
+        self._now_s = now_s
+
+    # Answers ------------------------------------------------------------------------------------------
+
+    def link_opened(self, now_s: float) -> None:
+        """Wait for a new state."""
+        super().link_opened(now_s)
+        self._state = AutopilotState(self._mode)
+        self._sequence = self._heading_rad = None
+        self._armed = self._arming = False
+        self._now_s = now_s
+
+    def link_resumed(self, now_s: float) -> None:
+        """Count the vehicle as ready and armed, as if it had just reported it."""
+        self.link_opened(now_s)
+        self._state.resume(now_s)
+        self._armed = True
+
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Keep the newest state of the vehicle; packets of others are ignored."""
+        for packet in self._mav.parse_buffer(data) or ():
+            if packet.get_type() == "BAD_DATA":
+                self.counters["mavlink: malformed"] += 1
+            elif packet.get_type().startswith("UNKNOWN"):
+                # Of another dialect: only its header can be read.
+                self._count(packet.data[5], packet.data[6], packet.data[4])
+            elif self._count(packet.get_srcSystem(), packet.get_srcComponent(), packet.get_seq()):
+                self._take(packet, now_s)
+
+    def _count(self, system: int, component: int, sequence: int) -> bool:
+        """Note that a packet arrived, and those before it that did not; return if it is the autopilot's."""
+        if (system, component) != self._target:
+            return False
+        lost = 0 if self._sequence is None else (sequence - self._sequence - 1) % 256
+        self._sequence = sequence
+        self._answers.extend([*([False] * lost), True])
+        return True
+
+    def _take(self, packet: Any, now_s: float) -> None:
+        try:
+            if packet.get_type() == "COMMAND_ACK":
+                if packet.target_system not in (0, self.settings.own_system):
+                    return
+                self._state.take_answer(packet, arming=self._armed, now_s=now_s)
+                complaint = self._state.complaint
+                self.remark = f"; refused: {complaint}" if complaint else ""
+            else:
+                self._state.take(packet, now_s)
+        except FrameDecodeError as error:
+            self.counters[str(error)] += 1
+        self.voltage_v = self._state.voltage_v
+
+    def _problem(self, now_s: float) -> str | None:
+        state = self._state
+        problem = state.problem(now_s)
+        if problem is not None or (self._armed and state.armed and state.obeys):
+            return problem
+        if self._armed and self._arming:
+            return f"the autopilot did not arm: {state.complaint or 'no answer'}" if self._thrusts else None
+        if self._armed:
+            return (
+                "a pilot or a failsafe has changed the mode" if state.armed else "the autopilot has disarmed"
+            )
+        return "someone else has armed the vehicle" if state.armed and not state.obeys else None
+
+
+def packed(mav: mavlink.MAVLink, message: Any) -> bytes:
+    """Pack a message with the next sequence number of its sender."""
+    packet: bytes = message.pack(mav)
+    mav.seq = (mav.seq + 1) % 256
+    return packet
+
+
+def set_point_of(message: Any) -> tuple[SetPoint, float]:
+    """Return set point and heading, clockwise from north [rad], or raise `FrameDecodeError`."""
+    if not all(map(math.isfinite, (*message.q, message.body_yaw_rate, message.thrust))):
+        raise FrameDecodeError("mavlink: a set point that is not finite")
+    length = math.hypot(*message.q)
+    if abs(length - 1.0) > LONGEST_ERROR:
+        raise FrameDecodeError("mavlink: a set point that is no rotation")
+    roll_rad, pitch_rad, yaw_rad = QuaternionBase([part / length for part in message.q]).euler
+    roll_deg, pitch_deg, yaw_rate_deg_s = map(math.degrees, (roll_rad, pitch_rad, message.body_yaw_rate))
+    return SetPoint(roll_deg, pitch_deg, yaw_rate_deg_s, min(max(message.thrust, 0.0), 1.0)), yaw_rad

@@ -1,0 +1,58 @@
+"""Settings of the radio protocol `mavlink`, which need no library."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rcopterx.radios.protocol import ProtocolError, SerialLine, check_choice, check_ranges
+from rcopterx.radios.set_points import FullStick
+
+
+class Mode(NamedTuple):
+    """A mode of a `MAV_AUTOPILOT` that obeys set points, as requested, as reported, bits for no rates."""
+
+    autopilot: int
+    requested: int
+    reported: int
+    ignored: int
+
+
+PX4, ARDUPILOT = 12, 3
+MODES = {
+    "offboard": Mode(PX4, 6, 6 << 16, 0b011),
+    # ArduPilot wants all body rates, or none.
+    "guided_nogps": Mode(ARDUPILOT, 20, 20, 0),
+    "guided": Mode(ARDUPILOT, 4, 4, 0),
+}
+LINE = SerialLine(921_600)
+MISSING_LIBRARY = "the library pymavlink is not installed: pip install 'rcopterx[mavlink]'"
+
+
+@dataclass(frozen=True, slots=True)
+class MavlinkSettings(FullStick):
+    """How channels become set points of PX4 and ArduPilot."""
+
+    system: int = 1
+    """System id of the vehicle: `MAV_SYS_ID` of PX4, `SYSID_THISMAV` of ArduPilot."""
+    own_system: int = 255
+    """System id of the gateway, which counts as the ground station of the vehicle."""
+    baud: int = LINE.baud
+    """Speed of a serial line [1/s]."""
+    local_port: int = 0
+    """UDP port that the gateway sends from, 0 for any. PX4 answers the port that it got its first datagram
+    from until it restarts, also after a restart of the gateway."""
+    mode: str = "offboard"
+    """Mode that obeys set points: `offboard` of PX4; `guided_nogps` of ArduPilot, or `guided`, which needs a
+    position."""
+    external_pose: bool = False
+    """Send the poses of motion capture as well, for its estimator: 130 bytes in each frame."""
+    flight_termination: bool = False
+    """With a kill also request flight termination, which PX4 keeps until it restarts."""
+
+    def __post_init__(self) -> None:
+        # A class with slots is made anew, so that super() without arguments would not find it.
+        FullStick.__post_init__(self)
+        check_ranges(self, "mavlink", system=(1, 255), own_system=(1, 255))
+        check_ranges(self, "mavlink", baud=(57_600, 3_000_000), local_port=(0, 65_535))
+        check_choice("mavlink.mode", self.mode, MODES)
+        if self.system == self.own_system:
+            raise ProtocolError(f"mavlink.own_system: {self.own_system} is the vehicle's, choose another one")

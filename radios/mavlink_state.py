@@ -1,0 +1,89 @@
+"""What an autopilot reports by MAVLink (messages: mavlink.io, dialect common)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from rcopterx.radios.mavlink_settings import Mode
+from rcopterx.radios.protocol import FrameDecodeError
+
+SETTLING_S = 0.5  # reports may be older than the answer to a command by so much
+SILENT_S = 1.0
+HEARTBEAT_GONE_S = 3.0  # autopilots send a heartbeat a second
+NO_VOLTAGE = 65_535
+
+
+class AutopilotState:
+    """The newest reports of an autopilot.
+
+    `armed` and `obeys`: whether it is armed, and whether its mode obeys set points; None before the first
+    heartbeat. `attitude_rad` and `voltage_v`: roll to the right, pitch nose up, heading clockwise from above;
+    battery. None before the first one. `complaint`: why the last command was refused; empty if it was not.
+    """
+
+    def __init__(self, mode: Mode) -> None:
+        self._mode = mode
+        self.armed: bool | None = None
+        self.obeys: bool | None = None
+        self.attitude_rad: tuple[float, float, float] | None = None
+        self.voltage_v: float | None = None
+        self.complaint = self._text = ""
+        self._autopilot = mode.autopilot
+        self._claimed_s = self._heartbeat_s = self._attitude_s = -math.inf
+
+    def resume(self, now_s: float) -> None:
+        """Assume that it flies and obeys, as if it had just reported it."""
+        self.armed = self.obeys = True
+        self._heartbeat_s = self._attitude_s = now_s
+
+    def take(self, message: Any, now_s: float) -> None:
+        """Keep a report of the autopilot; raises `FrameDecodeError` for a number that is not finite."""
+        match message.get_type():
+            case "HEARTBEAT":
+                self._autopilot, self._heartbeat_s = message.autopilot, now_s
+                if now_s >= self._claimed_s + SETTLING_S:
+                    self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+                    self.obeys = message.custom_mode == self._mode.reported
+            case "ATTITUDE":
+                attitude_rad = (message.roll, message.pitch, message.yaw)
+                if not all(map(math.isfinite, attitude_rad)):
+                    raise FrameDecodeError("mavlink: an attitude that is not finite")
+                self.attitude_rad, self._attitude_s = attitude_rad, now_s
+            case "SYS_STATUS" if message.voltage_battery != NO_VOLTAGE:
+                self.voltage_v = 0.001 * message.voltage_battery
+            case "STATUSTEXT" if message.severity <= mavlink.MAV_SEVERITY_WARNING:
+                self._text = message.text
+
+    def take_answer(self, message: Any, *, arming: bool, now_s: float) -> None:
+        """Keep the answer to a command: its change or refusal; `arming` if the last one was to arm."""
+        if message.command not in (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE):
+            return
+        if message.result == mavlink.MAV_RESULT_ACCEPTED:
+            self.complaint, self._claimed_s = "", now_s
+            if message.command == mavlink.MAV_CMD_DO_SET_MODE:
+                self.obeys = True
+            else:
+                self.armed = arming
+        elif message.result != mavlink.MAV_RESULT_IN_PROGRESS:
+            # The text may come a moment before or after the answer; a repeated command finds it then.
+            self.complaint, self._text = self._text or f"MAV_RESULT {message.result}", ""
+
+    def sees_attitude(self, now_s: float) -> bool:
+        """Whether attitudes arrive."""
+        return now_s - self._attitude_s <= SILENT_S
+
+    def problem(self, now_s: float) -> str | None:
+        """Why it cannot be flown, apart from its mode; None if it can."""
+        if self._heartbeat_s == -math.inf:
+            return "no heartbeat from the autopilot yet; check its power, address and system id"
+        silent_s = now_s - self._heartbeat_s
+        if silent_s > HEARTBEAT_GONE_S:
+            return f"vehicle gone: no heartbeat for {silent_s:.1f} s"
+        if not self.sees_attitude(now_s):
+            return "no attitude from the autopilot"
+        if self._autopilot != self._mode.autopilot:
+            return "the autopilot does not have the mode of transmitter.settings"
+        return None

@@ -1,0 +1,167 @@
+"""Promises of the Crazyflie's driver: directions, arming, stop, watchdog and readiness."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rcopterx.radios import crtp
+from rcopterx.radios.crazyflie import (
+    FRAMES_PER_REQUEST,
+    SILENT_S,
+    CrazyflieProtocol,
+    CrazyflieSettings,
+)
+from rcopterx.radios.protocol import FrameFlags, ProtocolError
+from rcopterx.radios.set_points import SetPoint
+
+DISARMED, ARMED = 1100.0, 1900.0
+HOVER = (1540.0, 1500.0, 1500.0, 1500.0, ARMED)
+LOW = (1100.0, 1500.0, 1500.0, 1500.0, DISARMED)
+KILL = FrameFlags(kill=True)
+pulses = st.floats(1100.0, 1900.0)
+
+
+def packets(frame: bytes) -> list[crtp.Packet]:
+    return [crtp.Packet.from_bytes(raw) for raw in crtp.separated(frame)]
+
+
+def set_point(frame: bytes) -> SetPoint:
+    [point] = [crtp.set_point_of(each) for each in packets(frame) if each.port == crtp.COMMANDER]
+    return point
+
+
+def reported(protocol: CrazyflieProtocol, state: crtp.SupervisorState, now_s: float = 0.0) -> None:
+    protocol.receive(crtp.joined([state.packet().to_bytes()]), now_s)
+
+
+def round_of(protocol: CrazyflieProtocol, channels: tuple[float, ...]) -> list[crtp.Packet]:
+    return [each for _ in range(FRAMES_PER_REQUEST) for each in packets(protocol.encode(channels))]
+
+
+@given(pulses, pulses, pulses, st.floats(1200.0, 1900.0))
+def test_a_frame_of_an_armed_vehicle_is_read_back(
+    aileron: float, elevator: float, rudder: float, throttle: float
+) -> None:
+    protocol = CrazyflieProtocol()
+    sent = (throttle, aileron, elevator, rudder, ARMED)
+    point = set_point(protocol.encode(sent))
+    assert protocol.settings.pulses_us(point, armed=True) == pytest.approx(sent, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("channel", "expected"),
+    [
+        (1, SetPoint(roll_deg=30.0, thrust=0.55)),
+        (2, SetPoint(pitch_deg=-30.0, thrust=0.55)),
+        (3, SetPoint(yaw_rate_deg_s=200.0, thrust=0.55)),
+    ],
+)
+def test_sticks_to_the_right_and_forward_are_the_firmwares_directions(
+    channel: int, expected: SetPoint
+) -> None:
+    sticks = [*HOVER]
+    sticks[channel] = 1900.0
+    assert set_point(CrazyflieProtocol().encode(sticks)) == expected
+
+
+def test_thrust_ends_below_what_the_firmware_needs_for_the_attitude() -> None:
+    assert set_point(CrazyflieProtocol().encode((2000.0, *HOVER[1:]))).thrust == 1.0
+    assert set_point(CrazyflieProtocol().encode((1000.0, *HOVER[1:]))).thrust == 0.0
+
+
+@given(pulses, pulses, st.booleans())
+def test_without_the_arming_channel_or_with_a_kill_there_is_no_thrust(
+    throttle: float, aileron: float, kill: bool
+) -> None:
+    channels = (throttle, aileron, 1500.0, 1500.0, ARMED if kill else DISARMED)
+    frame = CrazyflieProtocol().encode(channels, FrameFlags(kill=kill))
+    assert set_point(frame) == SetPoint()
+    assert (packets(frame)[0] == crtp.EMERGENCY_STOP) is kill
+
+
+def test_a_vehicle_is_armed_until_it_reports_it_and_disarmed_afterwards() -> None:
+    protocol = CrazyflieProtocol()
+    protocol.link_opened(0.0)
+    on, off = crtp.arm_request(on=True), crtp.arm_request(on=False)
+    assert on not in round_of(protocol, HOVER), "nothing is known of the vehicle"
+    reported(protocol, crtp.SupervisorState(can_be_armed=True))
+    assert on in round_of(protocol, HOVER)
+    assert on not in round_of(protocol, LOW)
+    reported(protocol, crtp.SupervisorState(armed=True))
+    assert on not in round_of(protocol, HOVER)
+    assert off in round_of(protocol, LOW)
+    reported(protocol, crtp.SupervisorState(armed=True, arms_itself=True))
+    assert off not in round_of(protocol, LOW)
+
+
+def test_the_watchdog_is_fed_from_the_first_flight_on() -> None:
+    protocol, without = CrazyflieProtocol(), CrazyflieProtocol(CrazyflieSettings(watchdog=False))
+    assert crtp.WATCHDOG not in round_of(protocol, LOW)
+    for channels in (HOVER, LOW, LOW):
+        assert round_of(protocol, channels).count(crtp.WATCHDOG) == 1
+        assert crtp.WATCHDOG not in round_of(without, channels)
+
+
+def test_the_watchdog_is_fed_often_enough_by_repeated_frames() -> None:
+    assert CrazyflieProtocol().keepalive_s * FRAMES_PER_REQUEST < 0.3
+
+
+@pytest.mark.parametrize(
+    ("state", "ready", "words"),
+    [
+        (crtp.SupervisorState(armed=True, arms_itself=True), True, "ready"),
+        (crtp.SupervisorState(can_be_armed=True), True, "ready"),
+        (crtp.SupervisorState(), False, "checks itself"),
+        (crtp.SupervisorState(armed=True, tumbled=True), False, "lies on its side"),
+        (crtp.SupervisorState(armed=True, crashed=True), False, "crashed"),
+        (crtp.SupervisorState(locked=True), False, "off and on"),
+    ],
+)
+def test_a_vehicle_is_ready_when_its_firmware_would_fly(
+    state: crtp.SupervisorState, ready: bool, words: str
+) -> None:
+    protocol = CrazyflieProtocol()
+    assert protocol.status(0.0).text == "port not open"
+    protocol.link_opened(0.0)
+    assert not protocol.status(0.0).ready
+    reported(protocol, state)
+    assert protocol.status(0.0).ready is ready
+    assert words in protocol.status(0.0).text
+    assert not protocol.status(SILENT_S + 0.1).ready
+    assert not protocol.status(SILENT_S + 0.1).ready
+
+
+def test_a_successor_counts_the_vehicle_as_ready_until_it_is_silent() -> None:
+    protocol = CrazyflieProtocol()
+    protocol.link_resumed(5.0)
+    assert protocol.status(5.5).ready
+    assert not protocol.status(5.1 + SILENT_S).ready
+    assert crtp.WATCHDOG in round_of(protocol, HOVER)
+
+
+@given(st.lists(st.binary(max_size=40)))
+def test_malformed_answers_are_counted(raw: list[bytes]) -> None:
+    protocol = CrazyflieProtocol()
+    protocol.link_opened(0.0)
+    for data in raw:
+        protocol.receive(data, 0.0)
+    protocol.receive(b"\x05\x9c", 0.0)
+    protocol.receive(crtp.joined([b"\x9c\x8c\x00"]), 0.0)
+    assert protocol.counters["crtp: a frame that ends within a packet"] > 0
+    assert protocol.counters["crtp: state of 2 bytes, 3 are needed"] > 0
+
+
+@pytest.mark.parametrize("settings", [{"full_tilt_deg": 0.0}, {"full_yaw_rate_deg_s": 800.0}])
+def test_wrong_settings_are_refused(settings: dict[str, float]) -> None:
+    with pytest.raises(ProtocolError, match=next(iter(settings))):
+        CrazyflieSettings(**settings)
+
+
+def test_the_status_has_the_share_of_requests_that_were_answered() -> None:
+    protocol = CrazyflieProtocol()
+    protocol.link_opened(0.0)
+    for number in range(9):
+        round_of(protocol, LOW)
+        if number % 2 == 0:
+            reported(protocol, crtp.SupervisorState(armed=True))
+    assert protocol.status(0.0).text == "ready, link 50 %"

@@ -1,0 +1,113 @@
+"""Promises of the MAVLink driver: readiness, silence and malformed bytes in the reports of an autopilot."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mavlink_peer import ARDUPILOT, HOVER, IDLE, PX4, Peer
+from pymavlink.dialects.v20 import ardupilotmega
+from pymavlink.dialects.v20 import common as mavlink
+
+from rcopterx.radios.mavlink import MavlinkProtocol
+from rcopterx.radios.mavlink_state import HEARTBEAT_GONE_S, SILENT_S
+
+
+@pytest.mark.parametrize(
+    ("act", "ready", "words"),
+    [
+        (lambda peer: None, False, "no heartbeat from the autopilot yet"),
+        (lambda peer: peer.heartbeat(), True, "ready, link 100 %"),
+        (lambda peer: peer.heartbeat(autopilot=ARDUPILOT), False, "does not have the mode"),
+    ],
+)
+def test_a_vehicle_is_ready_when_its_autopilot_would_fly(
+    act: Callable[[Peer], None], ready: bool, words: str
+) -> None:
+    peer = Peer()
+    act(peer)
+    assert peer.ready is ready
+    assert words in peer.text
+    assert MavlinkProtocol().status(0.0).text == "port not open"
+
+
+def test_silence_is_noticed() -> None:
+    peer = Peer()
+    peer.heartbeat()
+    peer.now_s = SILENT_S + 0.1
+    assert peer.text == "no attitude from the autopilot"
+    peer.now_s = HEARTBEAT_GONE_S + 0.1
+    peer.attitude(0.0)
+    assert peer.text == "vehicle gone: no heartbeat for 3.1 s"
+    peer.heartbeat()
+    assert peer.ready
+
+
+def test_the_status_has_voltage_and_the_share_of_packets_that_arrived() -> None:
+    peer = Peer()
+    peer.heartbeat()
+    peer.report(peer.link.sys_status_encode(0, 0, 0, 0, 65535, -1, -1, 0, 0, 0, 0, 0, 0))
+    assert peer.text == "ready, link 100 %"
+    peer.report(peer.link.sys_status_encode(0, 0, 0, 0, 15_430, -1, -1, 0, 0, 0, 0, 0, 0))
+    peer.link.seq = (peer.link.seq + 4) % 256
+    peer.attitude(0.0)
+    peer.attitude(0.0)
+    assert peer.text == "ready, 15.43 V, link 56 %"
+
+
+def test_reports_arrive_in_pieces_as_on_a_serial_line() -> None:
+    peer = Peer()
+    for message in (
+        peer.link.heartbeat_encode(mavlink.MAV_TYPE_QUADROTOR, PX4, 0, 0, 0),
+        peer.link.attitude_encode(0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0),
+    ):
+        for byte in message.pack(peer.link):
+            peer.protocol.receive(bytes((byte,)), 0.0)
+    assert peer.ready
+    assert peer.set_point(IDLE)[1][2] == pytest.approx(1.5)
+
+
+def test_packets_of_other_dialects_count_and_those_of_others_do_not() -> None:
+    peer = Peer(dialect=ardupilotmega)
+    peer.heartbeat()
+    peer.report(peer.link.meminfo_encode(0, 0))
+    peer.attitude(0.0)
+    other = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+    peer.protocol.receive(other.attitude_encode(0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0).pack(other), 0.0)
+    peer.protocol.receive(b"\xfe" + peer.link.meminfo_encode(0, 0).pack(peer.link, True)[1:], 0.0)
+    assert peer.text == "ready, link 100 %"
+    assert peer.set_point(HOVER)[1][2] == 0.0
+
+
+PIECES = st.one_of(
+    st.binary(max_size=60),
+    st.sampled_from([b"\xfd", b"\xfd\xff\x00", b"\xfe\x09", b"\xfd\x09\x01"]),
+    st.builds(
+        lambda yaw, end: (
+            mavlink.MAVLink(None, 1, 1)
+            .attitude_encode(0, 0, 0, yaw, 0, 0, 0)
+            .pack(mavlink.MAVLink(None, 1, 1))[:end]
+        ),
+        st.floats(width=32),
+        st.integers(1, 60),
+    ),
+)
+
+
+@given(st.lists(PIECES, max_size=12))
+def test_malformed_bytes_are_counted_and_never_raise(raw: list[bytes]) -> None:
+    peer = Peer()
+    for data in raw:
+        peer.protocol.receive(data, 0.0)
+        assert len(peer.text) < 200
+    # Longer than the longest packet: whatever had begun has ended.
+    peer.protocol.receive(bytes(600), 0.0)
+    assert peer.protocol.counters["mavlink: malformed"] > 0
+
+
+def test_an_attitude_that_is_not_finite_is_counted_and_not_used() -> None:
+    peer = Peer(1.0)
+    peer.attitude(math.nan)
+    assert peer.protocol.counters["mavlink: an attitude that is not finite"] == 1
+    assert peer.set_point(HOVER)[1][2] == pytest.approx(1.0)
