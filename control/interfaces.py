@@ -12,6 +12,7 @@ import numpy as np
 from msgspec import Struct
 
 from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.state import Array
 
 
@@ -132,26 +133,25 @@ class Controller(Protocol):
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         """Start from a flying vehicle: integral states and warm starts are set for a bumpless first step."""
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
         """Compute one control step.
 
         `estimate` is the state at the instant at which the new input begins to act (the delay is
         compensated), `reference` has N stages from that instant on, and `last_input`, shape (4,), is the
-        input of the period before.
+        input of the period before. A step should return the best result it has as soon as `expired` is
+        true.
 
         Raises
         ------
         NoSolutionError
             The previous plan is better than all that was found; any other exception is a failure.
         """
-
-
-@runtime_checkable
-class StopsEarly(Protocol):
-    """A controller that returns its best iterate when the time of its step runs out."""
-
-    def set_deadline(self, expired: Callable[[], bool]) -> None:
-        """Stop iterating in the next step as soon as `expired` is true; set before every step."""
 
 
 class Obstacle(Struct, frozen=True):

@@ -24,7 +24,6 @@ from rcopterx.control.interfaces import (
     Estimate,
     NoSolutionError,
     Obstacle,
-    StopsEarly,
 )
 from rcopterx.control.models.finite import is_finite
 from rcopterx.control.models.roll_out import predict
@@ -102,6 +101,8 @@ class StepGuard:
     def use(self, controller: Controller) -> None:
         """Change to another controller; one that is not part of this package stays in the flight envelope."""
         self.controller = controller
+        self.avoiding = controller if isinstance(controller, AvoidsObstacles) else None
+        """The controller if it plans around other vehicles."""
         self.replaced = False  # whether the default one flies for one that failed
         self.calls.failure, self._failed_for_s = "", 0.0
         self._envelope = None if is_built_in(controller) else Envelope(self.model, BRIDGED_S)
@@ -248,10 +249,10 @@ class StepGuard:
         solver_limit_s = self.calls.allowed_s(SOLVER_SHARE * controller.period_s)
 
         def step() -> ControlStep | NoSolutionError:
-            if isinstance(controller, StopsEarly):
-                controller.set_deadline(lambda: limit.over(solver_limit_s))
             try:
-                return controller.step(task.estimate, task.reference, task.last_input)
+                return controller.step(
+                    task.estimate, task.reference, task.last_input, lambda: limit.over(solver_limit_s)
+                )
             except NoSolutionError as error:
                 return error
 

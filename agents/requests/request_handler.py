@@ -36,7 +36,6 @@ from rcopterx.bus.requests import (
 )
 from rcopterx.bus.session import Incoming
 from rcopterx.control.identification.excitation import Excitation
-from rcopterx.control.interfaces import AvoidsObstacles
 from rcopterx.control.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
 from rcopterx.formation.placement import Room, move_problem, take_off_problem
 from rcopterx.formation.profile_limits import profile_limits_of
@@ -276,7 +275,7 @@ class RequestHandler:
         own = self.settings.vehicle
         links, heads = self._formation()
         others = {}
-        if self.settings.separation is None or not isinstance(self.pilot.controller, AvoidsObstacles):
+        if self.settings.separation is None or self.pilot.step_guard.avoiding is None:
             moved = {own, *followers(links, own)}
             others = {name: at for name, at in places(links, heads).items() if name not in moved}
         return partial(move_problem, own, links=links, heads=heads, room=self.settings.room, unrelated=others)

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 
 from rcopterx.agents.guards.step_guard import StepGuard
-from rcopterx.control.interfaces import AvoidsObstacles, Obstacle
+from rcopterx.control.interfaces import Obstacle
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.formation.law import LeaderPlan
 from rcopterx.vehicles.state import Array
@@ -96,7 +96,7 @@ class PlanAvoidance:
 
         Only `free` flight gives way. `delay_s` is from the present to the first stage of `plan`.
         """
-        controller = self._step_guard.controller
+        controller, avoiding = self._step_guard.controller, self._step_guard.avoiding
         obstacles: tuple[Obstacle, ...] = ()
         touching = False
         self._step_guard.neighbours = ()
@@ -107,8 +107,8 @@ class PlanAvoidance:
             obstacles, touching = found.obstacles, found.touching
             # The next plan may differ from the last one.
             self._step_guard.neighbours = found.neighbours
-        if not isinstance(controller, AvoidsObstacles):
+        if avoiding is None:
             return not touching
-        self._step_guard.try_call(lambda: controller.set_obstacles(obstacles))
+        self._step_guard.try_call(lambda: avoiding.set_obstacles(obstacles))
         self.ticks += touching
         return True

@@ -57,6 +57,7 @@ class BaseController(ABC):
         estimate: Estimate,
         reference: Trajectory,
         last_input: Array,  # noqa: ARG002 - changes of the input cost nothing here
+        expired: Callable[[], bool] = never,
     ) -> ControlStep:
         """Compute one control step (`rcopterx.control.interfaces.Controller.step`)."""
         if len(reference.samples) != self._horizon or abs(reference.period_s - self._period_s) > 1e-9:
@@ -64,7 +65,7 @@ class BaseController(ABC):
         low, high, yaw_rad = self._reference_min, self._reference_max, estimate.motion[YAW]
         low[YAW], high[YAW] = yaw_rad - REFERENCE_YAW_CAP_RAD, yaw_rad + REFERENCE_YAW_CAP_RAD
         reference = Trajectory(np.clip(reference.samples, low, high), self._period_s)
-        step = self._compute(estimate, reference)
+        step = self._compute(estimate, reference, expired)
         self._last_plan = step.plan
         return replace(step, inputs=np.clip(step.inputs, self._limits.input_min, self._limits.input_max))
 
@@ -73,25 +74,10 @@ class BaseController(ABC):
         """Set integral states and warm starts for a bumpless first step."""
 
     @abstractmethod
-    def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
-        """Compute inputs and plan from a reference of N stages."""
+    def _compute(self, estimate: Estimate, reference: Trajectory, expired: Callable[[], bool]) -> ControlStep:
+        """Compute inputs and plan from a reference of N stages, in time before `expired` is true."""
 
     def _usable_input(self, last_input: Array) -> Array:
         if not np.isfinite(last_input).all():
             return self._model.hover_input
         return np.clip(last_input, self._model.u_min, self._model.u_max)
-
-
-class MpcController(BaseController):
-    """A controller whose solvers stop in time (`rcopterx.control.interfaces.StopsEarly`)."""
-
-    _expired: Callable[[], bool] | None = None
-
-    def set_deadline(self, expired: Callable[[], bool]) -> None:
-        """Stop the solvers of the next step in time."""
-        self._expired = expired
-
-    def _deadline(self) -> Callable[[], bool]:
-        """Return the deadline of this step; the next one has its own."""
-        expired, self._expired = self._expired, None
-        return expired or never

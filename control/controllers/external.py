@@ -14,6 +14,7 @@ from rcopterx.control.interfaces import Controller, ControlStep, Estimate
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.models.roll_out import predict as roll_out
 from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
@@ -65,12 +66,18 @@ class ExternalController:
         """Start from a flying vehicle."""
         self.own.reset(estimate, last_input)
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
         """Fly by the newest answer, its later inputs if the task has moved on, and give out the next task."""
         now_s = self._clock()
         present = self._number + max(1, round((now_s - self._task_s) / self.period_s))
         if self._inputs is None:
-            step = self.own.step(estimate, reference, last_input)
+            step = self.own.step(estimate, reference, last_input, expired)
         else:
             step = self._step_by(self._inputs, present - self._answered - 1, estimate)
         self._number, self._task_s = present, now_s

@@ -4,6 +4,7 @@ Errors are turned into the body frame, so one set of gains serves every heading;
 follow one that is flown by simple feedback.
 """
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -58,7 +59,12 @@ class FeedbackController(BaseController):
         trim = np.clip((last_input - self._model.hover_input)[:3], -TRIM_CAP, TRIM_CAP)
         self._trim = turned_about_z(trim, float(estimate.motion[YAW]))
 
-    def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
+    def _compute(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        expired: Callable[[], bool],  # noqa: ARG002 - this law is fast
+    ) -> ControlStep:
         inputs = self._closed_loop(estimate, reference)
         self._trim = self._integrated(self._trim, estimate.motion, reference.samples[0], inputs[0])
         return ControlStep(inputs, predict(self._model, estimate, inputs, self._period_s), None, 0)

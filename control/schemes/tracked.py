@@ -15,6 +15,7 @@ from rcopterx.control.controllers.settings import Horizon
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.references.trajectory import ACCELERATION, POSITION, VELOCITY, Trajectory
 from rcopterx.control.schemes.interface import Samples, Situation
+from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, inertial_velocity, three
 from rcopterx.vehicles.tuples import Three
@@ -113,10 +114,6 @@ class TrackedScheme(ABC, Generic[S]):
         self._way = None
         self._tracker.reset(estimate, last_input)
 
-    def set_deadline(self, expired: Callable[[], bool]) -> None:
-        """Stop the tracking controller in time."""
-        self._tracker.set_deadline(expired)
-
     def exchange(self, situation: Situation) -> Struct | None:
         """See `Scheme.exchange`."""
         self._time_s = situation.time_s
@@ -126,13 +123,19 @@ class TrackedScheme(ABC, Generic[S]):
             self._fly(Way(motion[:3].copy(), velocity, np.zeros((0, 3)), BRAKING_STAGE_S).braked(velocity))
         return self._exchange(situation)
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
         """Track the way; headings are those of the reference."""
         samples = reference.samples.copy()
         if self._way is not None:
             at = self._way.at(self._time_s - self._began_s + self._ages_s)
             samples[:, POSITION], samples[:, VELOCITY], samples[:, ACCELERATION] = at
-        return self._tracker.step(estimate, Trajectory(samples, reference.period_s), last_input)
+        return self._tracker.step(estimate, Trajectory(samples, reference.period_s), last_input, expired)
 
     @abstractmethod
     def _exchange(self, situation: Situation) -> Struct | None:

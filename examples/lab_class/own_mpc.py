@@ -43,7 +43,7 @@ class OwnMpc(BaseController):
     def _start(self, estimate, last_input):
         """Nothing to set."""
 
-    def _compute(self, estimate, reference):
+    def _compute(self, estimate, reference, expired):
         inputs = np.tile(self._model.hover_input, (self._horizon - 1, 1))
         accelerations = self._first_steps(estimate, reference)
         for row, wanted in zip(inputs, accelerations, strict=True):

@@ -20,11 +20,11 @@ from rcopterx.control.controllers.feedback import LqrController
 class Crashing(LqrController):
     steps = 0
 
-    def step(self, estimate, reference, last_input):
+    def step(self, estimate, reference, last_input, expired):
         self.steps += 1
         if self.steps > 5 and Path(os.environ["TEST_CRASH_WHEN"]).exists():
             os._exit(7)
-        return super().step(estimate, reference, last_input)
+        return super().step(estimate, reference, last_input, expired)
 """
 ALONE = """
 [vehicles.h1]

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate
 from rcopterx.control.references.trajectory import Trajectory
+from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.state import Array
 
 
@@ -64,10 +65,16 @@ class WrappingController:
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         self._sound.reset(estimate, last_input)
 
-    def sound_step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+    def sound_step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
         """The next step of the sound controller."""
         self.steps += 1
-        return self._sound.step(estimate, reference, last_input)
+        return self._sound.step(estimate, reference, last_input, expired)
 
 
 class FailingController(WrappingController):
@@ -77,9 +84,15 @@ class FailingController(WrappingController):
         super().__init__(sound)
         self._course = course
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
         failure = self._course[self.steps % len(self._course)]
-        step = self.sound_step(estimate, reference, last_input)
+        step = self.sound_step(estimate, reference, last_input, expired)
         return step if failure is None else FAILURES[failure](step)  # type: ignore[return-value]
 
 

@@ -1,6 +1,7 @@
 """A vehicle to fly in tests: it behaves exactly as its model says and stands on a floor."""
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.control.interfaces import ControlStep, Estimate, Measurement
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.references.trajectory import Trajectory, hold
+from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array
 from support.vehicle_types import COAXIAL_LAG
@@ -114,7 +116,13 @@ class NotedController:
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         self.resets.append((estimate, last_input))
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
         self.asked.append((estimate, reference, last_input))
         first = (len(self.asked) - 1) % len(self._inputs)
         rows = [self._inputs[(first + row) % len(self._inputs)] for row in range(self.horizon - 1)]

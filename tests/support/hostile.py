@@ -13,6 +13,7 @@ from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.schemes.interface import Situation
+from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from support.failing import WrappingController
@@ -61,8 +62,14 @@ class HostileController(WrappingController):
         super().__init__(CONTROLLERS.build("pid", model, period_s, {"horizon": settings.horizon}))
         self._model, self._kind = model, settings.kind
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
-        step = self.sound_step(estimate, reference, last_input)
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
+        step = self.sound_step(estimate, reference, last_input, expired)
         hostile_s = self.steps * self.period_s - SOUND_S
         return step if hostile_s < 0.0 else self._hostile(step, hostile_s)
 

@@ -12,7 +12,7 @@ from typing import Annotated, Final
 import msgspec
 import numpy as np
 
-from rcopterx.control.controllers.base import EARLY_STOP, MpcController
+from rcopterx.control.controllers.base import EARLY_STOP, BaseController
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.clearance import Clearances, clearances
 from rcopterx.control.controllers.cascade.lateral import LateralLags, LateralTilt, with_tilt
@@ -84,7 +84,7 @@ class CascadeSettings(MpcSettings, frozen=True, kw_only=True):
     """Keep clear of the plans of other vehicles."""
 
 
-class CascadeController(MpcController):
+class CascadeController(BaseController):
     """Trajectory MPC, yaw first; `new_solver` makes other solvers than the one that the settings name.
 
     Raises `SettingsError`: bounds or weights that the vehicle cannot have.
@@ -132,8 +132,8 @@ class CascadeController(MpcController):
         for solver in (self._heading_solver, self._height_solver, self._horizontal_solver):
             solver.reset()
 
-    def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
-        task, expired = self._task(estimate, reference.samples), self._deadline()
+    def _compute(self, estimate: Estimate, reference: Trajectory, expired: Callable[[], bool]) -> ControlStep:
+        task = self._task(estimate, reference.samples)
         clear = self._clearances(task) if self._obstacles else None
         heights = None if clear is None else clear.heights(task.limits.position[:, Z])[:, :-1]
         heading = self._heading_solver.solve(self._heading.problem(task), True, expired)

@@ -11,7 +11,7 @@ from typing import Annotated, Final
 import msgspec
 import numpy as np
 
-from rcopterx.control.controllers.base import EARLY_STOP, MpcController
+from rcopterx.control.controllers.base import EARLY_STOP, BaseController
 from rcopterx.control.controllers.paper.model import (
     BOUNDED_STATES,
     INPUT_WEIGHTS,
@@ -48,7 +48,7 @@ class PaperSettings(MpcSettings, frozen=True, kw_only=True):
     """Integral states stop here (anti-windup)."""
 
 
-class PaperController(MpcController):
+class PaperController(BaseController):
     """Set-point MPC of the paper; `new_solver` makes another solver than the one that the settings name.
 
     Raises `SettingsError`: bounds that the vehicle cannot have.
@@ -95,12 +95,12 @@ class PaperController(MpcController):
         self._bumpless_from = last_input
         self._solver.reset()
 
-    def _compute(self, estimate: Estimate, reference: Trajectory) -> ControlStep:
+    def _compute(self, estimate: Estimate, reference: Trajectory, expired: Callable[[], bool]) -> ControlStep:
         yaw = float(reference.yaw_rad[-1])
         self._take_over_trim(yaw)
         same_cost = yaw == self._linearized_at
         self._linearized_at = yaw
-        plan = self._solver.solve(self._stated(estimate, reference, yaw), same_cost, self._deadline())
+        plan = self._solver.solve(self._stated(estimate, reference, yaw), same_cost, expired)
         self._integrate(estimate, reference)
         fallback = None if plan.optimal else EARLY_STOP
         return ControlStep(plan.u, self._plan(plan.x), fallback, plan.iterations)

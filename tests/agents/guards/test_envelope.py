@@ -1,5 +1,7 @@
 """The flight envelope: what a vehicle can come to rest from is flown, what it cannot is not."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,6 +14,7 @@ from rcopterx.agents.guards.step_guard import BRIDGED_S, DEFAULT_CONTROLLER, Ste
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate, Obstacle
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import POSITION, VELOCITY, YAW_RATE, Trajectory, hold
+from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.state import U_THRUST, Array
 
 PERIOD_S = 0.02
@@ -91,7 +94,13 @@ class Pushing:
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         """Nothing to reset."""
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
         return ControlStep(np.tile(self.command, (STAGES - 1, 1)), reference, None, 0)
 
 

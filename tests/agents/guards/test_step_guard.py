@@ -1,5 +1,7 @@
 """Whatever a controller does, the vehicle has a command, and the failure is counted and described."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -22,6 +24,7 @@ from rcopterx.agents.pilot import CONTROLLER_REPLACED, Pilot
 from rcopterx.control.interfaces import Controller, ControlStep, Estimate, NoSolutionError
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory, hold
+from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.state import Array
 
 PERIOD_S = 0.02
@@ -166,10 +169,16 @@ def test_a_shifted_plan_has_an_end() -> None:
 class NoSolution(NotedController):
     """Finds one plan, and no further one."""
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
         if self.asked:
             raise NoSolutionError
-        return super().step(estimate, reference, last_input)
+        return super().step(estimate, reference, last_input, expired)
 
 
 def test_a_shifted_plan_has_the_stage_and_the_end_of_the_time_while_periods_are_left_out() -> None:
@@ -225,8 +234,14 @@ def test_what_is_raised_in_a_reset_is_a_failure_like_any_other() -> None:
 class Slow(NotedController):
     """Takes its time."""
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
-        step = super().step(estimate, reference, last_input)
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
+        step = super().step(estimate, reference, last_input, expired)
         LimitOfTests.used = 0.05
         return step
 
@@ -257,7 +272,13 @@ class Answers(NotedController):
         super().__init__(HOVER[None, :])
         self.answer = inputs, samples
 
-    def step(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> ControlStep:
+    def step(
+        self,
+        estimate: Estimate,
+        reference: Trajectory,
+        last_input: Array,
+        expired: Callable[[], bool] = never,
+    ) -> ControlStep:
         inputs, samples = self.answer
         return ControlStep(inputs, Trajectory(samples, PERIOD_S), None, 0)  # type: ignore[arg-type]  # on purpose
 

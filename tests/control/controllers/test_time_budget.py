@@ -14,7 +14,7 @@ from support.vehicle_types import COAXIAL, COAXIAL_LAG
 from rcopterx.agents.guards.time_limit import OutOfTimeError
 from rcopterx.control.controllers.base import EARLY_STOP
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
-from rcopterx.control.interfaces import Estimate, Obstacle, StopsEarly
+from rcopterx.control.interfaces import Estimate, Obstacle
 from rcopterx.control.references.trajectory import Trajectory, hold
 from rcopterx.vehicles.model import Model
 
@@ -40,10 +40,6 @@ def reference(forward_m: float, turn_rad: float) -> Trajectory:
     return hold(np.array([forward_m, -forward_m, 1.0 + 0.3 * forward_m]), turn_rad, PERIOD_S, HORIZON)
 
 
-def test_the_cascade_stops_early() -> None:
-    assert isinstance(flying(COAXIAL_LAG), StopsEarly)
-
-
 @MODELS
 @settings(deadline=None, max_examples=60)
 @given(stop=st.integers(0, 60), crowded=st.booleans(), forward_m=st.floats(-3, 3), turn=st.floats(-3, 3))
@@ -52,8 +48,9 @@ def test_a_step_that_is_stopped_at_any_moment_gives_a_sound_command(
 ) -> None:
     controller, asked = flying(model), count()
     controller.set_obstacles([NEAR] if crowded else [])
-    controller.set_deadline(lambda: next(asked) >= stop)
-    step = controller.step(at_rest(model), reference(forward_m, turn), model.hover_input)
+    step = controller.step(
+        at_rest(model), reference(forward_m, turn), model.hover_input, lambda: next(asked) >= stop
+    )
     assert np.isfinite(step.inputs).all()
     assert np.isfinite(step.plan.samples).all()
     assert ((step.inputs >= model.u_min) & (step.inputs <= model.u_max)).all()
@@ -65,9 +62,8 @@ def test_a_step_that_is_stopped_at_any_moment_gives_a_sound_command(
 def test_a_deadline_holds_for_one_step(model: Model) -> None:
     controller = flying(model)
     controller.set_obstacles([NEAR])
-    controller.set_deadline(lambda: True)
     far = reference(2.0, 2.0)
-    assert controller.step(at_rest(model), far, model.hover_input).fallback == EARLY_STOP
+    assert controller.step(at_rest(model), far, model.hover_input, lambda: True).fallback == EARLY_STOP
     assert controller.step(at_rest(model), far, model.hover_input).fallback is None
 
 
