@@ -1,9 +1,10 @@
-"""Flight logs of a directory, such as the parts `trio-20261122-141500.000.mcap`, `...001.mcap`."""
+"""Flight logs of a directory, such as the parts `trio-20261122-141500-7.000.mcap`, `...001.mcap`."""
 
 import os
 import re
 import time
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,6 +13,7 @@ from rcopterx.bus.keys import ROOT
 
 SUFFIX: Final = ".mcap"
 NEWEST: Final = "latest"
+NUMBERED: Final = 3  # dashes in the name of a flight with a number
 _PART: Final = re.compile(r"^(?P<flight>[a-z][a-z0-9_]*-\d{8}-\d{6}(?:-\d+)?)\.(?P<number>\d{3,})\.mcap$")
 
 
@@ -21,7 +23,7 @@ class NoFlightError(ValueError):
 
 @dataclass(frozen=True)
 class Flight:
-    """One recorded flight: its name from fleet, date and time of its start, and its files in order."""
+    """One recorded flight: its name from fleet, start and number, and its files in order."""
 
     name: str
     parts: tuple[Path, ...]
@@ -41,9 +43,15 @@ def default_directory() -> Path:
     return Path(data) / ROOT / "flights"
 
 
-def flight_name(fleet: str, started_s: float) -> str:
-    """Return the name of a flight that begins at a time of the wall clock."""
-    return f"{fleet}-{time.strftime('%Y%m%d-%H%M%S', time.localtime(started_s))}"
+def new_flight_name(fleet: str, started_s: float, directory: Path) -> str:
+    """Return the name of a flight that begins at a time of the wall clock: fleet, date, time, number.
+
+    The number is one more than the largest in the directory: clocks of boards without a battery repeat.
+    """
+    number = 1
+    with suppress(OSError):  # the recorder will report why the directory is unusable
+        number += max((_number(part["flight"]) for part in _parts(directory)), default=0)
+    return f"{fleet}-{time.strftime('%Y%m%d-%H%M%S', time.localtime(started_s))}-{number}"
 
 
 def part_path(directory: Path, flight: str, number: int) -> Path:
@@ -58,22 +66,42 @@ def next_part(directory: Path, flight: str) -> int:
     )
 
 
+def missing_parts(flight: Flight) -> list[int]:
+    """Return the numbers of the parts that a flight lacks before its last one."""
+    found = [part for path in flight.parts if (part := _PART.match(path.name))]
+    numbers = {int(part["number"]) for part in found if part["flight"] == flight.name}
+    return sorted(set(range(max(numbers, default=0))) - numbers)
+
+
 def flights_in(directory: Path) -> list[Flight]:
-    """Return the flights of a directory, the oldest first; other files are ignored."""
+    """Return the flights of a directory, the oldest first; other files are ignored.
+
+    Raises OSError if the directory cannot be read.
+    """
     parts: dict[str, list[Path]] = {}
     for part in sorted(_parts(directory), key=lambda part: (int(part["number"]), part[0])):
         parts.setdefault(part["flight"], []).append(directory / part[0])
-    by_start = sorted(parts.items(), key=lambda item: _started(item[0]))
+    by_start = sorted(parts.items(), key=lambda item: _order(item[0]))
     return [Flight(name, tuple(paths)) for name, paths in by_start]
 
 
 def _parts(directory: Path) -> list[re.Match[str]]:
-    return [part for path in directory.glob(f"*{SUFFIX}") if (part := _PART.match(path.name))]
+    """Return the names of all parts; raises OSError unless the directory can be read or is missing."""
+    try:
+        names = os.listdir(directory)
+    except FileNotFoundError:
+        return []
+    return [part for name in names if (part := _PART.match(name))]
 
 
-def _started(name: str) -> tuple[str, str]:
-    """Sort key of a flight: date and time of its start, then its name."""
-    return name.partition("-")[2], name
+def _number(flight: str) -> int:
+    """Return the number of a flight, 0 for those of versions that did not number them."""
+    return int(flight.split("-")[3]) if flight.count("-") == NUMBERED else 0
+
+
+def _order(flight: str) -> tuple[int, str, str]:
+    """Sort key of a flight: its number; without one date and time of its start; then its name."""
+    return _number(flight), flight.partition("-")[2], flight
 
 
 def found_flight(name: str, directory: Path) -> Flight:

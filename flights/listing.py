@@ -9,16 +9,18 @@ from typing import Final, NamedTuple
 import msgspec
 
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT, METADATA
-from rcopterx.flights.flights import Flight
-from rcopterx.flights.mcap_reading import Contents, FlightLogError, contents_of, messages_of
+from rcopterx.flights.flights import SUFFIX, Flight, missing_parts
+from rcopterx.flights.mcap_reading import Contents, contents_of, messages_of
+from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.flights.mcap_writing import McapFile
 
 CHUNK_MESSAGES: Final = 500
+RECOVERED: Final = ".recovered.mcap"
 
 
 @dataclass(frozen=True)
 class FlightSummary:
-    """One line of the list of flights; `complete` once it has ended well, `problem` if it is unreadable."""
+    """One line of the list of flights; `problem` if it is unreadable."""
 
     name: str
     fleet: str
@@ -26,14 +28,20 @@ class FlightSummary:
     vehicles: tuple[str, ...]
     size_bytes: int
     files: int
-    complete: bool
+    complete: bool  # it has ended well and every bit of it is right
+    damaged: bool  # parts of it are not readable
     commit: str
     directory: str
     problem: str = ""
 
+    @property
+    def state(self) -> str:
+        """Words about its files."""
+        return "complete" if self.complete else "damaged" if self.damaged else "open or cut off"
+
 
 def summary_of(flight: Flight) -> FlightSummary:
-    """Return the summary of a flight, without reading its messages."""
+    """Return the summary of a flight, without its messages."""
     problem, contents = "", [Contents()]
     vehicles: tuple[str, ...] = ()
     try:
@@ -49,7 +57,8 @@ def summary_of(flight: Flight) -> FlightSummary:
         vehicles=vehicles,
         size_bytes=flight.size_bytes,
         files=len(flight.parts),
-        complete=not problem and all(part.complete for part in contents),
+        complete=not problem and all(part.complete for part in contents) and not missing_parts(flight),
+        damaged=any(part.missing for part in contents),
         commit=metadata.get("commit", ""),
         directory=str(flight.parts[0].parent),
         problem=problem,
@@ -69,21 +78,26 @@ def vehicles_in(fleet: bytes) -> tuple[str, ...]:
 
 
 class Mended(NamedTuple):
-    """Contents of a mended file."""
+    """Contents of a mended file: where it is, how many messages, and sentences about what is missing."""
 
+    path: Path
     messages: int
-    damaged_chunks: int
+    missing: tuple[str, ...]
 
 
 def mend(path: Path) -> Mended:
-    """Replace a file by a complete one with everything readable.
+    """Write a complete file with everything readable beside a damaged one, which stays as it is.
 
-    Raises `FlightLogError` if it is no log, or is being recorded.
+    Raises `FlightLogError` if it is no log, is being recorded, or has been mended before.
     """
     contents, read, count = contents_of(path), Contents(), 0
-    _refuse_recorded(path)
-    target = path.with_name(path.name + ".new")
-    with target.open("wb") as file:
+    if is_recorded(path):
+        raise FlightLogError(f"{path}: is being recorded")
+    target = path.with_name(path.name.removesuffix(SUFFIX) + RECOVERED)
+    if target.exists():
+        raise FlightLogError(f"{target}: exists already; remove or rename it")
+    unfinished = target.with_name(target.name + ".new")
+    with unfinished.open("wb") as file:
         mcap = McapFile(file)
         for name, table in contents.metadata.items():
             mcap.add_metadata(name, table)
@@ -94,16 +108,37 @@ def mend(path: Path) -> Mended:
             mcap.add_chunk(chunk)
             count += len(chunk)
         mcap.finish()
-    target.replace(path)
-    return Mended(count, read.damaged_chunks)
+    unfinished.replace(target)
+    missing = list(read.missing)
+    if FLEET_ATTACHMENT not in read.attachments:
+        missing.append("the fleet file is lost")
+    if read.nameless:
+        missing.append(f"{read.nameless} intact messages are left out: the names of their channels are lost")
+    if read.recorded > count:
+        missing.append(f"{read.recorded - count} of {read.recorded} messages are missing")
+    return Mended(target, count, tuple(missing))
 
 
-def _refuse_recorded(path: Path) -> None:
-    """Raise `FlightLogError` if a recorder writes a file, which it keeps locked."""
+def incomplete(flight: Flight) -> list[str]:
+    """Return sentences about what a flight lacks: parts, the end of a part, damaged places."""
+    lines = [f"part {number:03d} is missing" for number in missing_parts(flight)]
+    for path in flight.parts:
+        contents = contents_of(path)
+        if not (contents.complete or contents.missing):
+            contents.missing.append("the recorder did not finish it")
+        if not contents.complete and is_recorded(path):
+            contents.missing = ["is being recorded"]
+        lines += [f"{path.name}: {words}" for words in contents.missing]
+    return lines
+
+
+def is_recorded(path: Path) -> bool:
+    """Return whether a recorder writes a file, which it keeps locked."""
     with path.open("rb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise FlightLogError(f"{path}: is being recorded") from None
+            return True
         except OSError:  # a file system without locks
-            return
+            return False
+    return False

@@ -44,8 +44,15 @@ class McapFile:
 
     def __init__(self, file: BinaryIO) -> None:
         self.file = file
-        self._writer = Writer(file, chunk_size=sys.maxsize, index_types=IndexType.ALL ^ IndexType.MESSAGE)
+        self._writer = Writer(
+            file,
+            chunk_size=sys.maxsize,
+            index_types=IndexType.ALL ^ IndexType.MESSAGE,
+            enable_data_crcs=True,
+        )
         self._writer.start(library=LIBRARY)
+        self._tables: list[tuple[str, dict[str, str]]] = []
+        self._documents: list[tuple[str, bytes, int]] = []
         self._channel_ids: dict[str, int] = {}
         self._schema_ids: dict[str, int] = {}
         self.chunks = 0
@@ -53,11 +60,13 @@ class McapFile:
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a table of texts."""
+        self._tables.append((name, dict(values)))
         self._writer.add_metadata(name, dict(values))
         self._flush()
 
     def add_attachment(self, name: str, data: bytes, time_ns: int) -> None:
         """Add a JSON document."""
+        self._documents.append((name, data, time_ns))
         self._writer.add_attachment(time_ns, time_ns, name, JSON, data)
         self._flush()
 
@@ -85,6 +94,10 @@ class McapFile:
         return channel_id
 
     def finish(self) -> None:
-        """Write the summary, which completes the file."""
+        """Repeat tables and documents, which survive damage at the start, and write the summary."""
+        for name, values in self._tables:
+            self._writer.add_metadata(name, values)
+        for name, data, time_ns in self._documents:
+            self._writer.add_attachment(time_ns, time_ns, name, JSON, data)
         self._writer.finish()
         self.written_bytes = self.file.tell()

@@ -24,7 +24,14 @@ from rcopterx.deploy.hosts.guarding import Guard
 from rcopterx.deploy.hosts.membership import MembershipService
 from rcopterx.deploy.hosts.recall import RecallService
 from rcopterx.deploy.hosts.resources import check_certificate, check_resources, check_without
-from rcopterx.deploy.hosts.run_directory import Begun, flight_path, run_directory, snapshot_path, write_flight
+from rcopterx.deploy.hosts.run_directory import (
+    Begun,
+    flight_path,
+    log_directory,
+    run_directory,
+    snapshot_path,
+    write_flight,
+)
 from rcopterx.deploy.hosts.vehicle_states import begin_states, remove_states
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.forking import URGENT_NICE, ForkServer
@@ -37,7 +44,7 @@ from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.spares.spares import SPARES, Spares, spare_command
 from rcopterx.fleet.reading import write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile, WatchdogConfig
-from rcopterx.flights.flights import flight_name
+from rcopterx.flights.flights import new_flight_name
 
 T = TypeVar("T")
 
@@ -199,7 +206,8 @@ class Launcher(AbstractContextManager["Launcher"]):
 
     def _begin_flight(self) -> None:
         """Name the flight log that recorders write from now on."""
-        flight = Begun.now(flight_name(self._fleet.name, time.time()), self._clock)
+        name = new_flight_name(self._fleet.name, time.time(), log_directory(self._fleet))
+        flight = Begun.now(name, self._clock)
         write_flight(flight_path(self._host, self.directory), flight)
 
     def _run(self) -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rcopterx.bus.clock import NANO, Clock
+from rcopterx.fleet.schema import FleetFile
+from rcopterx.flights.flights import default_directory
 
 LONGEST_SOCKET_PATH = 100
 SHARED_MEMORY = Path("/dev/shm")  # files here are memory: writing to them never waits for a disk
@@ -63,6 +65,12 @@ def serial_path(port: str, directory: Path) -> Path:
 def snapshot_path(host: str, directory: Path) -> Path:
     """Return the path of the snapshot of the fleet file that the processes of a host read."""
     return directory / f"fleet-{host}.json"
+
+
+def log_directory(fleet: FleetFile) -> Path:
+    """Return the directory of the flight logs of a fleet."""
+    chosen = fleet.log.directory
+    return default_directory() if chosen is None else Path(chosen).expanduser()
 
 
 class Begun(NamedTuple):

@@ -3,18 +3,17 @@
 import logging
 import time
 from functools import partial
-from pathlib import Path
 from typing import Final
 
 import msgspec
 
-from rcopterx.deploy.hosts.run_directory import Begun, flight_path, read_flight, run_directory
+from rcopterx.deploy.hosts.run_directory import Begun, flight_path, log_directory, read_flight, run_directory
 from rcopterx.deploy.roles.addresses import bus_address, clock_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.reading import digest_of
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import FlightSettings
-from rcopterx.flights.flights import default_directory, flight_name
+from rcopterx.flights.flights import new_flight_name
 from rcopterx.flights.provenance import provenance
 from rcopterx.flights.recorder import RecorderSettings, run_recorder
 
@@ -27,16 +26,12 @@ def run(fleet: FleetFile, host: str) -> None:
     run_recorder(recorder_settings(fleet, host, time.time()), logging.getLogger(__name__).error)
 
 
-def log_directory(fleet: FleetFile) -> Path:
-    """Return the directory of the flight logs of a fleet."""
-    chosen = fleet.log.directory
-    return default_directory() if chosen is None else Path(chosen).expanduser()
-
-
 def recorder_settings(fleet: FleetFile, host: str, started_s: float) -> RecorderSettings:
     """Return the settings of a recorder that starts at a time of the wall clock."""
     under_way = read_flight(flight_path(host, run_directory(fleet.name, fleet.bus.namespace)))
-    flight = under_way or Begun.now(flight_name(fleet.name, started_s), clock_of(fleet))
+    flight = under_way or Begun.now(
+        new_flight_name(fleet.name, started_s, log_directory(fleet)), clock_of(fleet)
+    )
     return RecorderSettings(
         bus=bus_address(fleet, host),
         host=host,

@@ -15,7 +15,8 @@ from rcopterx.bus.messages import Command, Lease, Plan
 from rcopterx.bus.stepping import REQUEST
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import METADATA
-from rcopterx.flights.mcap_reading import Contents, FlightLogError, messages_of
+from rcopterx.flights.mcap_reading import Contents, messages_of
+from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.ground_station.replay.republishing import fleet_of
 
 Frame = tuple[int, int]  # epoch and frame of the motion capture

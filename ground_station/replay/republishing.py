@@ -17,16 +17,21 @@ from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.fleet.reading import at_speed, snapshot_of, write_snapshot
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
-from rcopterx.flights.mcap_reading import FlightLogError, contents_of, messages_of
+from rcopterx.flights.mcap_reading import contents_of, messages_of
+from rcopterx.flights.mcap_records import FlightLogError
 
 ROUTER_S: Final = 15.0  # how long the router may take to start
 
 
 def fleet_of(parts: Sequence[Path]) -> FleetFile:
     """Fleet file of a flight; raises FlightLogError if this version does not understand it."""
+    snapshots = (contents_of(path).attachments.get(FLEET_ATTACHMENT) for path in parts)
+    snapshot = next((each for each in snapshots if each is not None), None)
+    if snapshot is None:
+        raise FlightLogError(f"{parts[0]}: has no fleet file, which every flight log begins with")
     try:
-        return snapshot_of(contents_of(parts[0]).attachments[FLEET_ATTACHMENT])
-    except (KeyError, FleetError) as error:
+        return snapshot_of(snapshot)
+    except FleetError as error:
         raise FlightLogError(
             f"{parts[0]}: has no fleet file that this version understands: {error}"
         ) from None

@@ -11,7 +11,8 @@ from rcopterx.bus.clock import NANO
 from rcopterx.bus.session import RawMessage
 from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flight_writing import METADATA
-from rcopterx.flights.mcap_reading import Contents, FlightLogError, messages_of
+from rcopterx.flights.mcap_reading import Contents, messages_of
+from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.ground_station.events import EVENT_CHANNELS, Event, EventFeed
 from rcopterx.ground_station.replay.republishing import fleet_of
 from rcopterx.ground_station.report.figures import FlightFigures
@@ -34,10 +35,11 @@ class LoggedFlight:
     events: tuple[Event, ...]  # in order; times count from `started_s`
     started_s: float  # arrival of the first pose or state of the laboratory on the clock of the recording
     rejected: dict[str, int]  # messages that this version does not understand, by topic and reason
+    missing: tuple[str, ...]  # sentences about what the log lacks
 
 
-def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
-    """Read a flight from its files; raises FlightLogError."""
+def logged_flight(name: str, parts: Sequence[Path], missing: Sequence[str] = ()) -> LoggedFlight:
+    """Read a flight from its files, of which something may be `missing`; raises FlightLogError."""
     contents = Contents()
     records = list(records_of(parts, NEEDED, contents))
     seen = (channels.POSE.topic, channels.LABORATORY.topic)
@@ -48,7 +50,8 @@ def logged_flight(name: str, parts: Sequence[Path]) -> LoggedFlight:
     figures = FlightFigures(recording, list(fleet.vehicles))
     events = tuple(events_of(recording, started_s))
     metadata = contents.metadata.get(METADATA, {})
-    return LoggedFlight(name, fleet, metadata, figures, events, started_s, dict(recording.rejected))
+    rejected = dict(recording.rejected)
+    return LoggedFlight(name, fleet, metadata, figures, events, started_s, rejected, tuple(missing))
 
 
 def records_of(

@@ -41,6 +41,7 @@ def sections(flight: LoggedFlight) -> Iterator[tuple[str, Html]]:
     """Titles and contents; every flight has the same titles."""
     names, figures = list(flight.fleet.vehicles), flight.figures
     volume = (flight.fleet.volume.min_m, flight.fleet.volume.max_m)
+    yield "Completeness", _completeness(flight)
     yield "Playback", playback(flight.name, figures, names, flight.events, volume)
     yield "Errors and fallbacks", vehicle_table({name: figures.vehicle(name) for name in names})
     yield "Formation", Html(formation_svg(flight.name, names, figures) or NOTHING)
@@ -50,6 +51,12 @@ def sections(flight: LoggedFlight) -> Iterator[tuple[str, Html]]:
     yield "Margins", _margins(flight)
     yield "Identification", _identification(flight)
     yield "Provenance", _provenance(flight)
+
+
+def _completeness(flight: LoggedFlight) -> Html:
+    if not flight.missing:
+        return Html("<p>The log is complete.</p>")
+    return table(("The log is incomplete",), ([(line, "failed")] for line in flight.missing))
 
 
 def _latencies(flight: LoggedFlight) -> Html:

@@ -101,7 +101,7 @@ def user_errors() -> Iterator[None]:
         # The modules of some errors import slowly.
         from rcopterx.fleet.schema import FleetError
         from rcopterx.flights.flights import NoFlightError
-        from rcopterx.flights.mcap_reading import FlightLogError
+        from rcopterx.flights.mcap_records import FlightLogError
         from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 
         if not isinstance(error, (FleetError, NoFlightError, FlightLogError, OSError, *FLIGHT_ERRORS)):

@@ -30,7 +30,10 @@ def flights(
     as_json: JsonOption = False,
     check: Annotated[
         str | None,
-        typer.Option(metavar="FLIGHT", help="Check what always holds in a flight; else exit code 1."),
+        typer.Option(
+            metavar="FLIGHT",
+            help="Check what always holds in a flight, and that its log is complete; else exit code 1.",
+        ),
     ] = None,
     digest: Annotated[
         str | None,
@@ -67,7 +70,7 @@ def flights(
                     " ".join(flight.vehicles),
                     f"{flight.size_bytes / MEGA:.1f}",
                     str(flight.files),
-                    flight.problem or ("complete" if flight.complete else "open or cut off"),
+                    flight.problem or flight.state,
                 )
                 for flight in found
             ),
@@ -80,9 +83,20 @@ def _flight(name: str) -> "Flight":
     return found_flight(name, default_directory())
 
 
+def _warned(flight: "Flight") -> list[str]:
+    """Print what a flight log lacks as warnings, and return it."""
+    from rcopterx.flights.listing import incomplete
+
+    lines = incomplete(flight)
+    for line in lines:
+        typer.echo(f"warning: {flight.name} is incomplete: {line}", err=True)
+    return lines
+
+
 def _print_digest(flight: "Flight") -> None:
     from rcopterx.flights.digest import digest_of
 
+    _warned(flight)
     found = digest_of(flight.parts)
     typer.echo(f"{found.digest} of {found.messages} messages")
 
@@ -92,17 +106,22 @@ def _check(flight: "Flight") -> None:
     from rcopterx.ground_station.report.promises import NEEDED, broken_promises
     from rcopterx.ground_station.report.recorder import Recording
 
+    missing = _warned(flight)
     broken = broken_promises(Recording(records_of(flight.parts, NEEDED)))
     lines = [f"{at_s:.2f} s {vehicle}: {promise}" for at_s, vehicle, promise in broken]
-    typer.echo("\n".join(lines) or f"{flight.name}: no promise is broken")
-    if broken:
+    where = " in what was recorded" if missing else ""
+    typer.echo("\n".join(lines) or f"{flight.name}: no promise is broken{where}")
+    if broken or missing:
         raise typer.Exit(EXIT_FAILED)
 
 
 def recover(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a flight log that was cut off.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a flight log.")],
 ) -> None:
-    """Repair a flight log that was cut off when its recorder was killed, in place."""
+    """Write a complete file beside a damaged one or one that was cut off.
+
+    Exit code 1 if something is missing.
+    """
     from rcopterx.flights.listing import mend
     from rcopterx.flights.mcap_reading import contents_of
 
@@ -110,8 +129,11 @@ def recover(
         typer.echo(f"{file}: complete, nothing to repair")
         return
     mended = mend(file)
-    damaged = f", {mended.damaged_chunks} damaged chunks left out" if mended.damaged_chunks else ""
-    typer.echo(f"{file}: {mended.messages} messages{damaged}")
+    typer.echo(f"{mended.path}: {mended.messages} messages")
+    for line in mended.missing:
+        typer.echo(f"missing: {line}", err=True)
+    if mended.missing:
+        raise typer.Exit(EXIT_FAILED)
 
 
 def replay(
@@ -144,6 +166,7 @@ def replay(
     # Sums of several threads have other last bits; numerical libraries read this when they are loaded.
     os.environ.update(ONE_THREAD)
     found = _flight(flight)
+    _warned(found)
     if agent is None:
         _republish(found, speed)
         return
@@ -214,7 +237,7 @@ def report(
     from rcopterx.ground_station.report.page import comparison_page, report_page
 
     chosen = [_flight(name) for name in (flight, compare) if name is not None]
-    flights = [logged_flight(found.name, found.parts) for found in chosen]
+    flights = [logged_flight(found.name, found.parts, _warned(found)) for found in chosen]
     page = report_page(flights[0]) if compare is None else comparison_page(*flights)
     output.write_text(page, encoding="utf-8")
     typer.echo(f"report: {output}")
@@ -231,5 +254,6 @@ def export(
     from rcopterx.flights.csv_export import export_csv
 
     found = _flight(flight)
+    _warned(found)
     directory = output or Path(found.name)
     typer.echo(f"{len(export_csv(found.parts, directory))} tables in {directory}")

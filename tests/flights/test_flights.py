@@ -7,9 +7,10 @@ import pytest
 from rcopterx.flights.flights import (
     NoFlightError,
     default_directory,
-    flight_name,
     flights_in,
     found_flight,
+    missing_parts,
+    new_flight_name,
     next_part,
     part_path,
     too_many,
@@ -74,7 +75,37 @@ def test_the_directory_is_where_the_user_says_else_among_the_users_data(
     assert default_directory() == Path.home() / ".local" / "share" / "rcopterx" / "flights"
 
 
+STARTED_S = 1_790_000_000.0
+
+
 def test_the_name_of_a_flight_is_one_that_is_found_again(tmp_path: Path) -> None:
-    name = flight_name("big_lab2", 1_790_000_000.0)
+    name = new_flight_name("big_lab2", STARTED_S, tmp_path)
     part_path(tmp_path, name, 0).touch()
     assert found_flight("latest", tmp_path).name == name
+
+
+def test_flights_keep_apart_and_in_order_whatever_the_wall_clock_does(tmp_path: Path) -> None:
+    part_path(tmp_path, NEWER, 0).touch()  # of a version without numbers
+    begun = []
+    for fleet, started_s in [("lab", 12.0), ("lab", 12.0), ("trio", STARTED_S), ("lab", 3.0)]:
+        begun.append(new_flight_name(fleet, started_s, tmp_path))
+        part_path(tmp_path, begun[-1], 0).touch()
+    assert [flight.name for flight in flights_in(tmp_path)] == [NEWER, *begun]
+    assert len(set(begun)) == 4
+    part_path(tmp_path, begun[0], 0).unlink()
+    assert new_flight_name("lab", 12.0, tmp_path).endswith("-5")
+
+
+def test_a_flight_begins_although_its_directory_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    assert new_flight_name("lab", STARTED_S, tmp_path / "file").endswith("-1")
+    with pytest.raises(NotADirectoryError):
+        flights_in(tmp_path / "file")
+
+
+def test_parts_that_are_missing_are_named_but_not_those_of_a_single_file(tmp_path: Path) -> None:
+    for number in (1, 3):
+        part_path(tmp_path, OLDER, number).touch()
+    (flight,) = flights_in(tmp_path)
+    assert missing_parts(flight) == [0, 2]
+    assert missing_parts(found_flight(str(part_path(tmp_path, OLDER, 3)), tmp_path)) == []

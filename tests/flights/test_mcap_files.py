@@ -16,7 +16,8 @@ from rcopterx.bus.channels import CHANNELS
 from rcopterx.flights.flight_writing import FLEET_ATTACHMENT
 from rcopterx.flights.flights import Flight
 from rcopterx.flights.listing import mend, summary_of
-from rcopterx.flights.mcap_reading import Contents, FlightLogError, contents_of, messages_of
+from rcopterx.flights.mcap_reading import Contents, contents_of, messages_of
+from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.flights.mcap_writing import LoggedMessage, McapFile, schemas
 
 
@@ -60,7 +61,7 @@ def test_the_library_of_the_format_reads_what_was_written() -> None:
     assert summary.statistics is not None
     assert (summary.statistics.message_count, summary.statistics.chunk_count) == (4, 2)
     assert next(iter(reader.iter_attachments())).name == "fleet.json"
-    assert [table.metadata for table in reader.iter_metadata()] == [{"fleet": "lab"}]
+    assert [table.metadata for table in reader.iter_metadata()] == 2 * [{"fleet": "lab"}]  # at both ends
 
 
 @given(cut=st.integers(0, 2000))
@@ -80,21 +81,34 @@ def test_a_file_that_was_cut_off_gives_its_whole_chunks(
 
 
 def test_a_mended_file_is_complete_and_holds_everything_that_was_left(path: Path) -> None:
-    path.write_bytes(written([[message(1)], [message(2)]], finish=False)[:-60])
+    damaged = written([[message(1)], [message(2)]], finish=False)[:-60]
+    path.write_bytes(damaged)
     contents = contents_of(path)
     assert not contents.complete
-    assert mend(path).messages == 1
-    assert contents_of(path) == Contents(contents.metadata, contents.attachments, complete=True)
-    reader = make_reader(BytesIO(path.read_bytes()), validate_crcs=True)
+    mended = mend(path)
+    assert mended.messages == 1
+    assert "after 0.00 s" in mended.missing[0]
+    assert contents_of(mended.path) == Contents(contents.metadata, contents.attachments, complete=True)
+    reader = make_reader(BytesIO(mended.path.read_bytes()), validate_crcs=True)
     assert [found.data for _, _, found in reader.iter_messages()] == [b"payload 1"]
+    assert path.read_bytes() == damaged
+
+
+def test_a_mended_file_is_never_overwritten(path: Path) -> None:
+    path.write_bytes(written([[message(1)], [message(2)]], finish=False)[:-60])
+    content = mend(path).path.read_bytes()
+    with pytest.raises(FlightLogError, match=r"\.recovered\.mcap: exists already"):
+        mend(path)
+    assert path.with_name(path.stem + ".recovered.mcap").read_bytes() == content
 
 
 def test_what_an_interrupted_repair_has_left_does_not_keep_the_next_one_from_its_work(path: Path) -> None:
     path.write_bytes(written([[message(1)], [message(2)]], finish=False)[:-60])
-    path.with_name(path.name + ".new").write_bytes(b"half a file")
-    assert mend(path).messages == 1
-    assert contents_of(path).complete
-    assert list(path.parent.iterdir()) == [path]
+    path.with_name(path.stem + ".recovered.mcap.new").write_bytes(b"half a file")
+    mended = mend(path)
+    assert mended.messages == 1
+    assert contents_of(mended.path).complete
+    assert sorted(path.parent.iterdir()) == sorted([path, mended.path])
 
 
 def test_a_damaged_chunk_is_left_out_and_counted(path: Path) -> None:
@@ -103,8 +117,57 @@ def test_a_damaged_chunk_is_left_out_and_counted(path: Path) -> None:
     path.write_bytes(data)
     contents = Contents()
     assert [found.number for found in messages_of(path, contents)] == [1, 3]
-    assert contents.damaged_chunks == 1
-    assert contents.complete
+    assert len(contents.missing) == 1
+    assert not contents.complete
+    assert "1 of 3 messages are missing" in mend(path).missing
+
+
+CHUNKS = 20
+WHOLE = written([[message(10 * number + i) for i in range(5)] for number in range(CHUNKS)])
+
+
+def numbers_in(path: Path, data: bytes, contents: Contents) -> list[int]:
+    path.write_bytes(data)
+    return [found.number for found in messages_of(path, contents)]
+
+
+@given(bit=st.integers(0, 8 * len(WHOLE) - 1))
+def test_a_flipped_bit_is_noticed_wherever_it_is_and_costs_one_chunk_at_most(
+    tmp_path_factory: pytest.TempPathFactory, bit: int
+) -> None:
+    path = tmp_path_factory.mktemp("flipped") / "a.mcap"
+    data = bytearray(WHOLE)
+    data[bit // 8] ^= 1 << bit % 8
+    contents = Contents()
+    assert len(numbers_in(path, data, contents)) >= 5 * (CHUNKS - 1)
+    assert not contents.complete
+    assert contents.missing
+    assert contents.metadata["flight"] == {"fleet": "lab"}
+    assert contents.attachments["fleet.json"] == b'{"vehicles": {"h1": {}}}'
+    assert path.read_bytes() == data
+
+
+@given(start=st.integers(0, len(WHOLE) - 1), length=st.integers(300, 800), zeroed=st.booleans())
+def test_a_block_that_is_zeroed_or_lost_costs_no_more_than_the_chunks_it_touches(
+    tmp_path_factory: pytest.TempPathFactory, start: int, length: int, zeroed: bool
+) -> None:
+    path = tmp_path_factory.mktemp("block") / "a.mcap"
+    end = min(len(WHOLE), start + length)
+    data = WHOLE[:start] + bytes(end - start if zeroed else 0) + WHOLE[end:]
+    summary = make_reader(BytesIO(WHOLE)).get_summary()
+    assert summary is not None
+    spans = [
+        (each.chunk_start_offset, each.chunk_start_offset + each.chunk_length)
+        for each in summary.chunk_indexes
+    ]
+    intact = [number for number, (first, last) in enumerate(spans) if last <= start or first >= end]
+    # Another 9 bytes before a chunk are its head, which is not needed.
+    contents = Contents()
+    # Without the summary nothing else names the channel that the first chunk declares.
+    named = intact if 0 in intact or (end <= spans[-1][1] and zeroed) else []
+    read = numbers_in(path, data, contents)
+    assert set(read) >= {10 * number + i for number in named for i in range(5)}
+    assert not contents.complete
 
 
 @pytest.mark.parametrize("data", [b"", b"PK\x03\x04", b"\x89MCAP0\r"])
@@ -133,7 +196,7 @@ def test_a_chunk_that_declares_gigabytes_is_left_out_and_costs_no_memory(
     assert [found.payload for found in messages_of(path, contents)] == [b"payload 1"]
     _, peak_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert contents.damaged_chunks == 1
+    assert len(contents.missing) == 1
     assert peak_bytes < 10_000_000
 
 
@@ -144,14 +207,15 @@ def test_a_chunk_with_a_length_beyond_any_file_is_left_out(path: Path) -> None:
     path.write_bytes(start + struct.pack("<BQ", 6, len(body)) + body + whole[len(start) :])
     contents = Contents()
     assert [found.payload for found in messages_of(path, contents)] == [b"payload 1"]
-    assert contents.damaged_chunks == 1
+    assert len(contents.missing) == 1
 
 
-def test_an_attachment_with_a_length_beyond_any_file_is_refused(path: Path) -> None:
+def test_an_attachment_with_a_length_beyond_any_file_is_left_out(path: Path) -> None:
     body = struct.pack("<QQI1sI1sQ", 0, 0, 1, b"a", 1, b"b", 2**63)
     path.write_bytes(written([], finish=False) + struct.pack("<BQ", 9, len(body)) + body)
-    with pytest.raises(FlightLogError, match="not a flight log"):
-        contents_of(path)
+    contents = contents_of(path)
+    assert list(contents.attachments) == ["fleet.json"]
+    assert len(contents.missing) == 1
 
 
 @pytest.mark.parametrize("fleet", [b"[]", b"no fleet", b'{"vehicles": 3}'])

@@ -15,7 +15,8 @@ from rcopterx.bus.log_messages import AgentSteps
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Command, Plan, Pose
 from rcopterx.deploy.roles.agent import pilot_of
-from rcopterx.flights.mcap_reading import FlightLogError, messages_of
+from rcopterx.flights.mcap_reading import messages_of
+from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.flights.mcap_writing import LoggedMessage
 from rcopterx.ground_station.replay import recorded_agent as recorded_agent_module
 from rcopterx.ground_station.replay.agent_replay import TOLERANCE, changed, control_periods

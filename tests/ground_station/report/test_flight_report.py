@@ -19,7 +19,7 @@ from rcopterx.bus.messages import Kill, Plan, Pose, TransmitterStatus
 from rcopterx.bus.requests import Reply, TakeOff
 from rcopterx.bus.session import RawMessage
 from rcopterx.bus.trajectory_array import TrajectoryArray
-from rcopterx.flights.mcap_reading import FlightLogError
+from rcopterx.flights.mcap_records import FlightLogError
 from rcopterx.ground_station.events import Event
 from rcopterx.ground_station.report.document import Html, table
 from rcopterx.ground_station.report.figures import FlightFigures
@@ -55,6 +55,14 @@ def test_a_report_tells_what_it_could_not_read(flight: LoggedFlight, monkeypatch
     draw_nothing(monkeypatch)
     assert "left out" not in report_page(flight)
     assert "plan.type 7" in report_page(replace(flight, rejected={"plan.type": 7}))
+
+
+def test_a_report_says_what_its_log_lacks(flight: LoggedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
+    draw_nothing(monkeypatch)
+    assert "The log is complete" in report_page(flight)
+    page = report_page(replace(flight, missing=("bytes 7 to 9",)))
+    assert "The log is incomplete" in page
+    assert "bytes 7 to 9" in page
 
 
 def test_two_flights_stand_side_by_side(flight: LoggedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
