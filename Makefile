@@ -30,7 +30,7 @@ define install
 	@echo "installing rcopterx$(1) into $(VENV) with uv"
 	@$(UV) pip install --quiet --python $(BIN)/python $(2) 2> /dev/null \
 	|| { echo "uv failed: pip installs the same, which takes a minute"; \
-	     $(BIN)/python -m ensurepip > /dev/null && $(PIP) -e '.$(1)'; }
+	     $(BIN)/python -m ensurepip > /dev/null && $(PIP) -e '.$(1)' -e studies; }
 endef
 
 # What compiling needs; the other packages are installed meanwhile.
@@ -43,8 +43,8 @@ $(VENV)/.compiler:
 	$(call install,,numba scipy msgspec)
 	@touch $@
 
-$(VENV)/.base: pyproject.toml | $(VENV)/.compiler
-	$(call install,,-e . pip)
+$(VENV)/.base: pyproject.toml studies/pyproject.toml | $(VENV)/.compiler
+	$(call install,,-e . -e studies pip)
 	@touch $@
 
 EXTRAS := test ground browser fuzz mutation docs package

@@ -14,7 +14,7 @@ from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.control.interfaces import Controller, Estimate
 from rcopterx.control.plugins import all_finite
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.control.schemes.interface import MAX_MESSAGE_BYTES, Neighbour, Scheme, Situation
+from rcopterx.control.scheme import MAX_MESSAGE_BYTES, Neighbour, Scheme, Situation
 from rcopterx.vehicles.state import Array, turned_about_z
 
 MOST_EXCHANGES: Final = 8

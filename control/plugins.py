@@ -16,7 +16,7 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 import msgspec
 
 from rcopterx.control.interfaces import Controller, Estimator
-from rcopterx.control.schemes.interface import Scheme
+from rcopterx.control.scheme import Scheme
 from rcopterx.vehicles.model import Model
 
 
@@ -142,26 +142,13 @@ ESTIMATORS: Final = Registry[Estimator](
         "kalman": "rcopterx.control.estimators.kalman:KalmanEstimator",
     },
 )
-SCHEMES: Final = Registry[Scheme](
-    "scheme",
-    "rcopterx.schemes",
-    {
-        "admm": "rcopterx.control.schemes.admm:AdmmScheme",
-        "consensus": "rcopterx.control.schemes.consensus:ConsensusScheme",
-        "distributed_lqr": "rcopterx.control.schemes.distributed_lqr:DistributedLqrScheme",
-        "event_triggered": "rcopterx.control.schemes.event_triggered:EventTriggeredScheme",
-        "on_demand": "rcopterx.control.schemes.on_demand:OnDemandScheme",
-    },
-)
+SCHEMES: Final = Registry[Scheme]("scheme", "rcopterx.schemes", {})
 
 
 def is_built_in(controller: Controller) -> bool:
-    """Return whether a controller or scheme is part of this package and no plug-in."""
+    """Return whether a controller is part of this package and no plug-in."""
     kind = type(controller)
-    return f"{kind.__module__}:{kind.__qualname__}" in {
-        *CONTROLLERS.built_in.values(),
-        *SCHEMES.built_in.values(),
-    }
+    return f"{kind.__module__}:{kind.__qualname__}" in CONTROLLERS.built_in.values()
 
 
 def flying(name: str) -> Registry[Controller]:

@@ -7,9 +7,6 @@ import typer
 from typer.core import TyperGroup
 
 from rcopterx.commands import (
-    arena,
-    bench,
-    experiment,
     flights,
     fly,
     ground,
@@ -27,11 +24,27 @@ from rcopterx.commands import (
     vehicles,
     watch,
 )
+from rcopterx.commands.extensions import STUDIES, added, added_commands
 from rcopterx.commands.fleet_option import user_errors
 
 
 class Commands(TyperGroup):
-    """All commands; errors that users can correct end them with a line instead of a traceback."""
+    """All commands; errors that users can correct end them with a line instead of a traceback.
+
+    Commands of other packages are imported when they or their help are wanted.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """See `Group.list_commands`."""
+        return list(dict.fromkeys([*super().list_commands(ctx), *added_commands()]))
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """See `Group.get_command`."""
+        found = super().get_command(ctx, cmd_name)
+        if found is None and (cmd_name in STUDIES or cmd_name in added_commands()):
+            found = typer.main.get_command(added(cmd_name, cmd_name))
+            found.name = cmd_name
+        return found
 
     def invoke(self, ctx: Any) -> Any:
         """See `Group.invoke`."""
@@ -64,7 +77,6 @@ COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Prepare vehicles": (vehicles.types, identify.identify, vehicles.margins),
     "Prepare radios": (radio.bind, radio.range_check, radio.calibrate, radio.udev_rules),
     "Try out faults": (laboratory.inject, laboratory.replay_tracker),
-    "Experiment": (experiment.experiment, arena.arena),
     "Extend": (new_plugin.new_plugin,),
     "Run one process": (
         roles.router, roles.recorder, roles.simulator, roles.tracker, roles.transmitters, roles.agent,
@@ -100,5 +112,4 @@ for panel, commands in COMMANDS.items():
     for command in commands:
         settings = {"ignore_unknown_options": command in WITH_COORDINATES}
         app.command(rich_help_panel=panel, context_settings=settings)(command)
-app.add_typer(bench.app, name="bench", rich_help_panel="Experiment")
 app.add_typer(new_lab.app, name="import", rich_help_panel="Prepare a laboratory")

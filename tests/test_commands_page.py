@@ -19,7 +19,9 @@ RENEW = "renew docs/commands.md, see CONTRIBUTING.md"
 def commands() -> dict[str, Any]:
     """All commands and groups by name."""
     found: dict[str, Any] = {}
-    for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
+    group: Any = typer.main.get_command(app)
+    for name in group.list_commands(None):
+        command = group.get_command(None, name)
         inner = getattr(command, "commands", {})
         found |= {name: command} | {f"{name} {key}": value for key, value in inner.items()}
     return found

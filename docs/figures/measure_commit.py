@@ -21,7 +21,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from rcopterx.benchmarks.cost import TRIALS, measured
+from rcopterx_studies.benchmarks.cost import TRIALS, measured
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(__file__).with_name("commits.jsonl")

@@ -7,8 +7,8 @@ else do neighbours need, and what follows from the age of a message? What a sche
 
 import numpy as np
 
-from rcopterx.control.schemes.tracked import Moving, TrackedScheme, TrackedSettings, Way
 from rcopterx.vehicles.state import inertial_velocity
+from rcopterx_studies.schemes.tracked import Moving, TrackedScheme, TrackedSettings, Way
 
 
 class ClassScheme(TrackedScheme):

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import msgspec
 
-from rcopterx.experiments.arena.flying import arena_scheme, arena_schemes, fly_task
-from rcopterx.experiments.arena.tasks import TASKS
 from rcopterx.simulator.conditions import PRESETS
+from rcopterx_studies.arena.flying import arena_scheme, arena_schemes, fly_task
+from rcopterx_studies.arena.tasks import TASKS
 
 AFTERNOONS = {
     "lqr": {"hover": 160.0, "three": 100.0, "gusts": 220.0},

@@ -8,9 +8,9 @@ A message is a `msgspec.Struct` of plain fields; `Moving` has a place and its ve
 
 import numpy as np
 
-from rcopterx.control.schemes.interface import Situation
-from rcopterx.control.schemes.tracked import Moving, TrackedScheme, TrackedSettings, Way
+from rcopterx.control.scheme import Situation
 from rcopterx.vehicles.state import inertial_velocity
+from rcopterx_studies.schemes.tracked import Moving, TrackedScheme, TrackedSettings, Way
 
 
 class CourierScheme(TrackedScheme):

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from rcopterx.experiments.arena.flying import arena_scheme, fly_task
-from rcopterx.experiments.arena.tasks import TASKS
 from rcopterx.simulator.conditions import PRESETS
+from rcopterx_studies.arena.flying import arena_scheme, fly_task
+from rcopterx_studies.arena.tasks import TASKS
 
 
 def test_followers_keep_their_places() -> None:

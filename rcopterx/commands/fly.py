@@ -2,31 +2,63 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcopterx.commands.fault_flights import FlightOptions, flown_fleet, fly_chaos, fly_faults, list_faults
+from rcopterx.commands.extensions import added
 from rcopterx.commands.fleet_option import (
     EXIT_FAILED,
     LockstepOption,
     RunningFleetOption,
     SpeedOption,
+    fleet_file,
+    running_fleet,
 )
 from rcopterx.commands.interruption import Interrupts
-from rcopterx.commands.launch import RecordOption
+from rcopterx.commands.launch import RecordOption, interruptible
 from rcopterx.commands.output import JsonOption, Progress, print_document
 from rcopterx.commands.parsing import check_known
 
 if TYPE_CHECKING:
-    from rcopterx.experiments.flight import Manoeuvre
+    from rcopterx.ground_station.acceptance.flight import Manoeuvre
     from rcopterx.ground_station.scripting.fleet import Fleet
 
 CHAOS = "chaos"
 SLICE_S = 0.25  # between two updates of the progress
+
+
+@dataclass(frozen=True)
+class FlightOptions:
+    """Fleet and outputs of `fly`."""
+
+    fleet: str | None
+    start: bool  # start the fleet first, stop it afterwards
+    record: bool
+    report: Path | None  # directory of the reports
+    as_json: bool
+    vehicles: int | None = None  # only the first vehicles of a fleet that is started; None for all
+    speed: float | None = None  # how fast the time of a started fleet passes, if not as in its file
+    lockstep: bool = False  # whether a started fleet waits for all its processes
+
+
+@contextmanager
+def flown_fleet(options: FlightOptions, path: str) -> Iterator[tuple["Fleet", Interrupts]]:
+    """Join the fleet that is up, or start that of a file, which lands and stops at the end."""
+    from rcopterx.bus.turns import SCRIPT
+
+    if options.start:
+        file = fleet_file(path, options.speed, options.lockstep)
+        with interruptible(file, None, record=options.record, script=SCRIPT) as started:
+            yield started
+    else:
+        with running_fleet(options.fleet) as fleet:
+            yield fleet, Interrupts()
 
 
 def fly(
@@ -78,22 +110,27 @@ def fly(
     if faults and every:
         raise typer.BadParameter("--faults flies all of its table by itself", param_hint="--all")
     if show_list:
-        list_faults() if faults else _list_manoeuvres()
+        _faults().list_faults() if faults else _list_manoeuvres()
         return
     chaos = names == [CHAOS] and not faults
     rows = [] if faults or chaos else _chosen(names or [], every)
     if report is not None:
         _make_directory(report)
     if faults:
-        fly_faults(names or [], runs, options)
+        _faults().fly_faults(names or [], runs, options)
     elif chaos:
-        fly_chaos(seconds, seed, busy, options)
+        _faults("fly chaos").fly_chaos(seconds, seed, busy, options)
     else:
         _fly_manoeuvres(rows, options, several=every or len(rows) > 1)
 
 
+def _faults(command: str = "fly --faults") -> Any:
+    """Import what flies faults."""
+    return added("fly", command)
+
+
 def _list_manoeuvres() -> None:
-    from rcopterx.experiments.manoeuvres import MANOEUVRES
+    from rcopterx.ground_station.acceptance.manoeuvres import MANOEUVRES
 
     for row in MANOEUVRES.values():
         typer.echo(f"{row.name:24} {row.title}")
@@ -115,7 +152,7 @@ def _fly_manoeuvres(rows: Sequence["Manoeuvre"], options: FlightOptions, several
 
 
 def _chosen(names: Sequence[str], every: bool) -> list["Manoeuvre"]:
-    from rcopterx.experiments.manoeuvres import MANOEUVRES
+    from rcopterx.ground_station.acceptance.manoeuvres import MANOEUVRES
 
     if every and names:
         raise typer.BadParameter("either names of manoeuvres or --all", param_hint="NAME")
@@ -140,8 +177,8 @@ def _make_directory(path: Path) -> None:
 def _fly_row(
     row: "Manoeuvre", fleet: "Fleet", stop: Interrupts, progress: Progress, results: "Results"
 ) -> None:
-    from rcopterx.experiments.flight import fly as fly_manoeuvre
-    from rcopterx.experiments.flight import not_flown, reason_not_to_fly, report_of
+    from rcopterx.ground_station.acceptance.flight import fly as fly_manoeuvre
+    from rcopterx.ground_station.acceptance.flight import not_flown, reason_not_to_fly, report_of
     from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS
     from rcopterx.ground_station.scripting.waiting import StoppedError, stopped_by
 
@@ -196,7 +233,7 @@ class Results:
 
     def add(self, report: dict[str, Any], figures: Any = None) -> None:
         """Add a report, draw its picture, and write it."""
-        from rcopterx.experiments.flight import write_report
+        from rcopterx.ground_station.acceptance.flight import write_report
 
         self._reports.append(report)
         if self._directory is None or figures is None:
@@ -212,7 +249,7 @@ class Results:
 
     def write_page(self) -> None:
         """Write the page about all flights."""
-        from rcopterx.experiments.flight_page import write_page
+        from rcopterx.ground_station.acceptance.flight_page import write_page
 
         if self._directory is not None and self._reports:
             typer.echo(f"page: {write_page(self._reports, self._pictures, self._directory)}", err=True)
@@ -226,7 +263,7 @@ class Results:
 
 
 def _line(report: dict[str, Any]) -> str:
-    from rcopterx.experiments.flight import reason_of
+    from rcopterx.ground_station.acceptance.flight import reason_of
 
     return f"{report['verdict']:9} {report['manoeuvre']:24} {reason_of(report)}".rstrip()
 

@@ -256,7 +256,7 @@ def demo(
     """Start a fleet, take off, and fly the paper's set-point sequence until Ctrl-C."""
     from rich.console import Console
 
-    from rcopterx.experiments.demonstration import Demonstration
+    from rcopterx.ground_station.acceptance.demonstration import Demonstration
 
     with ExitStack() as stack:
         file = fleet_file(fleet, speed, lockstep)

@@ -4,16 +4,12 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
-
-if TYPE_CHECKING:
-    from rcopterx.experiments.kept import KeptFlights
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a JSON document.")]
 
@@ -39,24 +35,6 @@ PlotOption = Annotated[
         metavar="FILE", callback=_checked_figure, help="Draw the figure into this file (png, svg, pdf)."
     ),
 ]
-QuickOption = Annotated[bool, typer.Option("--quick", help="Short flights, as a test.")]
-ProcessesOption = Annotated[
-    int, typer.Option(metavar="N", min=1, help="Processor cores to use; flights do not depend on it.")
-]
-ResumeOption = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Store finished flights there, and skip those it has.")
-]
-
-
-@contextmanager
-def kept_flights(resume: Path | None, context: Mapping[str, object]) -> Iterator["KeptFlights | None"]:
-    """Yield the finished flights of a file, if one is named; an unusable file is a usage error."""
-    from rcopterx.experiments.kept import KeptFlights, KeptFlightsError
-
-    try:
-        yield None if resume is None else KeptFlights(resume, context)
-    except KeptFlightsError as error:
-        raise typer.BadParameter(str(error), param_hint="--resume") from None
 
 
 def readable(document: object, indent: str = "") -> str:
@@ -138,7 +116,7 @@ def write_plot(draw: Callable[[Any], None], path: Path | None) -> None:
     """Draw a figure into a file, if one is named."""
     if path is None:
         return
-    from rcopterx.experiments.figures import save_figure
+    from rcopterx.ground_station.report.drawing import save_figure
 
     save_figure(draw, path)
     typer.echo(f"figure: {path}", err=True)

@@ -10,7 +10,7 @@ from rcopterx.bus import channels
 from rcopterx.bus.scheme_message import SchemeMessage
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.plugins import SCHEMES
-from rcopterx.control.schemes.tracked import Moving
+from rcopterx_studies.schemes.tracked import Moving
 
 PLACE = Moving((0.4, 0.1, 1.0), (0.0, 0.0, 0.0))
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL
 
-from rcopterx.experiments.events import Event, GoTo
-from rcopterx.experiments.rig import Rig, RigOptions, RigVehicle
 from rcopterx.simulator.conditions import HELICOPTERS, Conditions
 from rcopterx.simulator.plant import PlantFaults, Pose
+from rcopterx_studies.experiments.events import Event, GoTo
+from rcopterx_studies.experiments.rig import Rig, RigOptions, RigVehicle
 
 STEPS = (
     GoTo(3.0, "h1", (0.6, 0.4, 1.3)),

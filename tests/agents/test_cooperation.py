@@ -20,9 +20,9 @@ from rcopterx.bus.scheme_message import MAX_PAYLOAD_BYTES, SchemeMessage
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.plugins import CONTROLLERS, SCHEMES
 from rcopterx.control.references.trajectory import hold
-from rcopterx.control.schemes.consensus import ConsensusScheme, ConsensusSettings
-from rcopterx.control.schemes.interface import MAX_MESSAGE_BYTES, Situation
-from rcopterx.control.schemes.tracked import Moving
+from rcopterx.control.scheme import MAX_MESSAGE_BYTES, Situation
+from rcopterx_studies.schemes.consensus import ConsensusScheme, ConsensusSettings
+from rcopterx_studies.schemes.tracked import Moving
 
 PERIOD_S = 0.02
 

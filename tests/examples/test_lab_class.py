@@ -13,9 +13,9 @@ from scipy.linalg import solve_discrete_are
 
 from rcopterx.control import plugins
 from rcopterx.control.plugins import CONTROLLERS, SCHEMES
-from rcopterx.experiments.arena.tasks import TASKS, Task, wedge
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
+from rcopterx_studies.arena.tasks import TASKS, Task, wedge
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "lab_class"
 sys.path.insert(0, str(EXAMPLE))

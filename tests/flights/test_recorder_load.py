@@ -15,12 +15,12 @@ from support.traffic import Traffic
 from support.waiting import wait_for
 from test_recorder import RECORDER_CODE, raw, recorded, recorder
 
-from rcopterx.benchmarks.processes import cpu_s
 from rcopterx.bus import channels
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.flights.flight_writing import FREE_BYTES
 from rcopterx.flights.recorder import Waiting
+from rcopterx_studies.benchmarks.processes import cpu_s
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(180)]
 

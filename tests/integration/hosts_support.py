@@ -17,7 +17,6 @@ import pytest
 from integration_support import Flying, fleet_text
 from support.namespaces import network_or_skip
 
-from rcopterx.benchmarks.namespaces import Network
 from rcopterx.bus import channels
 from rcopterx.bus.codec import decode
 from rcopterx.bus.messages import Applied
@@ -29,6 +28,7 @@ from rcopterx.ground_station.report.promises import NEEDED
 from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.daemons import Daemons
 from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx_studies.benchmarks.namespaces import Network
 
 ROUTER_PORT = 7447
 TRACKER_PORT = 8010

@@ -13,8 +13,8 @@ from integration_support import NAMES, Flying, Truth
 from typer.testing import CliRunner
 
 from rcopterx.agents.takeover.lease import WARM_S
-from rcopterx.benchmarks.namespaces import Network
 from rcopterx.command_line import app
+from rcopterx_studies.benchmarks.namespaces import Network
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(300)]
 

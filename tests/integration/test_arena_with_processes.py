@@ -5,10 +5,10 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from rcopterx.experiments.arena.flying import arena_scheme, fly_task
-from rcopterx.experiments.arena.real_processes import fly_with_processes
-from rcopterx.experiments.arena.tasks import TASKS
 from rcopterx.simulator.conditions import HELICOPTERS
+from rcopterx_studies.arena.flying import arena_scheme, fly_task
+from rcopterx_studies.arena.real_processes import fly_with_processes
+from rcopterx_studies.arena.tasks import TASKS
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
 

@@ -7,7 +7,7 @@ from support.bad_links import reset, slow
 from support.namespaces import network_or_skip
 from support.waiting import wait_for
 
-from rcopterx.benchmarks.links import linked_hosts, measured_cut
+from rcopterx_studies.benchmarks.links import linked_hosts, measured_cut
 
 pytestmark = pytest.mark.integration
 

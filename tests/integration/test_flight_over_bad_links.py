@@ -10,7 +10,7 @@ from hosts_support import Obeyed, trio_in_flight
 from integration_support import NAMES, Flying, Truth
 from support.bad_links import reset, slow
 
-from rcopterx.benchmarks.namespaces import Network
+from rcopterx_studies.benchmarks.namespaces import Network
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 

@@ -8,7 +8,7 @@ import pytest
 from hosts_support import Obeyed, trio_in_flight
 from integration_support import NAMES, Flying, Truth, landed_gently
 
-from rcopterx.benchmarks.namespaces import Network
+from rcopterx_studies.benchmarks.namespaces import Network
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 

@@ -12,7 +12,7 @@ import pytest
 from integration_support import NAMES, fleet_text, free_port, of_types
 from support.radio_addresses import radio_paths
 
-from rcopterx.experiments.faults.table import FAULT_FLIGHTS
+from rcopterx_studies.faults.table import FAULT_FLIGHTS
 
 pytestmark = pytest.mark.integration
 

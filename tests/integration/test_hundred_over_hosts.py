@@ -17,7 +17,6 @@ from scipy.spatial.distance import pdist
 from support.namespaces import network_or_skip
 from support.waiting import wait_for
 
-from rcopterx.benchmarks.namespaces import Network
 from rcopterx.bus import channels
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import fleet_path, load_fleet
@@ -26,6 +25,7 @@ from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.scripting.daemons import Daemons
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.vehicles.state import Array
+from rcopterx_studies.benchmarks.namespaces import Network
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "hundred.py"
 hundred = SimpleNamespace(**runpy.run_path(str(EXAMPLE)))

@@ -12,7 +12,7 @@ HOURS, DAEMON = "takes half an hour and more", "wants a container daemon"
 COMPUTER, OTHERS = "changes this computer, as root", "wants another computer"
 DOCKER = "docker run --rm -it --network host --cap-add SYS_NICE --ulimit rtprio=40"
 BRIDGE_TO_ROS = "python examples/ros2_bridge/ros2_bridge.py --fleet trio --ros tcp/192.168.1.20:7447"
-EXPERIMENTS = "tests/experiments/test_experiment_command.py"
+EXPERIMENTS = "tests/studies/commands/test_experiment_command.py"
 RADIOS = "tests/rcopterx/test_radio_commands.py"
 WHEEL = "tests/packaging/test_installed_wheel.py"
 IMAGE = "tests/packaging/test_container_image.py"
@@ -29,7 +29,7 @@ NOT_TYPED = {
     ". lab/bin/activate": (INSTALLS, WHEEL),
     "pip install rcopterx-*.whl": (INSTALLS, WHEEL),
     "rcopterx demo --no-browser": (INSTALLS, WHEEL),
-    'pip install "rcopterx[bench]"': (INSTALLS, "tests/packaging/test_extras.py"),
+    'pip install "rcopterx-studies[bench]"': (INSTALLS, "tests/packaging/test_extras.py"),
     "pip install jupyterlab": (INSTALLS, "tests/examples/test_exercise_sheet.py"),
     "pip install pycdr2": (INSTALLS, "tests/examples/test_ros2_bridge.py"),
     "docker build -t rcopterx .": (DAEMON, IMAGE),
@@ -83,7 +83,7 @@ NOT_TYPED = {
     "rcopterx calibrate h2 --fleet lab.toml": (RADIO, RADIOS),
     "rcopterx bench solver --json --plot docs/figures/solver.svg": (
         "wants the libraries of other solvers",
-        "tests/benchmarks/test_solver_benchmark.py",
+        "tests/studies/benchmarks/test_solver_benchmark.py",
     ),
     "rcopterx fly --all --up --report out": (HOURS, "tests/integration/test_flown_manoeuvres.py"),
     "rcopterx fly --faults --up --report faults": (HOURS, "tests/integration/test_flown_faults.py"),
@@ -106,13 +106,13 @@ NOT_TYPED = {
     },
     "rcopterx arena --processes 2 --resume arena.jsonl --page arena": (
         HOURS,
-        "tests/experiments/test_arena.py",
+        "tests/studies/arena/test_arena.py",
     ),
     "rcopterx experiment real-flights nanobench --json --plot docs/figures/real_flights.svg": (
         "wants recorded flights",
-        "tests/experiments/test_real_flights.py",
+        "tests/studies/experiments/test_real_flights.py",
     ),
-    "python examples/hundred.py 0.05": (HOURS, "tests/benchmarks/test_scale_benchmark.py"),
+    "python examples/hundred.py 0.05": (HOURS, "tests/studies/benchmarks/test_scale_benchmark.py"),
     "echo '@dialout - rtprio 40' | sudo tee /etc/security/limits.d/rcopterx.conf": (
         COMPUTER,
         "tests/test_real_time_page.py",

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 from integration_support import free_port
 
-from rcopterx.experiments.faults.observation import WATCHED, seen_of
 from rcopterx.fleet.reading import fleet_path
 from rcopterx.flights.flights import flights_in
 from rcopterx.ground_station.report.logged_flight import records_of
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
+from rcopterx_studies.faults.observation import WATCHED, seen_of
 
 pytestmark = [pytest.mark.integration, pytest.mark.lockstep, pytest.mark.campaign, pytest.mark.timeout(900)]
 

@@ -7,14 +7,19 @@ from pathlib import Path
 import pytest
 from packaging_support import ROOT
 
-EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
-    "optional-dependencies"
-]
-NAMED = re.compile(r"rcopterx\[(\w+)\]")
+PROJECTS = {"rcopterx": ROOT, "rcopterx-studies": ROOT / "studies"}
+EXTRAS = {
+    f"{project}[{extra}]"
+    for project, directory in PROJECTS.items()
+    for extra in tomllib.loads((directory / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "optional-dependencies"
+    ]
+}
+NAMED = re.compile(r"rcopterx(?:-studies)?\[\w+\]")
 FOR_THIS_TREE = {"browser", "docs", "fuzz", "mutation", "package", "test"}
 """Installed by targets of the Makefile."""
 PAGES = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
-SOURCES = [path for path in (ROOT / "rcopterx").glob("*/**/*.py") if "__pycache__" not in path.parts]
+SOURCES = [*(ROOT / "rcopterx").glob("*/**/*.py"), *(ROOT / "studies" / "rcopterx_studies").rglob("*.py")]
 
 
 def named_in(paths: list[Path]) -> set[str]:
@@ -23,7 +28,7 @@ def named_in(paths: list[Path]) -> set[str]:
 
 def test_extras_that_pages_and_errors_name_are_those_there_are() -> None:
     named = named_in(PAGES) | named_in(SOURCES)
-    assert named == set(EXTRAS) - FOR_THIS_TREE
+    assert named == EXTRAS - {f"rcopterx[{extra}]" for extra in FOR_THIS_TREE}
 
 
 @pytest.mark.parametrize("extra", sorted(FOR_THIS_TREE))

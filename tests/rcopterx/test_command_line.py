@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 from rcopterx.bus.requests import Follow, GoTo, TakeOff
 from rcopterx.command_line import COMMANDS, app
 from rcopterx.commands.fleet_option import chosen_host
-from rcopterx.experiments.manoeuvres import MANOEUVRES
 from rcopterx.fleet.reading import fleet_path, load_fleet, shipped_fleets
 from rcopterx.fleet.schema import FleetError
+from rcopterx.ground_station.acceptance.manoeuvres import MANOEUVRES
 from rcopterx.ground_station.scripting.fleet import Fleet
 
 NAMES = [command.__name__.replace("_", "-") for commands in COMMANDS.values() for command in commands]

@@ -15,8 +15,8 @@ from support.waiting import wait_for
 from rcopterx.bus.session import BusAddress
 from rcopterx.commands import launch
 from rcopterx.commands.interruption import Interrupts
-from rcopterx.experiments.demonstration import Demonstration
 from rcopterx.fleet.reading import load_fleet
+from rcopterx.ground_station.acceptance.demonstration import Demonstration
 from rcopterx.ground_station.scripting.fleet import Fleet
 
 Vehicles = dict[str, ScriptedVehicle]
@@ -76,6 +76,6 @@ def test_a_demonstration_lands_before_its_figures_are_computed(
     path = tmp_path / "fleet.toml"
     path.write_text(fleet_file_text(bus_address))
     monkeypatch.setattr(launch, "interruptible", flight)
-    monkeypatch.setattr("rcopterx.experiments.demonstration.Demonstration", lambda *_: flown)
+    monkeypatch.setattr("rcopterx.ground_station.acceptance.demonstration.Demonstration", lambda *_: flown)
     launch.demo(str(path), browser=False)
     assert done == ["landing", "figures"]

@@ -6,9 +6,9 @@ import pytest
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.experiments.faults.bench import ENDURANCE_S, copied_fleet
-from rcopterx.experiments.faults.table import FAULT_FLIGHTS
 from rcopterx.fleet.reading import load_fleet
+from rcopterx_studies.faults.bench import ENDURANCE_S, copied_fleet
+from rcopterx_studies.faults.table import FAULT_FLIGHTS
 
 
 def run(*arguments: str) -> tuple[int, str]:

@@ -12,10 +12,10 @@ from support.scripted import ScriptedVehicle
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
-from rcopterx.experiments.checks import Check
-from rcopterx.experiments.flight import Manoeuvre
-from rcopterx.experiments.flight_page import write_page
-from rcopterx.experiments.steps import Step, in_order, refused
+from rcopterx.ground_station.acceptance.checks import Check
+from rcopterx.ground_station.acceptance.flight import Manoeuvre
+from rcopterx.ground_station.acceptance.flight_page import write_page
+from rcopterx.ground_station.acceptance.steps import Step, in_order, refused
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.waiting import NotReachedError
 
@@ -58,13 +58,13 @@ TABLE = {
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rcopterx.experiments.flight.SETTLE_S", 0.0)
+    monkeypatch.setattr("rcopterx.ground_station.acceptance.flight.SETTLE_S", 0.0)
 
 
 @pytest.fixture
 def table(monkeypatch: pytest.MonkeyPatch) -> dict[str, Manoeuvre]:
     rows = dict(TABLE)
-    monkeypatch.setattr("rcopterx.experiments.manoeuvres.MANOEUVRES", rows)
+    monkeypatch.setattr("rcopterx.ground_station.acceptance.manoeuvres.MANOEUVRES", rows)
     return rows
 
 

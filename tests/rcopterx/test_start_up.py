@@ -33,7 +33,9 @@ def imported_by(statement: str) -> set[str]:
 def test_declarations_of_all_commands_need_neither_the_bus_nor_numerical_libraries() -> None:
     loaded = imported_by("import rcopterx.command_line")
     assert "typer" in loaded
-    assert not loaded & (NUMERICAL | {"zenoh", "msgspec", "rich", "agents", "ground_station", "experiments"})
+    assert not loaded & (
+        NUMERICAL | {"zenoh", "msgspec", "rich", "agents", "ground_station", "rcopterx_studies"}
+    )
 
 
 @pytest.mark.parametrize(
@@ -54,7 +56,7 @@ def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statemen
         "serial",
         "simulator",
         "vicon_gateway",
-        "experiments",
+        "rcopterx_studies",
         "matplotlib",
     }
 
@@ -62,7 +64,7 @@ def test_watching_and_steering_need_no_solver_no_simulator_and_no_scipy(statemen
 @pytest.mark.parametrize(
     "module",
     [
-        "experiments.demonstration",
+        "ground_station.acceptance.demonstration",
         "ground_station.scripting.launched",
         "ground_station.terminal.margin_warnings",
     ],

@@ -13,13 +13,13 @@ from drone_models.so_rpy_rotor_drag import dynamics
 from scipy.spatial.transform import Rotation
 from support.vehicle_types import CRAZYFLIE
 
-from rcopterx.experiments.knowledge import exact_crazyflie
 from rcopterx.simulator.conditions import ATTITUDE_PLANTS, CRAZYFLIES, IDEAL, Conditions
 from rcopterx.simulator.identified_crazyflie import CrazyfliePlant, IdentifiedCrazyflie, crazyflie_of
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.plant import PlantFaults, Pose
 from rcopterx.vehicles.state import Array
 from rcopterx.vehicles.tuples import Four
+from rcopterx_studies.experiments.knowledge import exact_crazyflie
 
 PROMPT = replace(IDEAL, transport_delay_s=0.0)
 DRONE = IdentifiedCrazyflie("cf2x_L250")

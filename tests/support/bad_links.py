@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rcopterx.benchmarks.namespaces import NETWORK, Network
+from rcopterx_studies.benchmarks.namespaces import NETWORK, Network
 
 CABLE = Path(__file__).with_name("cable.py")
 

@@ -12,7 +12,7 @@ from msgspec import Struct
 from rcopterx.control.interfaces import ControlStep, Estimate
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.control.schemes.interface import Situation
+from rcopterx.control.scheme import Situation
 from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array

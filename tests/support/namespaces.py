@@ -5,7 +5,7 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from rcopterx.benchmarks.namespaces import Network, NetworkUnavailableError, network
+from rcopterx_studies.benchmarks.namespaces import Network, NetworkUnavailableError, network
 
 
 @contextmanager

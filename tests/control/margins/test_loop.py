@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL
 
-from rcopterx.benchmarks.flight import at_rest
 from rcopterx.control.controllers.cascade.axis import AxisProblem
 from rcopterx.control.controllers.cascade.controller import CascadeSettings
 from rcopterx.control.controllers.cascade.lateral import LateralTilt, with_tilt
@@ -26,6 +25,7 @@ from rcopterx.control.solver.problem import OptimalControlProblem
 from rcopterx.control.solver.sweep import Factor, factorize
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import U_THRUST, U_YAW, Array, heading_matrix
+from rcopterx_studies.benchmarks.flight import at_rest
 
 PERIOD_S = 0.02
 EVEN = replace(COAXIAL, input_gain=(2.0, 2.0, 18.0, 111.0))

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from support.fleets import PAIR
 from support.waiting import wait_for
 
-from rcopterx.benchmarks.processes import descendants
 from rcopterx.deploy.hosts import capacity
 from rcopterx.deploy.hosts.capacity import AGENT, CapacityMeasurement, may_be_crowded, vehicles_flown
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.watchdog.processor_time import ThreadTime
 from rcopterx.fleet.reading import parse_fleet, write_snapshot
+from rcopterx_studies.benchmarks.processes import descendants
 
 PERIOD_S = 0.02
 

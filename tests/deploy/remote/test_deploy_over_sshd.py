@@ -15,9 +15,9 @@ from support.fleets import PAIR
 from support.namespaces import network_or_skip
 from support.waiting import wait_for
 
-from rcopterx.benchmarks.namespaces import Network
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
 from rcopterx.fleet.reading import load_fleet
+from rcopterx_studies.benchmarks.namespaces import Network
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(400)]
 

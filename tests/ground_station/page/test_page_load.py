@@ -14,10 +14,10 @@ from support.scripted import fleet_file_text
 from support.traffic import Traffic, flown
 from support.waiting import DEADLINE_S, wait_for
 
-from rcopterx.benchmarks.processes import cpu_s
 from rcopterx.bus import channels
 from rcopterx.bus.messages import TransmitterStatus
 from rcopterx.bus.session import BusAddress, Session
+from rcopterx_studies.benchmarks.processes import cpu_s
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(180)]
 

@@ -1,1 +1,0 @@
-"""The figures of the paper and the manoeuvre table, one command each."""

@@ -1,0 +1,1 @@
+"""Manoeuvres and their checks, with which a laboratory accepts its set-up."""

@@ -1,0 +1,48 @@
+"""Page about flown manoeuvres: a summary, then checks, figures and a picture of each."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from rcopterx.ground_station.acceptance import pages
+from rcopterx.ground_station.acceptance.flight import reason_of
+from rcopterx.ground_station.report.document import percentile_table, table, vehicle_table
+
+
+def write_page(reports: Sequence[Mapping[str, Any]], pictures: Mapping[str, str], directory: Path) -> Path:
+    """Write `index.html` into a directory, which is created if missing.
+
+    `pictures` holds SVG elements by manoeuvre.
+    """
+    rows = (
+        (pages.link(report["manoeuvre"]), report["title"], pages.verdict(report), reason_of(report))
+        for report in reports
+    )
+    sections = (
+        pages.section(
+            report["manoeuvre"],
+            report,
+            f"{report['seconds']} s",
+            _parts(report, pictures.get(report["manoeuvre"], "")),
+        )
+        for report in reports
+    )
+    overview = table(("manoeuvre", "what", "verdict", "why"), rows)
+    return pages.write_page(directory, "Flown manoeuvres", reports, overview, sections)
+
+
+def _parts(report: Mapping[str, Any], picture: str) -> Iterator[str]:
+    """Remarks; figures, picture and journal of a manoeuvre that was flown."""
+    yield from (f"<p>{escape(remark)}</p>" for remark in report["remarks"])
+    if report["vehicles"]:
+        yield percentile_table(
+            {
+                "pose to command": report["pose_to_command_ms"],
+                "frame to radio": report["frame_to_radio_ms"],
+            }
+        )
+        yield vehicle_table(report["vehicles"])
+        yield picture
+        steps = ((f"{line['at_s']:.2f} s", line["text"]) for line in report["journal"])
+        yield f"<details><summary>What was done</summary>{table(('time', 'what'), steps)}</details>"

@@ -1,0 +1,181 @@
+"""Steps of manoeuvres; each waits until it is done."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Concatenate, Final, ParamSpec
+
+from rcopterx.bus.messages import LeaderLink
+from rcopterx.control.identification import fit
+from rcopterx.control.references.paths import FlightPath
+from rcopterx.fleet.vehicle_models import model_of
+from rcopterx.ground_station.acceptance.paper_sequence import Say, Wait, leader_of
+from rcopterx.ground_station.identification.identification import Wanted, excited_flights
+from rcopterx.ground_station.identification.spacing import IdentificationError
+from rcopterx.ground_station.scripting.fleet import Fleet
+from rcopterx.ground_station.scripting.vehicle import RefusedError, Vehicle
+from rcopterx.ground_station.scripting.waiting import NotReachedError
+from rcopterx.vehicles.tuples import Three
+
+Step = Callable[[Fleet, Say, Wait], None]
+P = ParamSpec("P")
+
+SETTLED_M: Final = 0.08
+REST_S: Final = 0.5
+
+
+def step(function: Callable[Concatenate[Fleet, Say, Wait, P], None]) -> Callable[P, Step]:
+    """Make a function that flies a step into one that returns the step for its further arguments."""
+
+    def with_arguments(*arguments: P.args, **options: P.kwargs) -> Step:
+        return lambda fleet, say, wait: function(fleet, say, wait, *arguments, **options)
+
+    return with_arguments
+
+
+@step
+def in_order(fleet: Fleet, say: Say, wait: Wait, *steps: Step) -> None:
+    """Fly steps one after the other."""
+    for step in steps:
+        step(fleet, say, wait)
+
+
+def pause(seconds: float) -> Step:
+    """Wait."""
+    return lambda _fleet, _say, wait: wait(seconds)
+
+
+@step
+def take_off(fleet: Fleet, say: Say, _wait: Wait, *names: str, height_m: float = 1.0) -> None:
+    """Take off and wait until the vehicles fly; all without names."""
+    say(f"{', '.join(names) or 'all'}: take-off to {height_m:g} m")
+    fleet.take_off(names or None, height_m)
+
+
+@step
+def land(fleet: Fleet, say: Say, _wait: Wait, *names: str) -> None:
+    """Land and wait for touchdown; all without names."""
+    say(f"{', '.join(names) or 'all'}: landing")
+    fleet.land(names or None)
+
+
+@step
+def go_to(
+    fleet: Fleet, say: Say, wait: Wait, position_m: Three, yaw_deg: float = 0.0, name: str | None = None
+) -> None:
+    """Send a vehicle, by default the leader, to a set point, wait until it is there, and rest a moment."""
+    who = name or leader_of(fleet)
+    say(f"{who}: set point {position_m} m, yaw {yaw_deg:g} deg")
+    fleet[who].go_to(position_m, math.radians(yaw_deg))
+    fleet[who].wait_for_arrival(SETTLED_M)
+    wait(REST_S)
+
+
+@step
+def go_together(fleet: Fleet, say: Say, wait: Wait, places_m: Mapping[str, Three]) -> None:
+    """Send several vehicles to set points at once and wait until all have arrived."""
+    for name, position_m in places_m.items():
+        say(f"{name}: set point {position_m} m")
+        fleet[name].go_to(position_m)
+    for name in places_m:
+        fleet[name].wait_for_arrival(SETTLED_M)
+    wait(REST_S)
+
+
+@step
+def fly_path(fleet: Fleet, say: Say, wait: Wait, path: FlightPath) -> None:
+    """Have the leader fly a trajectory to its end."""
+    leader = leader_of(fleet)
+    say(f"{leader}: trajectory of {fleet[leader].fly(path, wait=True)}")
+    wait(REST_S)
+
+
+@step
+def follow(
+    fleet: Fleet,
+    say: Say,
+    _wait: Wait,
+    name: str,
+    leader: str,
+    offset_m: Three,
+    frame: str = "inertial",
+    transition_s: float | None = None,
+) -> None:
+    """Give a vehicle a leader and an offset; `formed` waits until it is there."""
+    say(f"{name}: follows {leader} at {offset_m} m, {frame} frame")
+    fleet[name].follow(leader, offset_m, frame=frame, transition_s=transition_s)
+
+
+@step
+def follow_several(fleet: Fleet, say: Say, _wait: Wait, name: str, *links: LeaderLink) -> None:
+    """Give a vehicle several leaders with weights."""
+    say(f"{name}: follows {', '.join(f'{link.leader} ({link.weight:g})' for link in links)}")
+    fleet[name].follow(links)
+
+
+@step
+def lead(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
+    """Have a vehicle stop following."""
+    say(f"{name}: leads")
+    fleet[name].lead()
+
+
+@step
+def identify(fleet: Fleet, say: Say, _wait: Wait, name: str, seconds: float) -> None:
+    """Excite a vehicle without leaders, fit its model, and show its parameters; nothing is written."""
+    say(f"{name}: its sticks move for {seconds:g} s")
+    recordings, failures = excited_flights(
+        fleet, [name], Wanted(seconds), lambda left_s: say(f"{name}: {left_s:.0f} s left")
+    )
+    if failures:
+        raise IdentificationError(f"{name}: {failures[name]}")
+    found = fit.identify(recordings[name], model_of(fleet.file, name))
+    if found.problems:
+        raise IdentificationError(f"{name}: {'; '.join(found.problems)}")
+    for number in found.parameters:
+        say(f"{name}: {number.name} {number.before:.4g} -> {number.value:.4g} {number.unit}")
+
+
+@step
+def promote(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
+    """Make a vehicle the leader of its formation; all vehicles keep their places."""
+    say(f"{name}: leads the formation; {'; '.join(fleet.promote(name))}")
+
+
+@step
+def tune(fleet: Fleet, say: Say, _wait: Wait, name: str, change: Callable[[Vehicle], str]) -> None:
+    """Give a vehicle another controller or other settings."""
+    say(f"{name}: flies with {change(fleet[name])}")
+
+
+@step
+def leave(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
+    """Have a vehicle leave: it lands and its agent ends."""
+    say(f"{name}: leaves")
+    fleet.leave(name)
+
+
+@step
+def join(fleet: Fleet, say: Say, _wait: Wait, name: str) -> None:
+    """Have a vehicle join again: its agent starts, it takes off and follows its leaders."""
+    say(f"{name}: joins; {fleet.join(name)}")
+
+
+@step
+def formed(fleet: Fleet, say: Say, _wait: Wait) -> None:
+    """Wait until every follower is at its place."""
+    fleet.wait_for_formation(tolerance_m=SETTLED_M)
+    say("in formation")
+
+
+@step
+def refused(fleet: Fleet, say: Say, _wait: Wait, what: str, request: Callable[[Fleet], object]) -> None:
+    """Make a request that must be refused.
+
+    Raises `NotReachedError`: the request was accepted.
+    """
+    try:
+        request(fleet)
+    except RefusedError as error:
+        say(f"{what}: refused, {error}")
+        return
+    raise NotReachedError(f"{what} was not refused")

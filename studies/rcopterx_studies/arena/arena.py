@@ -1,0 +1,60 @@
+"""The arena as an experiment: every chosen scheme flies every chosen task."""
+
+import hashlib
+import inspect
+import json
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from rcopterx.control.plugins import flying
+from rcopterx_studies.arena.flying import TIMES, Flown, arena_scheme, figures, fly_task
+from rcopterx_studies.arena.real_processes import fly_with_processes
+from rcopterx_studies.arena.tasks import TASKS, quick
+from rcopterx_studies.experiments.runner import Cases, Experiment, Options
+
+OWN: Final = ("rcopterx", "rcopterx_studies")
+Document = Mapping[str, Mapping[str, Mapping[str, Any]]]  # figures by task and scheme
+DEFAULT_SCHEMES: Final = (
+    "cascade", "paper", "admm", "on_demand", "event_triggered", "consensus", "distributed_lqr"
+)  # fmt: skip
+
+
+def arena(schemes: Sequence[str], tasks: Sequence[str], processes: bool = False) -> Experiment[Flown]:
+    """The experiment for schemes and tasks by name, in the rig or with all `processes` of a fleet."""
+    fly = fly_with_processes if processes else fly_task
+
+    def cases(options: Options) -> Cases[Flown]:
+        chosen = [TASKS[name] for name in tasks]
+        chosen = [quick(task) for task in chosen] if options.quick else chosen
+        return {
+            f"{task.name} / {name}": partial(fly, arena_scheme(name), task)
+            for task in chosen
+            for name in schemes
+        }
+
+    return Experiment("arena", "Schemes on the same tasks", {"helicopters": 1}, cases, figures)
+
+
+def digest(document: Document) -> str:
+    """Digest of all figures that do not depend on the computer."""
+    plain = {
+        task: {
+            scheme: {name: value for name, value in row.items() if name not in TIMES}
+            for scheme, row in rows.items()
+        }
+        for task, rows in document.items()
+    }
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def foreign_digests(schemes: Sequence[str]) -> dict[str, str]:
+    """Digests of the sources of schemes from other packages, whose kept flights are valid for these only."""
+    found = {}
+    for name in schemes:
+        kind = flying(name).load(name)
+        if kind.__module__.partition(".")[0] not in OWN:
+            source = Path(inspect.getfile(kind))
+            found[name] = hashlib.sha256(source.read_bytes()).hexdigest()[:16]
+    return found

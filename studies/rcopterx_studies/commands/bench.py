@@ -1,0 +1,143 @@
+"""Measuring speed, side by side with peers: `bench`."""
+
+import math
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, SpeedOption, failure
+from rcopterx.commands.output import JsonOption, PlotOption, Progress, print_document, write_plot
+from rcopterx.commands.parsing import different_numbers, known_names
+
+app = typer.Typer(no_args_is_help=True, add_completion=False)
+
+RoundsOption = Annotated[int, typer.Option(metavar="N", min=1, help="Measurements of each kind.")]
+SecondsOption = Annotated[float, typer.Option(metavar="S", min=1, max=3600, help="Duration of each flight.")]
+HorizonOption = Annotated[int, typer.Option(metavar="N", min=2, max=200, help="Stages N.")]
+
+CUTS_S = (0.1, 0.3, 1.0, 3.0)
+COLUMNS = ("mean_ms", "p99_ms", "p999_ms", "max_ms", "error")
+
+
+@app.callback(rich_help_panel="Experiment")
+def bench() -> None:
+    """Measure speed, side by side with peers."""
+
+
+@app.command()
+def solver(
+    as_json: JsonOption = False,
+    horizons: Annotated[str, typer.Option(metavar="N,N,...", help="Horizons N.")] = "10,18,30,50,80,110",
+    steps: Annotated[int, typer.Option(metavar="N", min=2, help="Control steps per horizon.")] = 2000,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the recorded flight.")] = 0,
+    plot: PlotOption = None,
+) -> None:
+    """Time control steps of the cascade, the paper's scheme and other solvers on the same problems."""
+    from rcopterx_studies.benchmarks.solver import draw_solver, run
+
+    lengths = different_numbers(horizons, "--horizons", lowest=2, highest=200)
+    document = run(lengths, steps, seed, Progress("bench solver").say)
+    write_plot(partial(draw_solver, document), plot)
+    print_document(document, as_json, _solver_lines)
+
+
+def _solver_lines(document: dict[str, Any]) -> str:
+    lines = [f"{'N':>4}  {'solver':24}" + "".join(f"{column:>12}" for column in COLUMNS)]
+    for horizon, solvers in document["horizons"].items():
+        for name, row in solvers.items():
+            numbers = ("-" if row[column] is None else f"{row[column]:.3g}" for column in COLUMNS)
+            lines.append(f"{horizon:>4}  {name:24}" + "".join(f"{number:>12}" for number in numbers))
+    if document["missing"]:
+        lines.append(f"not installed: {', '.join(document['missing'])}")
+    return "\n".join(lines)
+
+
+@app.command()
+def restart(
+    as_json: JsonOption = False, rounds: RoundsOption = 5, fleet: FleetOption = DEFAULT_FLEET
+) -> None:
+    """Kill agents, router and Vicon gateway in flight, and time how soon the vehicles are flown again."""
+    from rcopterx.fleet.reading import fleet_path
+    from rcopterx_studies.benchmarks.restart import run
+
+    print_document(run(fleet_path(fleet), rounds, Progress("bench restart").say), as_json)
+
+
+@app.command()
+def scale(
+    as_json: JsonOption = False,
+    vehicles: Annotated[
+        str, typer.Option(metavar="N,N,...", help="Numbers of vehicles.")
+    ] = "3,6,8,10,12,14,16",
+    horizon: HorizonOption = 30,
+    seconds: SecondsOption = 60.0,
+    rate: Annotated[
+        float,
+        typer.Option(
+            metavar="HZ", min=50, max=400, help="Frame rate of the simulated Tracker; control stays 50 Hz."
+        ),
+    ] = 50.0,
+    speed: SpeedOption = None,
+    plot: PlotOption = None,
+) -> None:
+    """Fly fleets of growing size on this computer: missed control periods, pose to command, load.
+
+    In slow motion (`--speed`) all times are those of the fleet, so that larger fleets can be measured.
+    """
+    from rcopterx_studies.benchmarks.scale import Series, draw_scale, run, scale_table
+
+    sizes = different_numbers(vehicles, "--vehicles", lowest=1, highest=128)
+    document = run(sizes, Series(horizon, seconds, rate, speed or 1.0), Progress("bench scale").say)
+    write_plot(partial(draw_scale, document), plot)
+    print_document(document, as_json, scale_table)
+
+
+@app.command()
+def cost(
+    against: Annotated[Path, typer.Option(metavar="DIRECTORY", help="Checkout to compare this one with.")],
+    as_json: JsonOption = False,
+    only: Annotated[
+        str, typer.Option(metavar="NAME,NAME,...", help="Trials: six vehicles, trio, radio, step, largest.")
+    ] = "six,trio,radio,step",
+    rounds: RoundsOption = 3,
+) -> None:
+    """Compare this checkout with another one in alternating runs: load, latency, memory."""
+    from rcopterx_studies.benchmarks.cost import TRIALS, run, table
+
+    names = known_names(only, TRIALS, "trial", "--only")
+    document = run(against, names, rounds, Progress("bench cost").say)
+    print_document(document, as_json, lambda found: "\n".join(table(found)))
+    if document["failed"]:
+        raise failure(*(f"{name}: {problem}" for name, problem in document["failed"].items()))
+
+
+@app.command()
+def links(as_json: JsonOption = False, rounds: RoundsOption = 5) -> None:
+    """Cut the link of two hosts, and time how soon both directions carry data again. Needs root."""
+    from rcopterx_studies.benchmarks.links import run
+
+    document = run(CUTS_S, rounds, Progress("bench links").say)
+    print_document(document, as_json, _link_lines)
+
+
+def _link_lines(document: dict[str, Any]) -> str:
+    lines = [f"{'cut [s]':>8}  {'direction':10}{'heal [ms]':>24}{'longest gap [ms]':>18}{'stale':>7}"]
+    for cut, done in document["cuts"].items():
+        for direction in done[0]:
+            rows = [each[direction] for each in done]
+            heals = sorted(math.inf if row["heal_ms"] is None else row["heal_ms"] for row in rows)
+            lines.append(
+                f"{cut:>8}  {direction:10}{f'{heals[len(heals) // 2]:.0f}, at most {heals[-1]:.0f}':>24}"
+                f"{max(row['gap_ms'] for row in rows):>18.0f}{max(row['stale'] for row in rows):>7}"
+            )
+    return "\n".join(lines)
+
+
+@app.command()
+def hosts(as_json: JsonOption = False, rounds: RoundsOption = 2, seconds: SecondsOption = 20.0) -> None:
+    """Time pose to command over four hosts with mutual TLS, against one host without. Needs root."""
+    from rcopterx_studies.benchmarks.hosts import run
+
+    print_document(run(rounds, seconds, Progress("bench hosts").say), as_json)

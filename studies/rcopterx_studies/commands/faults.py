@@ -1,0 +1,155 @@
+"""Flying faults in the simulator: `fly --faults`."""
+
+import fnmatch
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from rcopterx.commands.fleet_option import DEFAULT_FLEET, EXIT_FAILED
+from rcopterx.commands.fly import FlightOptions, flown_fleet
+from rcopterx.commands.interruption import Interrupts
+from rcopterx.commands.output import Progress, print_document
+
+if TYPE_CHECKING:
+    from rcopterx_studies.faults.bench import FaultFlight
+    from rcopterx_studies.faults.flying import FaultRange
+
+READY_S = 30.0  # for a fleet that has just been started
+
+
+def chosen_faults(names: Sequence[str]) -> list["FaultFlight"]:
+    """Rows of the table by their names or patterns such as `pair-*`, by default all."""
+    from rcopterx_studies.faults.table import FAULT_FLIGHTS
+
+    for name in names:
+        if not fnmatch.filter(FAULT_FLIGHTS, name):
+            raise typer.BadParameter(f"unknown fault flight {name!r}, see --faults --list", param_hint="NAME")
+    wanted = names or ["*"]
+    return [row for row in FAULT_FLIGHTS.values() if any(fnmatch.fnmatch(row.name, name) for name in wanted)]
+
+
+def list_faults() -> None:
+    """Print the table."""
+    for row in chosen_faults(()):
+        typer.echo(f"{row.name:32} {row.promise.value:18} {row.title}")
+
+
+class FleetHolder:
+    """The fleet that flies faults, started again after a loss; `path` is a copy that faults may change."""
+
+    def __init__(self, path: Path | None, options: FlightOptions) -> None:
+        self._path = path
+        self._options = options
+        self._stack = ExitStack()
+        self._range: FaultRange | None = None
+        self.interrupts = Interrupts()
+
+    def fault_range(self, say: Callable[[str], None]) -> "FaultRange":
+        """The fleet, ready to take off or in the air; `say` shows what happens from now on."""
+        from rcopterx_studies.faults.bench import Bench
+        from rcopterx_studies.faults.flying import FaultRange
+
+        if self._range is None:
+            started = flown_fleet(self._options, str(self._path))
+            fleet, self.interrupts = self._stack.enter_context(started)
+            fleet.wait_ready(timeout_s=READY_S)
+            self._range = FaultRange(Bench(fleet, say, fleet.wait, self._path))
+        return self._range.saying(say)
+
+    def close(self) -> None:
+        """Land and stop the fleet if it was started here."""
+        self._range = None
+        self._stack.close()
+
+
+@contextmanager
+def fleet_holder(options: FlightOptions) -> Iterator[FleetHolder]:
+    """Yield a holder of a fleet; stop its last fleet at the end."""
+    from rcopterx_studies.faults.bench import copied_fleet
+    from rcopterx_studies.faults.orders import obedient_processes
+
+    with ExitStack() as stack:
+        path = None
+        if options.start:
+            path = stack.enter_context(copied_fleet(options.fleet or DEFAULT_FLEET, options.vehicles))
+            stack.enter_context(obedient_processes())
+        yield stack.enter_context(closing(FleetHolder(path, options)))
+
+
+def fly_faults(names: Sequence[str], runs: int, options: FlightOptions) -> None:
+    """Fly rows of the table of faults, with one fleet while it survives; exit code 1 if a promise broke."""
+    from rcopterx_studies.faults.reports import worst_of
+
+    rows = chosen_faults(names)
+    reports: list[dict[str, Any]] = []
+    with fleet_holder(options) as holder:
+        try:
+            for number, row in enumerate(rows, 1):
+                head = f"[{number}/{len(rows)}] {row.name}"
+                heads = [head] if runs == 1 else [f"{head} ({run}/{runs})" for run in range(1, runs + 1)]
+                reports.append(worst_of([_fly_row(row, holder, head) for head in heads]))
+        finally:
+            _write(reports, options.report)
+    print_document(reports, options.as_json, lambda rows: "\n".join(map(_line, rows)))
+    if any(report["verdict"] == "failed" for report in reports):
+        raise typer.Exit(EXIT_FAILED)
+
+
+def fly_chaos(seconds: float, seed: int, busy: int, options: FlightOptions) -> None:
+    """Inject random faults that all vehicles shall survive; exit code 1 if one did not."""
+    if options.lockstep:
+        raise typer.BadParameter("chaos breaks processes, for which lockstep waits", param_hint="--lockstep")
+    from rcopterx.ground_station.scripting.waiting import NotReachedError, stopped_by
+    from rcopterx_studies.faults.chaos import Chaos
+
+    with fleet_holder(options) as holder:
+        place = holder.fault_range(Progress(f"chaos {seed}").say)
+        if place.fleet.launcher is None:
+            raise NotReachedError("chaos ends processes, so it needs a fleet of its own: add --up")
+        with stopped_by(holder.interrupts):
+            result = Chaos(place, seed, seconds, busy).fly()
+    if options.report is not None:
+        path = options.report / f"chaos-{seed}.json"
+        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        typer.echo(f"report: {path}", err=True)
+    print_document(result, options.as_json)
+    if result["verdict"] != "passed":
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _fly_row(row: "FaultFlight", holder: FleetHolder, head: str) -> dict[str, Any]:
+    from rcopterx.ground_station.scripting.waiting import stopped_by
+    from rcopterx_studies.faults.reports import not_flown
+
+    say = Progress(head).say
+    place = holder.fault_range(say)
+    reason = "it needs a fleet of its own: add --up" if place.fleet.launcher is None else None
+    if place.fleet.file.clock.lockstep:
+        reason = "it breaks processes, for which lockstep waits"
+    if row.launched and reason is not None:
+        say(f"not flown: {reason}")
+        return not_flown(row, reason)
+    with stopped_by(holder.interrupts):
+        report = place.fly(row)
+    say(report["verdict"])
+    if not place.survives(row, report):
+        holder.close()
+    return report
+
+
+def _write(reports: Sequence[dict[str, Any]], directory: Path | None) -> None:
+    from rcopterx_studies.faults.matrix import write_reports
+
+    flown = [report for report in reports if report["verdict"] != "not flown"]
+    if directory is not None and flown:
+        typer.echo(f"page: {write_reports(flown, directory)}", err=True)
+
+
+def _line(report: dict[str, Any]) -> str:
+    failed = [f"{check['name']}: {check['figure']}" for check in report["checks"] if not check["passed"]]
+    why = report["problem"] or "; ".join(failed) or report["seen"]
+    return f"{report['verdict']:9} {report['name']:32} {why}".rstrip()

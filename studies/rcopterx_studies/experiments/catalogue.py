@@ -1,0 +1,13 @@
+"""The experiments by name."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Final
+
+from rcopterx_studies.experiments import bound, chain, family, fleets, formation, hover
+from rcopterx_studies.experiments.runner import Experiment
+
+_MODULES: Final = (hover, formation, chain, family, fleets, bound)
+EXPERIMENTS: Final[Mapping[str, Experiment[Any]]] = MappingProxyType(
+    {module.EXPERIMENT.name: module.EXPERIMENT for module in _MODULES}
+)

@@ -1,0 +1,352 @@
+"""The table of fault flights."""
+
+from collections.abc import Callable
+from functools import partial
+from itertools import product
+from types import MappingProxyType
+from typing import Final
+
+from rcopterx.simulator.faults import (
+    AddNoise,
+    BreakRadio,
+    BreakVehicle,
+    DisplacePose,
+    Freeze,
+    FreezePose,
+    Occlude,
+    Reset,
+    ResetFrameId,
+    Silence,
+    SkipFrames,
+    SwapSubjects,
+)
+from rcopterx_studies.faults.bench import FaultFlight, Injector
+from rcopterx_studies.faults.bus_injectors import Flood, Impaired, OldMessages
+from rcopterx_studies.faults.host_injectors import (
+    ClockStepped,
+    DiskFull,
+    FleetFileBroken,
+    LogsGone,
+    NoDescriptors,
+)
+from rcopterx_studies.faults.laboratory_injectors import Draining, Inject
+from rcopterx_studies.faults.process_injectors import (
+    DiesAtStart,
+    Halting,
+    Killed,
+    Pair,
+    ProcessFault,
+    Slow,
+    Spinning,
+    Starved,
+    Stopped,
+)
+from rcopterx_studies.faults.promise import Limits, Promise
+
+ALL: Final = ("h1", "h2", "h3")
+BOTH: Final = ("h2", "h3")
+PROCESSES: Final = {
+    "leader": "agent-h1",
+    "follower": "agent-h2",
+    "vicon-gateway": "tracker",
+    "transmitter-gateway": "transmitters",
+    "router": "router",
+    "recorder": "recorder",
+}
+"""Processes by what they are; the simulator stands for the laboratory and gets no faults."""
+PAIR: Final = Limits(deviation_mm=300.0, silence_ms=1000.0)
+BLIND: Final = Limits(deviation_mm=1000.0, silence_ms=4000.0)
+"""Without poses and commands vehicles are held, and sink meanwhile."""
+WEAK: Final = Limits(deviation_mm=None, drift_mm=300.0, touchdown_m_s=1.0, silence_ms=None)
+"""A vehicle that lands with full thrust."""
+FAULTY_AXIS: Final = Limits(deviation_mm=None, drift_mm=8000.0, touchdown_m_s=1.0, silence_ms=None)
+"""A vehicle that drifts because a stick does not respond, and comes down gently."""
+
+
+def _survived(name: str, title: str, *faults: Injector, chaos: bool = True) -> FaultFlight:
+    """A fault that vehicles survive, with `chaos` at any time."""
+    return FaultFlight(name, title, faults, chaos=chaos)
+
+
+def _of_process(what: str, process: str) -> tuple[FaultFlight, ...]:
+    """Faults of a process that vehicles survive."""
+    return (
+        _survived(f"{what}-killed", f"SIGKILL of {process}", Killed(process)),
+        *(
+            _survived(
+                f"{what}-stopped-{seconds:g}-s",
+                f"SIGSTOP of {process} for {seconds:g} s",
+                Stopped(process, seconds),
+                chaos=seconds <= 2.0,
+            )
+            for seconds in (0.1, 0.5, 2.0, 30.0)
+        ),
+        _survived(
+            f"{what}-spins", f"The loop of {process} spins", Spinning(process), chaos=what != "recorder"
+        ),
+        _survived(f"{what}-starved", f"{process} gets no processor for 0.3 s", Starved(process)),
+        _slow(what, process),
+        _survived(
+            f"{what}-dies-at-start",
+            f"SIGKILL of {process}, and of its successor as soon as it is there",
+            DiesAtStart(process),
+            chaos=False,
+        ),
+    )
+
+
+def _slow(what: str, process: str) -> FaultFlight:
+    """A process that slows down; the router as a whole, because messages do not pass through its loop."""
+    if process == "router":
+        return _survived(f"{what}-slow", f"{process} is stopped for 10 of 30 ms", Halting(process))
+    return _survived(f"{what}-slow", f"Every turn of the loop of {process} takes 10 ms longer", Slow(process))
+
+
+def _crash_loop(
+    what: str, promise: Promise, down: tuple[str, ...], seconds: float | None = None
+) -> FaultFlight:
+    """A process that does not start again, or only after some seconds."""
+    return FaultFlight(
+        f"{what}-crash-loop",
+        f"{PROCESSES[what]} dies, and every successor as soon as it is there",
+        (DiesAtStart(PROCESSES[what], None, seconds),),
+        promise,
+        down,
+    )
+
+
+PROCESS_ROWS: Final = (
+    *(row for what, process in PROCESSES.items() for row in _of_process(what, process)),
+    _crash_loop("leader", Promise.LANDS, ("h1",)),
+    _crash_loop("follower", Promise.LANDS, ("h2",)),
+    _crash_loop("vicon-gateway", Promise.LANDS_OPEN_LOOP, ALL),
+    _crash_loop("transmitter-gateway", Promise.UNPROTECTED, ALL),
+    # True states pass through the router as well, so it comes back at the end.
+    _crash_loop("router", Promise.LANDS_OPEN_LOOP, ALL, seconds=6.0),
+    _crash_loop("recorder", Promise.FLIES_ON, ()),
+)
+
+
+PAIRS: Final[dict[str, tuple[str, Callable[[str], ProcessFault]]]] = {
+    "killed": ("SIGKILL", Killed),
+    "stopped": ("SIGSTOP for 2 s", partial(Stopped, seconds=2.0)),
+    "starved": ("no processor for 0.3 s", Starved),
+}
+"""What happens to every process, and soon after to every process."""
+APART_S: Final = (0.0, 0.04, 0.08, 0.12, 0.16, 0.2)
+PAIR_ROWS: Final = tuple(
+    FaultFlight(
+        f"pair-{kind}-{first}-{second}",
+        f"{PROCESSES[first]}, and {PROCESSES[second]} {1000 * apart_s:g} ms later: {what}",
+        (Pair(fault(PROCESSES[first]), fault(PROCESSES[second]), apart_s),),
+        limits=PAIR,
+        page_row=(f"pair-{kind}-*", f"Every process, and every process 0 to 200 ms later: {what}"),
+        chaos=True,
+    )
+    for kind, (what, fault) in PAIRS.items()
+    for number, (first, second) in enumerate(product(PROCESSES, repeat=2))
+    # Each process comes after each other one at another time.
+    for apart_s in (APART_S[(number + number // len(PROCESSES)) % len(APART_S)],)
+)
+
+
+def _open_loop(name: str, title: str, down: tuple[str, ...], *faults: Injector) -> FaultFlight:
+    """A fault after which vehicles without usable poses land open loop."""
+    return FaultFlight(name, title, faults, Promise.LANDS_OPEN_LOOP, down)
+
+
+BUS_ROWS: Final = (
+    _survived("bus-late", "All messages are 20 ms late", Impaired("delay_s", 0.02)),
+    _survived("bus-loss", "A tenth of all messages is lost", Impaired("loss", 0.1)),
+    _survived("bus-doubled", "Every message arrives twice", Impaired("duplicates", 1.0)),
+    _survived(
+        "bus-reordered", "A fifth of all messages is overtaken by later ones", Impaired("reordering", 0.2)
+    ),
+    FaultFlight(
+        "bus-old-messages",
+        "Old poses, commands and plans are sent again, with this epoch and the last",
+        (OldMessages(),),
+    ),
+    _survived("bus-flood", "200 messages of nonsense per second on every key", Flood()),
+)
+
+BESIDE_M: Final = (0.5, 0.0, 0.0)
+POSE_ROWS: Final = (
+    _survived("pose-occluded-60-ms", "h2 is not seen for 60 ms", Inject(Occlude("h2", duration_s=0.06))),
+    _survived("pose-occluded-200-ms", "h2 is not seen for 0.2 s", Inject(Occlude("h2", duration_s=0.2))),
+    _open_loop("pose-occluded", "h2 is not seen any more", ("h2",), Inject(Occlude("h2"))),
+    _survived(
+        "tracker-frozen-200-ms", "The Tracker repeats a frame for 0.2 s", Inject(Freeze(duration_s=0.2))
+    ),
+    _open_loop("tracker-frozen", "The Tracker repeats a frame for ever", ALL, Inject(Freeze())),
+    _open_loop("pose-frozen", "The pose of h2 stands still, frames go on", ("h2",), Inject(FreezePose("h2"))),
+    _survived(
+        "pose-jumps-100-ms",
+        "h2 is shown 0.5 m beside its place for 0.1 s",
+        Inject(DisplacePose("h2", offset_m=BESIDE_M, duration_s=0.1)),
+    ),
+    _open_loop(
+        "pose-jumps",
+        "h2 is shown 0.5 m beside its place",
+        ("h2",),
+        Inject(DisplacePose("h2", offset_m=BESIDE_M)),
+    ),
+    _survived(
+        "pose-swapped-60-ms",
+        "h2 and h3 are taken for one another for 60 ms",
+        Inject(SwapSubjects("h2", other="h3", duration_s=0.06)),
+    ),
+    _open_loop(
+        "pose-swapped", "h2 and h3 are taken for one another", BOTH, Inject(SwapSubjects("h2", other="h3"))
+    ),
+    FaultFlight(
+        "pose-drifts",
+        "The pose of h2 drifts by 30 mm/s for 3 s",
+        (Inject(DisplacePose("h2", velocity_m_s=(0.03, 0.0, 0.0), duration_s=3.0)),),
+    ),
+    _survived(
+        "pose-noise", "Noise of 2 mm on all positions", Inject(AddNoise(deviation_m=0.002, duration_s=2.0))
+    ),
+    FaultFlight(
+        "tracker-half-rate",
+        "The Tracker sends every second frame only",
+        (Inject(SkipFrames(one_of=2, duration_s=2.0)),),
+    ),
+    _survived(
+        "tracker-restarted-at-once",
+        "The Tracker ends its connections and counts frames anew",
+        Inject(ResetFrameId()),
+        Inject(Reset()),
+    ),
+    _open_loop(
+        "tracker-restarted",
+        "The Tracker is silent for 3 s, ends its connections and counts frames anew",
+        ALL,
+        Inject(Silence(duration_s=3.0)),
+        Inject(ResetFrameId()),
+        Inject(Reset()),
+    ),
+)
+
+RADIO_ROWS: Final = (
+    *(
+        FaultFlight(
+            f"radio-{name}",
+            title,
+            (Inject(BreakRadio("h2", condition=condition)),),
+            Promise.UNPROTECTED,
+            ("h2",),
+        )
+        for name, title, condition in (
+            ("cable", "The cable of h2's radio module is pulled", "unplugged"),
+            ("power", "The radio module of h2 has no power", "off"),
+            ("no-dsm2", "The radio module of h2 refuses its protocol", "refusing"),
+        )
+    ),
+    _survived(
+        "radio-adapter-0.2-s",
+        "The serial adapter of h2 is gone for 0.2 s, its module keeps its power",
+        Inject(BreakRadio("h2", condition="adapter", duration_s=0.2)),
+    ),
+)
+
+
+def _broken(
+    name: str, title: str, *faults: Injector, promise: Promise = Promise.LANDS, limits: Limits | None = None
+) -> FaultFlight:
+    """Faults of h2 that bring it down."""
+    return FaultFlight(name, title, faults, promise, ("h2",), limits)
+
+
+VEHICLE_ROWS: Final = (
+    _broken(
+        "vehicle-dead",
+        "The rotors of h2 stop",
+        Inject(BreakVehicle("h2", thrust_factor=0.0)),
+        promise=Promise.UNPROTECTED,
+    ),
+    FaultFlight(
+        "vehicle-does-not-lift",
+        "Take-off of h2 with three tenths of its thrust",
+        (Inject(BreakVehicle("h2", thrust_factor=0.3)),),
+        Promise.REFUSED,
+        on_floor=True,
+    ),
+    _broken(
+        "vehicle-weak",
+        "h2 has only 0.65 of its thrust",
+        Inject(BreakVehicle("h2", thrust_factor=0.65)),
+        limits=WEAK,
+    ),
+    _broken(
+        "vehicle-battery",
+        "The battery of h2 falls to 0.58 of its thrust in 25 s",
+        Draining("h2", 0.58, 25.0),
+        limits=WEAK,
+    ),
+    _broken(
+        "vehicle-reversed-pitch",
+        "The pitch stick of h2 acts the wrong way round",
+        Inject(BreakVehicle("h2", reversed="pitch")),
+        limits=FAULTY_AXIS,
+    ),
+    _broken(
+        "vehicle-stuck-roll",
+        "The roll stick of h2 is stuck",
+        Inject(BreakVehicle("h2", stuck="roll")),
+        limits=FAULTY_AXIS,
+    ),
+    _broken(
+        "vehicle-drifts",
+        "Pitch and roll of h2 act eight times as strongly and late for 5 s, then its roll trim steps by 0.07",
+        Inject(BreakVehicle("h2", cyclic_factor=8.0, delay_s=0.08, duration_s=5.0)),
+        Inject(BreakVehicle("h2", trim=(0.0, 0.07, 0.0, 0.0))),
+        promise=Promise.LANDS_AND_REPORTS,
+    ),
+    FaultFlight(
+        "vehicle-trim",
+        "The roll trim of h2 steps by 0.1",
+        (Inject(BreakVehicle("h2", trim=(0.0, 0.1, 0.0, 0.0), duration_s=3.0)),),
+        limits=Limits(deviation_mm=250.0),
+    ),
+)
+
+HOST_ROWS: Final = (
+    FaultFlight(
+        "disk-full", "No process can write to files, and agent h2 dies", (DiskFull(), Killed("agent-h2"))
+    ),
+    FaultFlight(
+        "logs-gone", "The log directory is gone, and agent h2 dies", (LogsGone(), Killed("agent-h2"))
+    ),
+    FaultFlight(
+        "clock-set-back",
+        "The wall clock goes back by an hour, and the Vicon gateway dies",
+        (ClockStepped(-3600.0), Killed("tracker")),
+    ),
+    FaultFlight(
+        "clock-set-back-and-bus-lost",
+        "The wall clock goes back by an hour, and the router and the Vicon gateway die",
+        (ClockStepped(-3600.0), Killed("router"), Killed("tracker")),
+        limits=BLIND,
+    ),
+    FaultFlight(
+        "clock-set-forward",
+        "The wall clock goes forward by a day, and the Vicon gateway dies",
+        (ClockStepped(86_400.0), Killed("tracker")),
+    ),
+    FaultFlight(
+        "fleet-file-broken",
+        "The fleet file is saved as nonsense, and agent h2 dies",
+        (FleetFileBroken(), Killed("agent-h2")),
+    ),
+    *(
+        FaultFlight(
+            f"{what}-without-descriptors", f"{process} can open nothing more", (NoDescriptors(process),)
+        )
+        for what, process in PROCESSES.items()
+    ),
+)
+
+ROWS: Final = (*PROCESS_ROWS, *PAIR_ROWS, *BUS_ROWS, *POSE_ROWS, *RADIO_ROWS, *VEHICLE_ROWS, *HOST_ROWS)
+
+FAULT_FLIGHTS: Final = MappingProxyType({row.name: row for row in ROWS})  # every fault flight by name

@@ -1,0 +1,111 @@
+"""Limit cycles of vehicles far from their model end by themselves; normal flights are left alone."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.vehicle_types import COAXIAL, COAXIAL_LAG
+
+from rcopterx.agents.tuning.guard import BANDWIDTH_LOWERED, DRIFTED, LARGEST, OSCILLATION, effort_factors
+from rcopterx.control.references.path_shapes import figure_eight
+from rcopterx.fleet.reading import fleet_path, load_fleet
+from rcopterx.simulator.conditions import HELICOPTERS
+from rcopterx.simulator.faults import TimedFault
+from rcopterx.simulator.plant import Pose
+from rcopterx.simulator.vehicle_faults import VehicleFaults
+from rcopterx.vehicles.model import IDENTIFIED, Model
+from rcopterx.vehicles.state import YAW_RATE
+from rcopterx_studies.experiments.events import Event, Fly, GoTo
+from rcopterx_studies.experiments.record import VehicleRecord
+from rcopterx_studies.experiments.rig import GUARDED, Rig, RigVehicle
+from rcopterx_studies.faults.laboratory_injectors import Inject
+from rcopterx_studies.faults.promise import REASON
+from rcopterx_studies.faults.table import FAULT_FLIGHTS
+
+LAG_ONLY = replace(COAXIAL_LAG, kind=COAXIAL.kind, airframe=COAXIAL.airframe)
+"""Flies the helicopter by the paper's model, as if there were neither bar nor oscillator."""
+GAIN_A_FIFTH = replace(COAXIAL, input_gain=(0.4, 0.42, 18.0, 111.0), uncertainty=IDENTIFIED)
+"""Claims to be identified, and the sticks do five times as much as it says."""
+
+
+def flown(
+    model: Model, seed: int, seconds: float, events: Sequence[Event] = (), delay_s: float | None = None
+) -> tuple[Rig, VehicleRecord]:
+    vehicle = RigVehicle("h1", model, Pose((0.0, 0.0, 1.0)), "cascade", horizon=30)
+    # The wait for radio frames, 11 ms on average, is part of the delay.
+    wait_s = 0.5 * HELICOPTERS.radio_period_s
+    fixed_s = None if delay_s is None else delay_s - wait_s
+    rig = Rig([vehicle], replace(HELICOPTERS, transport_delay_s=fixed_s), seed, GUARDED)
+    return rig, rig.fly(seconds, events)["h1"]
+
+
+@pytest.mark.parametrize(("model", "seed"), [(LAG_ONLY, 1), (GAIN_A_FIFTH, 0)], ids=["lag only", "gain"])
+def test_a_limit_cycle_stops(model: Model, seed: int) -> None:
+    rig, record = flown(model, seed, 8.0)
+    lowered = rig.guards["h1"].events[BANDWIDTH_LOWERED]
+    assert lowered > 1
+    assert max(effort_factors(rig.tunings["h1"].configuration)) <= 3.0**lowered
+    early, late = (
+        record.inputs[rows, :2].std(axis=0).max() for rows in (record.time_s < 2.0, record.time_s > 6.5)
+    )
+    assert early > 0.5
+    assert late < 0.4
+    assert record.touchdowns == 0
+    assert np.linalg.norm(record.motion[-1, :3] - record.reference[-1, :3]) < 0.15
+
+
+def test_a_vehicle_that_drifts_with_the_lowest_bandwidth_lands_as_the_table_of_faults_promises() -> None:
+    row, file = FAULT_FLIGHTS["vehicle-drifts"], load_fleet(fleet_path("trio"))
+    oscillates, drifts = [fault.of(file) for fault in row.faults if isinstance(fault, Inject)]
+    rig, _ = flown(COAXIAL, 0, 2.0)
+    guard, plant = rig.guards["h1"], rig.laboratory.plants["h1"]
+    faults = VehicleFaults({"h2": plant}, {})
+    faults.schedule([TimedFault(0.0, oscillates), TimedFault(5.0, drifts)], 0.0)
+    lowest_at_s = landed_at_s = None
+    for second in range(25):
+        faults.advance(float(second))
+        rig.fly(1.0)
+        if lowest_at_s is None and max(effort_factors(rig.tunings["h1"].configuration)) == LARGEST:
+            lowest_at_s = second
+        if landed_at_s is None and guard.events[DRIFTED]:
+            landed_at_s = second
+    assert lowest_at_s is not None
+    assert landed_at_s is not None
+    assert lowest_at_s < 5
+    assert landed_at_s >= 15
+    assert guard.remark.startswith(REASON)
+    assert guard.remark.endswith("m off its place with the lowest bandwidth")
+    assert plant.on_floor
+    assert plant.touchdown_speed_m_s is not None
+    limits = row.allowed
+    assert limits.touchdown_m_s is not None
+    assert limits.drift_mm is not None
+    assert plant.touchdown_speed_m_s < limits.touchdown_m_s
+    assert 1000.0 * np.hypot(*plant.position_m[:2]) < limits.drift_mm
+
+
+@pytest.mark.parametrize(
+    ("seed", "events"),
+    [
+        (1, (GoTo(1.0, "h1", (0.8, 0.3, 1.2), np.pi), GoTo(4.0, "h1", (-0.8, -0.3, 0.8), 0.0))),
+        (3, (Fly(0.5, "h1", figure_eight((0.0, 0.0, 1.0), (0.7, 0.35), 5.0, 1.0, "along")),)),
+    ],
+    ids=["steps", "figure-eight"],
+)
+def test_normal_flights_of_drawn_vehicles_are_left_alone(seed: int, events: Sequence[Event]) -> None:
+    rig, record = flown(COAXIAL, seed, 7.0, events)
+    assert rig.guards["h1"].events[OSCILLATION] == 0
+    assert np.linalg.norm(record.motion[-1, :3] - record.reference[-1, :3]) < 0.3
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_long_turn_at_the_largest_rate_is_calm_although_sticks_act_late(seed: int) -> None:
+    """50 ms later than the model says, with radio frames and slew rates; the rule has 30 ms."""
+    turn = GoTo(1.0, "h1", (0.0, 0.0, 1.0), 3 * np.pi)
+    rig, record = flown(COAXIAL, seed, 6.0, (turn,), delay_s=0.07)
+    assert rig.guards["h1"].events[OSCILLATION] == 0
+    along = (record.time_s > 1.6) & (record.time_s < 4.2)
+    rate = record.motion[along, YAW_RATE]
+    assert rate.std() < 0.4
+    assert rate.mean() == pytest.approx(COAXIAL.state_max[-1], abs=0.3)

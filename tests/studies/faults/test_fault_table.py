@@ -1,0 +1,60 @@
+"""The table of fault flights is complete, and every row of it can be flown."""
+
+from collections import Counter
+
+import pytest
+
+from rcopterx.deploy.processes.table import processes_of
+from rcopterx.fleet.reading import fleet_path, load_fleet
+from rcopterx.ground_station.acceptance.flight import DEFAULT_FLEET
+from rcopterx.simulator.faults import FreezePose, Occlude, TimedFault, injected_faults, timed_faults
+from rcopterx_studies.faults.bench import FaultFlight
+from rcopterx_studies.faults.laboratory_injectors import Inject
+from rcopterx_studies.faults.process_injectors import Pair
+from rcopterx_studies.faults.promise import LIMITS, Promise
+from rcopterx_studies.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
+
+FLEET = load_fleet(fleet_path(DEFAULT_FLEET))
+ENDINGS = (
+    "killed", "stopped-0.1-s", "stopped-0.5-s", "stopped-2-s", "stopped-30-s", "spins", "starved", "slow",
+    "dies-at-start", "crash-loop",
+)  # fmt: skip
+
+
+def test_there_are_at_least_sixty_faults_and_no_name_twice() -> None:
+    assert len(FAULT_FLIGHTS) == len(ROWS) >= 60
+
+
+@pytest.mark.parametrize("what", PROCESSES)
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_everything_happens_to_every_kind_of_process(what: str, ending: str) -> None:
+    assert FAULT_FLIGHTS[f"{what}-{ending}"].launched
+
+
+@pytest.mark.parametrize("kind", ["killed", "stopped", "starved"])
+def test_every_process_fails_up_to_200_ms_after_every_process_in_chaos_too(kind: str) -> None:
+    rows = [FAULT_FLIGHTS[f"pair-{kind}-{first}-{second}"] for first in PROCESSES for second in PROCESSES]
+    apart_s = [fault.apart_s for row in rows for fault in row.faults if isinstance(fault, Pair)]
+    assert Counter(apart_s) == dict.fromkeys([0.0, 0.04, 0.08, 0.12, 0.16, 0.2], 6)
+    assert all(row.chaos for row in rows)
+
+
+def test_the_processes_of_the_table_are_those_of_the_fleet() -> None:
+    names = {spec.name for spec in processes_of(FLEET, "main")}
+    assert set(PROCESSES.values()) == names - {"simulator", "agent-h3"}
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_faults_of_the_laboratory_are_ones_that_it_knows(row: FaultFlight) -> None:
+    lines = [TimedFault(0.0, fault.of(FLEET)) for fault in row.faults if isinstance(fault, Inject)]
+    assert timed_faults(injected_faults(lines)) == tuple(lines)
+    subjects = {vehicle.subject for vehicle in FLEET.vehicles.values()}
+    assert {line.fault.subject for line in lines if isinstance(line.fault, Occlude | FreezePose)} <= subjects
+    assert row.allowed == (row.limits or LIMITS[row.promise])
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_vehicles_come_down_exactly_where_that_is_promised(row: FaultFlight) -> None:
+    assert set(row.down) <= set(FLEET.vehicles)
+    assert bool(row.down) == (row.promise not in (Promise.FLIES_ON, Promise.REFUSED))
+    assert not (row.chaos and row.down)
