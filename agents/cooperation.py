@@ -93,18 +93,8 @@ class Cooperation:
         time_s = clock.current_frame * clock.period_s + ahead_s
         neighbours = _neighbours(received, offsets)
         situation = Situation(self.vehicle, time_s, estimate, reference, neighbours)
-
-        def exchange() -> list[bytes]:
-            message = scheme.exchange(situation)
-            if message is None:
-                return []
-            payload = msgspec.msgpack.encode(message)
-            if len(payload) > MAX_MESSAGE_BYTES:
-                raise ValueError(f"a message of {len(payload)} bytes, allowed are {MAX_MESSAGE_BYTES}")
-            return [payload]
-
-        payloads = self.step_guard.try_exchange(1.0 / self.exchanges, exchange)
-        return Sent(_name(scheme), payloads[0], offsets) if payloads else None
+        payload = self.step_guard.try_exchange(1.0 / self.exchanges, _payload, scheme, situation)
+        return Sent(_name(scheme), payload, offsets) if payload else None
 
     def _offsets(self, yaw_rad: float, time_s: float) -> dict[str, Array]:
         """Present offsets to the leaders; those that turn with a leader turn with this vehicle's heading."""
@@ -114,6 +104,17 @@ class Cooperation:
             turn_rad = yaw_rad - offset.yaw_rad if offset.frame == "heading" else 0.0
             found[link.leader] = turned_about_z(offset.position_m, turn_rad)
         return found
+
+
+def _payload(scheme: Scheme, situation: Situation) -> bytes:
+    """Return the message of a scheme, encoded; empty for none."""
+    message = scheme.exchange(situation)
+    if message is None:
+        return b""
+    payload = msgspec.msgpack.encode(message)
+    if len(payload) > MAX_MESSAGE_BYTES:
+        raise ValueError(f"a message of {len(payload)} bytes, allowed are {MAX_MESSAGE_BYTES}")
+    return payload
 
 
 def _name(scheme: Scheme) -> str:

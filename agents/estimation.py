@@ -1,22 +1,169 @@
-"""State estimation of one vehicle: poses and the inputs that act in between, to the present estimate."""
+"""State estimation of one vehicle: poses and the inputs that act in between, to the present estimate.
+
+An estimator may be a plug-in. Once it fails, the default one continues from the last good estimate.
+"""
 
 from collections import Counter
-from typing import Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, TypeVar, TypeVarTuple
 
+import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.inputs import InputHistory
-from rcopterx.agents.guards.estimator_guard import EstimatorGuard
-from rcopterx.control.interfaces import Estimate, Measurement
+from rcopterx.agents.guards.time_limit import GuardedCall
+from rcopterx.control.estimators.base import body_motion
+from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Estimator, Measurement
+from rcopterx.control.models.finite import flaw_of
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.references.trajectory import nearest_heading
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import YAW, Array
+from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, YAW, Array
 
 BLIND_LIMIT_S: Final = 0.3
 OCCLUDED: Final = "occluded"  # counted when the motion capture misses the vehicle in a frame
+
+STEP_LIMIT_S: Final = 0.006  # longest duration of one call of an estimator
+FIRST_CALLS: Final = 10
+FIRST_CALLS_FACTOR: Final = 8.0  # for first calls, which load code and fill caches
+
+T = TypeVar("T")
+Arguments = TypeVarTuple("Arguments")
+
+
+class EstimatorGuard:
+    """An `Estimator` that continues with the default one, or the last estimate, if the selected one fails."""
+
+    def __init__(self, estimator: Estimator, default: Estimator | None = None) -> None:
+        # counts and describes failures
+        self.calls = GuardedCall("estimator", FIRST_CALLS, FIRST_CALLS_FACTOR)
+        self.replaced = False  # whether the default estimator has replaced the selected one
+        self.default = default  # replaces an estimator that fails
+        # the last good estimate
+        self.estimate = Estimate(np.zeros(MOTION_SIZE), np.zeros(INPUT_SIZE), np.zeros(INPUT_SIZE))
+        self._started = False
+        self._select(estimator)
+        self._call(_read)
+
+    @property
+    def events(self) -> Mapping[str, int]:
+        """Failures by kind, the events that the estimator counts, and jumps that it has accepted."""
+        accepted = Counter(jump_accepted=getattr(self._estimator, "restarts", 0))
+        return self.calls.failures + Counter(getattr(self._estimator, "events", {})) + accepted
+
+    def position_deviation_m(self) -> Array | None:
+        """Return the standard deviations of the position; None if the estimator does not estimate them."""
+        if self._uncertain is None:
+            return None
+        call = self._uncertain.position_deviation_m
+        return self.calls.attempt(self._name, STEP_LIMIT_S, _deviation_problem, call)
+
+    def use(self, estimator: Estimator, started: bool) -> None:
+        """Select another estimator; it continues from the present estimate if the vehicle has `started`."""
+        self._select(estimator)
+        self.replaced, self.calls.failure = False, ""
+        if started:
+            self.take_over(self.estimate)
+        else:
+            self._call(_read)
+
+    def _select(self, estimator: Estimator) -> None:
+        self._estimator, self._name = estimator, type(estimator).__name__
+        self._uncertain = estimator if isinstance(estimator, EstimatesUncertainty) else None
+        self.calls.begin()
+
+    def use_default(self) -> bool:
+        """Replace the estimator by the default one; False if that is in use, or there is none."""
+        if self.default is None or self._estimator is self.default:
+            return False
+        self._select(self.default)
+        self.replaced = True
+        self._restart()
+        return True
+
+    def reset(self, measurement: Measurement, velocity_m_s: Array | None = None) -> None:
+        """Start at a pose, with an inertial velocity, shape (3,), or at rest as `Estimator.reset`."""
+        if velocity_m_s is None:
+            self._call(_reset, measurement)
+            self._started = True
+            return
+        pose = np.array((*measurement.position_m, measurement.yaw_rad))
+        motion = body_motion(pose, np.array((*velocity_m_s, 0.0)))
+        self.take_over(Estimate(motion, self.estimate.actuator, self.estimate.disturbance))
+
+    def take_over(self, estimate: Estimate) -> None:
+        """See `Estimator.take_over`."""
+        self._call(_take_over, estimate)
+        self._started = True
+
+    def predict(self, applied_input: Array, period_s: float) -> None:
+        """See `Estimator.predict`."""
+        self._call(_predict, applied_input, period_s)
+
+    def correct(self, measurement: Measurement, after: Sequence[tuple[Array, float]] = ()) -> bool:
+        """Predict under the inputs `after` and for how long each acted [s], then correct by a pose."""
+        return bool(self._call(_correct, measurement, after))
+
+    def _call(
+        self, call: Callable[[Estimator, *Arguments], tuple[T, Estimate]], *arguments: *Arguments
+    ) -> T | None:
+        """Return the result for the estimator, or for the default one if that fails; None if both fail."""
+        found = self.calls.attempt(self._name, STEP_LIMIT_S, _flaw, call, self._estimator, *arguments)
+        if found is None:
+            if self.use_default():
+                return self._call(call, *arguments)
+            self._restart()
+            return None
+        result, self.estimate = found
+        return result
+
+    def _restart(self) -> None:
+        """Restart the estimator from the last good estimate, as its own state cannot be trusted any more."""
+        if self._started:
+            found = self.calls.attempt(
+                self._name, STEP_LIMIT_S, _flaw, _take_over, self._estimator, self.estimate
+            )
+            if found is not None:
+                _, self.estimate = found
+
+
+def _read(estimator: Estimator) -> tuple[None, Estimate]:
+    return None, estimator.estimate
+
+
+def _reset(estimator: Estimator, measurement: Measurement) -> tuple[None, Estimate]:
+    estimator.reset(measurement)
+    return None, estimator.estimate
+
+
+def _take_over(estimator: Estimator, estimate: Estimate) -> tuple[None, Estimate]:
+    estimator.take_over(estimate)
+    return None, estimator.estimate
+
+
+def _predict(estimator: Estimator, applied_input: Array, period_s: float) -> tuple[None, Estimate]:
+    estimator.predict(applied_input, period_s)
+    return None, estimator.estimate
+
+
+def _correct(
+    estimator: Estimator, measurement: Measurement, after: Sequence[tuple[Array, float]]
+) -> tuple[bool, Estimate]:
+    for applied_input, period_s in after:
+        estimator.predict(applied_input, period_s)
+    return estimator.correct(measurement), estimator.estimate
+
+
+def _flaw(result: tuple[object, Estimate]) -> str | None:
+    return flaw_of(result[1])
+
+
+def _deviation_problem(deviation: Array) -> str | None:
+    """Return what makes standard deviations of a position unusable; None if they are usable."""
+    usable = deviation.shape == (3,) and bool(np.isfinite(deviation).all()) and bool((deviation >= 0.0).all())
+    return None if usable else "the uncertainty of the position is not three numbers from 0 on"
 
 
 class StampedMeasurement(Struct, frozen=True):

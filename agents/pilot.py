@@ -15,13 +15,12 @@ import numpy as np
 from msgspec import Struct
 
 from rcopterx.agents.cooperation import Cooperation, Sent, Unpacked
-from rcopterx.agents.estimation import StampedMeasurement, StateEstimation
+from rcopterx.agents.estimation import EstimatorGuard, StampedMeasurement, StateEstimation
 from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance, resting
 from rcopterx.agents.flight.inputs import BumplessTransfer, InputHistory, as_sent
 from rcopterx.agents.flight.lift_off import LiftOff
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
-from rcopterx.agents.guards.estimator_guard import EstimatorGuard
 from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.agents.separation.avoidance import Neighbour, PlanAvoidance, SeparationEllipsoid

@@ -9,14 +9,13 @@ than the previous plan has not failed, but its step is flown in the same way.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple, TypeVar
+from typing import Final, NamedTuple, TypeVar, TypeVarTuple
 
 import numpy as np
 from msgspec.structs import replace
 
 from rcopterx.agents.guards.envelope import Envelope
-from rcopterx.agents.guards.guarded_call import GuardedCall
-from rcopterx.agents.guards.time_limit import SOLVER_SHARE, STEP_SHARE
+from rcopterx.agents.guards.time_limit import SOLVER_SHARE, STEP_SHARE, GuardedCall
 from rcopterx.control.interfaces import (
     AvoidsObstacles,
     Controller,
@@ -34,6 +33,7 @@ from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, XD_BODY, YAW, Array, turned_about_z
 
 T = TypeVar("T")
+Arguments = TypeVarTuple("Arguments")
 
 SHIFTED_PLAN: Final = "shifted_plan"  # counted for every step that the previous plan flew
 SHIFTED_PLAN_LIMIT_S: Final = 0.3  # age from which a plan shows nothing about an unsteered vehicle
@@ -103,6 +103,7 @@ class StepGuard:
         self.controller = controller
         self.avoiding = controller if isinstance(controller, AvoidsObstacles) else None
         """The controller if it plans around other vehicles."""
+        self._obstructed = True  # whether it may have obstacles
         self.replaced = False  # whether the default one flies for one that failed
         self.calls.failure, self._failed_for_s = "", 0.0
         self._envelope = None if is_built_in(controller) else Envelope(self.model, BRIDGED_S)
@@ -144,19 +145,24 @@ class StepGuard:
         self._plan = step.plan
         return step
 
-    def try_call(self, action: Callable[[], None]) -> None:
-        """Call the controller outside of its steps; an exception counts as a failure."""
-        self.calls.try_call(type(self.controller).__name__, action)
+    def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
+        """Pass obstacles to the controller, if it plans around other vehicles and they are not none again."""
+        if self.avoiding is not None and (obstacles or self._obstructed):
+            self._obstructed = bool(obstacles)
+            self.calls.try_call(type(self.controller).__name__, self.avoiding.set_obstacles, obstacles)
 
-    def try_exchange(self, share: float, exchange: Callable[[], T]) -> T | None:
+    def try_exchange(
+        self, share: float, exchange: Callable[[*Arguments], T], *arguments: *Arguments
+    ) -> T | None:
         """Call a scheme in a share of the time of a step; None if it fails. Then its next step fails, too."""
         limit_s = share * STEP_SHARE * self.controller.period_s
-        result = self.calls.attempt(type(self.controller).__name__, limit_s, exchange, lambda _: None)
+        name = type(self.controller).__name__
+        result = self.calls.attempt(name, limit_s, lambda _: None, exchange, *arguments)
         self._exchange_failed |= result is None
         return result
 
     def _reset(self, controller: Controller, estimate: Estimate, last_input: Array) -> None:
-        self.calls.try_call(type(controller).__name__, lambda: controller.reset(estimate, last_input))
+        self.calls.try_call(type(controller).__name__, controller.reset, estimate, last_input)
 
     def _task(self, estimate: Estimate, reference: Trajectory, last_input: Array) -> _Task:
         """Return what to fly; a reference that is not finite is replaced by the last set point or place."""
@@ -248,19 +254,14 @@ class StepGuard:
         limit = self.calls.limit
         solver_limit_s = self.calls.allowed_s(SOLVER_SHARE * controller.period_s)
 
-        def step() -> ControlStep | NoSolutionError:
-            try:
-                return controller.step(
-                    task.estimate, task.reference, task.last_input, lambda: limit.over(solver_limit_s)
-                )
-            except NoSolutionError as error:
-                return error
-
         result = self.calls.attempt(
             type(controller).__name__,
             STEP_SHARE * controller.period_s,
-            step,
             lambda result: self._problem(result, controller.horizon, controller.period_s),
+            _stepped,
+            controller,
+            task,
+            lambda: limit.over(solver_limit_s),
         )
         if isinstance(result, ControlStep):
             inputs = np.clip(result.inputs, self.model.u_min, self.model.u_max)
@@ -291,6 +292,15 @@ class StepGuard:
         return None
 
 
+def _stepped(
+    controller: Controller, task: _Task, expired: Callable[[], bool]
+) -> ControlStep | NoSolutionError:
+    try:
+        return controller.step(task.estimate, task.reference, task.last_input, expired)
+    except NoSolutionError as error:
+        return error
+
+
 def _misshapen(name: str, values: object, shape: tuple[int, int]) -> str | None:
     if not isinstance(values, np.ndarray):
         return f"{name} are {type(values).__name__} and no array"
@@ -301,5 +311,7 @@ def _misshapen(name: str, values: object, shape: tuple[int, int]) -> str | None:
 
 def _capped(estimate: Estimate) -> Estimate:
     values = np.concatenate((estimate.motion, estimate.actuator, estimate.disturbance))
+    if (np.abs(values) <= _ESTIMATE_CAP).all():
+        return estimate
     motion, actuator, disturbance = np.split(np.clip(values, -_ESTIMATE_CAP, _ESTIMATE_CAP), (8, 12))
     return Estimate(motion, actuator, disturbance, estimate.tilt)

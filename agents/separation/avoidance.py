@@ -96,7 +96,7 @@ class PlanAvoidance:
 
         Only `free` flight gives way. `delay_s` is from the present to the first stage of `plan`.
         """
-        controller, avoiding = self._step_guard.controller, self._step_guard.avoiding
+        controller = self._step_guard.controller
         obstacles: tuple[Obstacle, ...] = ()
         touching = False
         self._step_guard.neighbours = ()
@@ -107,8 +107,8 @@ class PlanAvoidance:
             obstacles, touching = found.obstacles, found.touching
             # The next plan may differ from the last one.
             self._step_guard.neighbours = found.neighbours
-        if avoiding is None:
+        if self._step_guard.avoiding is None:
             return not touching
-        self._step_guard.try_call(lambda: avoiding.set_obstacles(obstacles))
+        self._step_guard.set_obstacles(obstacles)
         self.ticks += touching
         return True

@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from rcopterx.agents.guards.guarded_call import GuardedCall
-from rcopterx.agents.guards.time_limit import NotedTimeLimit, OutOfTimeError, TimeLimit
+from rcopterx.agents.guards.time_limit import GuardedCall, NotedTimeLimit, OutOfTimeError, TimeLimit
 
 LIMIT_S = 0.01
 
@@ -43,7 +42,7 @@ def test_interrupted_calls_are_late_and_noted_for_a_replay(question: Callable[[]
     noted = NotedTimeLimit(OverLimit())
     call = GuardedCall("solver", 0, 1.0)
     call.limit = noted
-    assert call.attempt("solver", LIMIT_S, question, lambda _: None) is None
+    assert call.attempt("solver", LIMIT_S, lambda _: None, question) is None
     assert call.failures == {"solver_late": 1}
     assert call.failure == "solver: a call took longer than 10 ms"
     assert noted.overtime == [(1, 0)]
@@ -51,6 +50,6 @@ def test_interrupted_calls_are_late_and_noted_for_a_replay(question: Callable[[]
 
 def test_other_errors_of_the_interpreter_are_failures_of_the_call() -> None:
     call = GuardedCall("solver", 0, 1.0)
-    assert call.attempt("solver", LIMIT_S, broken, lambda _: None) is None
+    assert call.attempt("solver", LIMIT_S, lambda _: None, broken) is None
     assert call.failures == {"solver_raised": 1}
     assert call.failure == "solver: SystemError: something else"

@@ -10,7 +10,7 @@ from support.failing import BrokenError
 from support.flight import ExactEstimator, still
 from support.vehicle_types import COAXIAL_LAG
 
-from rcopterx.agents.guards.estimator_guard import FIRST_CALLS, EstimatorGuard
+from rcopterx.agents.estimation import FIRST_CALLS, EstimatorGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.control.interfaces import Estimate, Measurement, TiltEstimate
 from rcopterx.control.models.finite import is_finite
