@@ -52,7 +52,8 @@ def check_unique(
     seen: dict[Hashable, str] = {}
     for name, value in values.items():
         if (other := seen.setdefault(key(value), name)) != name:
-            raise FleetError(f"{group}.{name}.{field}: {value!r} is already that of {group}.{other}")
+            written = "" if values[other] == value else f", there {values[other]!r}"
+            raise FleetError(f"{group}.{name}.{field}: {value!r} is already that of {group}.{other}{written}")
 
 
 def _check_hosts(fleet: FleetFile) -> None:

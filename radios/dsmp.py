@@ -30,6 +30,7 @@ FIRMWARE_1_SETUPS = 50
 
 BIND_RESULT, BIND_RESULT_LENGTH = 0x80, 12
 VERSION, ANSWER_LENGTH = 0xFF, 18
+KNOWN_FIRMWARES = (1, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,7 @@ class DsmpProtocol(base.OneWayRadio):
         self.minimum_interval_s = self.keepalive_s = FIRMWARE_1_PERIOD_S
         self._firmware = 1
         self._version: str | None = None
+        self._reported: tuple[int, int] | None = None
         self._buffer = bytearray()
         self._setup: bytes | None = None
         self._setups_sent = 0
@@ -173,10 +175,14 @@ class DsmpProtocol(base.OneWayRadio):
         return answer
 
     def _take_version(self, major: int, minor: int) -> None:
-        self._firmware = major
-        self._version = f"{major}.{minor}"
-        if major >= 2:
-            self.minimum_interval_s = self.keepalive_s = FIRMWARE_2_PERIOD_S
+        """Accept a known version that is reported twice in a row: answers have no checksum."""
+        known = (major, minor) if major in KNOWN_FIRMWARES else None
+        if known is not None and known == self._reported:
+            self._firmware = major
+            self._version = f"{major}.{minor}"
+            period_s = FIRMWARE_2_PERIOD_S if major == 2 else FIRMWARE_1_PERIOD_S
+            self.minimum_interval_s = self.keepalive_s = period_s
+        self._reported = known
 
     def status(self, now_s: float) -> base.ModuleStatus:
         """Ready after the settling time; the module has no periodic status."""

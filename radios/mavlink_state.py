@@ -14,6 +14,41 @@ SETTLING_S = 0.5  # reports may be older than the answer to a command by so much
 SILENT_S = 1.0
 HEARTBEAT_GONE_S = 3.0  # autopilots send a heartbeat a second
 NO_VOLTAGE = 65_535
+UNEXPLAINED = "MAV_RESULT"
+LONGEST_TEXT = 50  # of one packet; a shorter one is the last part
+
+
+class StatusTexts:
+    """Joins texts whose parts arrive in packets of their own, with an id and a number."""
+
+    def __init__(self) -> None:
+        self._id = 0
+        self._parts: dict[int, str] = {}
+        self._last_part: int | None = None
+        self._begun_s = -math.inf
+
+    def take(self, message: Any, now_s: float) -> str:
+        """Return a text that a packet completes, or that ends unfinished with it; empty if there is none."""
+        if message.id == 0:
+            return str(message.text)
+        unfinished = "" if message.id == self._id else self.unfinished(math.inf)
+        if message.id != self._id or not self._parts:
+            self._id, self._parts, self._last_part, self._begun_s = message.id, {}, None, now_s
+        self._parts[message.chunk_seq] = message.text
+        if len(message.text) < LONGEST_TEXT:
+            self._last_part = message.chunk_seq
+        if self._last_part is not None and len(self._parts) > self._last_part:
+            return self.unfinished(math.inf)
+        return unfinished
+
+    def unfinished(self, now_s: float) -> str:
+        """Return a text that has waited too long for its other parts, with dots for them, and forget it."""
+        if not self._parts or now_s < self._begun_s + SILENT_S:
+            return ""
+        end = max(self._parts) if self._last_part is None else self._last_part
+        parts = [self._parts.get(number, "... ") for number in range(end + 1)]
+        self._parts = {}
+        return "".join(parts) + ("" if self._last_part is not None else " ...")
 
 
 class AutopilotState:
@@ -31,6 +66,7 @@ class AutopilotState:
         self.attitude_rad: tuple[float, float, float] | None = None
         self.voltage_v: float | None = None
         self.complaint = self._text = ""
+        self._texts = StatusTexts()
         self._autopilot = mode.autopilot
         self._claimed_s = self._heartbeat_s = self._attitude_s = -math.inf
 
@@ -55,7 +91,9 @@ class AutopilotState:
             case "SYS_STATUS" if message.voltage_battery != NO_VOLTAGE:
                 self.voltage_v = 0.001 * message.voltage_battery
             case "STATUSTEXT" if message.severity <= mavlink.MAV_SEVERITY_WARNING:
-                self._text = message.text
+                self._text = self._texts.take(message, now_s) or self._text
+                if self._text and self.complaint.startswith(UNEXPLAINED):
+                    self.complaint = self._text
 
     def take_answer(self, message: Any, *, arming: bool, now_s: float) -> None:
         """Keep the answer to a command: its change or refusal; `arming` if the last one was to arm."""
@@ -68,8 +106,9 @@ class AutopilotState:
             else:
                 self.armed = arming
         elif message.result != mavlink.MAV_RESULT_IN_PROGRESS:
-            # The text may come a moment before or after the answer; a repeated command finds it then.
-            self.complaint, self._text = self._text or f"MAV_RESULT {message.result}", ""
+            # The text may come a moment before or after the answer.
+            text = self._text or self._texts.unfinished(now_s)
+            self.complaint, self._text = text or f"{UNEXPLAINED} {message.result}", ""
 
     def sees_attitude(self, now_s: float) -> bool:
         """Whether attitudes arrive."""

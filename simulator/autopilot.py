@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink import FORCE, packed, set_point_of
 from rcopterx.radios.mavlink_settings import MODES, MavlinkSettings
+from rcopterx.radios.mavlink_state import LONGEST_TEXT
 from rcopterx.radios.protocol import FrameDecodeError
 from rcopterx.radios.set_points import SetPoint
 from rcopterx.simulator.plant import Plant
@@ -105,9 +106,13 @@ class EmulatedAutopilot(UdpVehicle):
                 packet.command, result, 0, 0, packet.get_srcSystem(), packet.get_srcComponent()
             )
         ]
-        if refusal:
-            text = mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, refusal[:50].encode())
-            answers.insert(0, text)
+        text = refusal.encode()
+        parts = [text[start : start + LONGEST_TEXT] for start in range(0, len(text), LONGEST_TEXT)]
+        several = int(len(parts) > 1)
+        answers[:0] = [
+            mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, part, several, number)
+            for number, part in enumerate(parts)
+        ]
         return [packed(self._mav, message) for message in answers]
 
     def _take(self, packet: Any, now_s: float) -> None:

@@ -101,7 +101,7 @@ class DsmpModule(FreeRunningModule):
 
     It needs a set-up frame, and reads channels as 10-bit ones until it has it. Like a bare board it is
     assumed to repeat its last channels when the frames stop. `firmware` is the major version it reports after
-    its first set-up frame.
+    every set-up frame.
     """
 
     def __init__(self, powered_s: float = 0.0, *, firmware: int = 1) -> None:
@@ -125,9 +125,8 @@ class DsmpModule(FreeRunningModule):
         self.frames.append(SerialFrame(end_s, self._pulses, bind=self._binding))
 
     def _take_setup(self, data: bytes) -> None:
-        if self._setup is None:
-            answer = bytes((dsmp.START, dsmp.VERSION, 0, 0, 0, 0, self._firmware, 0))
-            self._answers += answer.ljust(dsmp.ANSWER_LENGTH, b"\0")
+        answer = bytes((dsmp.START, dsmp.VERSION, 0, 0, 0, 0, self._firmware, 0))
+        self._answers += answer.ljust(dsmp.ANSWER_LENGTH, b"\0")
         eleven_bit = bool(data[2] & dsmp.ELEVEN_BIT)
         if self._setup is None or bool(self._setup[2] & dsmp.ELEVEN_BIT) != eleven_bit:
             self._protocol = dsmp.DsmpProtocol(dsmp.DsmpSettings(channels=12, eleven_bit=eleven_bit))

@@ -12,6 +12,7 @@ from rcopterx.deploy.hosts.run_directory import serial_path
 from rcopterx.deploy.hosts.running import running_fleets
 from rcopterx.deploy.roles.tracker import check_motion_capture, tracker_address
 from rcopterx.fleet.schema import FleetError, FleetFile, check_known
+from rcopterx.transmitter_gateway.adapters import BY_PLACE, with_same_serial_number
 
 
 def check_resources(fleet: FleetFile, host: str, directory: Path, without: Collection[str] = ()) -> list[str]:
@@ -35,6 +36,11 @@ def check_resources(fleet: FleetFile, host: str, directory: Path, without: Colle
             continue
         device = serial_path(port, directory)
         where = f"vehicles.{name}.transmitter.port"
+        if alike := with_same_serial_number(str(device)):
+            raise FleetError(
+                f"{where}: {device} may lead to any of {', '.join(alike)}, which have the same serial "
+                f"number; name them by their places in {BY_PLACE}"
+            )
         if not device.exists():
             missing.append(f"{where}: there is no device {device}")
         elif not os.access(device, os.R_OK | os.W_OK):

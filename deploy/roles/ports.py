@@ -1,5 +1,6 @@
 """Where the processes of a fleet find the radios."""
 
+import os
 from collections.abc import Hashable
 from pathlib import Path
 
@@ -36,6 +37,14 @@ def check_ports(fleet: FleetFile, directory: Path) -> None:
     """Refuse a port that is none for its protocol, or leads where another does; raises `FleetError`."""
     ports = {name: port_of(fleet, name, directory) for name in fleet.vehicles}
     check_unique("vehicles", "transmitter.port", ports, _place_of)
+    locals_ = {
+        name: f"{fleet.gateways[fleet.vehicles[name].transmitter.gateway].host}:{protocol.local_port}"
+        for name in fleet.vehicles
+        if ports[name].startswith(UDP)
+        and isinstance(protocol := protocol_of(fleet, name), SetPointRadio)
+        and protocol.local_port
+    }
+    check_unique("vehicles", "transmitter.settings.local_port", locals_)
 
 
 def _place_of(port: str) -> Hashable:
@@ -46,7 +55,8 @@ def _place_of(port: str) -> Hashable:
     if port.startswith(UDP):
         host, number = udp_address(port.lower())
         return "127.0.0.1" if host == "localhost" else host, number
-    return port
+    # Several links may lead to one device.
+    return os.path.realpath(port)
 
 
 def laboratory_of(directory: Path) -> str:

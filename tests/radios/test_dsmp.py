@@ -63,7 +63,7 @@ def test_set_up_comes_every_2_frames_50_times_then_every_100() -> None:
 def test_firmware_2_is_faster_and_needs_fewer_set_ups() -> None:
     protocol = started()
     protocol.receive(VERSION_2[:5], 0.1)
-    protocol.receive(VERSION_2[5:], 0.2)
+    protocol.receive(VERSION_2[5:] + VERSION_2, 0.2)
     assert protocol.keepalive_s == 0.011
     assert protocol.status(2.0).text == "module 2.1"
     kinds = [protocol.encode([1100])[1] for _ in range(150)]
@@ -85,7 +85,7 @@ def test_mode_flags_are_those_of_the_settings() -> None:
 
 def test_more_than_seven_channels_alternate_between_two_passes() -> None:
     protocol = started(DsmpSettings(channels=9))
-    protocol.receive(VERSION_2, 0.0)
+    protocol.receive(2 * VERSION_2, 0.0)
     frames = [protocol.encode([1100, *([1500] * 7), 1900]) for _ in range(5)]
     assert [frame[1] for frame in frames] == [0, 1, 2, 1, 2]
     protocol.decode(frames[1])
@@ -110,13 +110,31 @@ def test_any_answer_is_survived(data: bytes) -> None:
     protocol = started()
     protocol.receive(data, 0.1)
     protocol.receive(bytes(300), 0.2)
-    protocol.receive(VERSION_2, 0.3)
+    protocol.receive(2 * VERSION_2, 0.3)
     assert protocol.status(2.0).text == "module 2.1"
 
 
 def test_debug_text_and_telemetry_are_skipped() -> None:
     protocol = started()
-    protocol.receive(b"\x00\xab\x04\x01abc" + b"\xaa\x10" + bytes(16) + VERSION_2, 0.1)
+    protocol.receive(b"\x00\xab\x04\x01abc" + b"\xaa\x10" + bytes(16) + 2 * VERSION_2, 0.1)
+    assert protocol.status(2.0).text == "module 2.1"
+
+
+@pytest.mark.parametrize(
+    "answers",
+    [
+        VERSION_2,
+        VERSION_2 + VERSION_2.replace(b"\x02\x01", b"\x02\x02"),
+        3 * (VERSION_2[:6] + b"\x04\x12" + bytes(10)),
+    ],
+    ids=["once", "two different ones", "unknown"],
+)  # fmt: skip
+def test_a_version_counts_if_it_is_known_and_reported_twice(answers: bytes) -> None:
+    protocol = started()
+    protocol.receive(answers, 0.1)
+    assert protocol.keepalive_s == 0.02206
+    assert "module" not in protocol.status(2.0).text
+    protocol.receive(2 * VERSION_2, 0.3)
     assert protocol.status(2.0).text == "module 2.1"
 
 

@@ -96,6 +96,49 @@ def test_with_thrust_no_vehicle_is_armed_and_the_refusal_is_shown() -> None:
     assert peer.text == "ready, link 100 %; refused: Preflight Fail: compass"
 
 
+LONG_TEXT = "PreArm: Compass 2 not healthy, GPS 1: not configured, battery 1 below minimum arming voltage"
+
+
+def parts_of(peer: Peer, text: str, number: int) -> list[object]:
+    pieces = [text[start : start + 50].encode() for start in range(0, len(text), 50)]
+    severity = mavlink.MAV_SEVERITY_CRITICAL
+    return [peer.link.statustext_encode(severity, piece, number, n) for n, piece in enumerate(pieces)]
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0), (0, 0, 1)])
+def test_a_text_in_several_packets_is_joined_by_their_numbers(order: tuple[int, ...]) -> None:
+    peer = Peer()
+    peer.heartbeat(mode=OFFBOARD << 16)
+    peer.commands(HOVER, 3)
+    parts = parts_of(peer, LONG_TEXT, 7)
+    for number in order:
+        peer.report(parts[number])
+    peer.answer(ARM, mavlink.MAV_RESULT_DENIED)
+    assert peer.text == f"the autopilot did not arm: {LONG_TEXT}"
+
+
+def test_an_answer_between_the_packets_of_a_text_shows_no_half_text() -> None:
+    peer = Peer()
+    peer.heartbeat(mode=OFFBOARD << 16)
+    peer.commands(HOVER, 3)
+    first, second = parts_of(peer, LONG_TEXT, 7)
+    peer.report(first)
+    peer.answer(ARM, mavlink.MAV_RESULT_DENIED)
+    assert peer.text == "the autopilot did not arm: MAV_RESULT 2"
+    peer.report(second)
+    assert peer.text == f"the autopilot did not arm: {LONG_TEXT}"
+
+
+def test_a_packet_of_a_text_that_was_lost_is_shown_as_dots() -> None:
+    peer = Peer()
+    peer.heartbeat(mode=OFFBOARD << 16)
+    peer.commands(HOVER, 3)
+    peer.report(parts_of(peer, LONG_TEXT, 7)[1])
+    peer.report(parts_of(peer, LONG_TEXT, 8)[0])
+    peer.answer(ARM, mavlink.MAV_RESULT_DENIED)
+    assert peer.text == f"the autopilot did not arm: ... {LONG_TEXT[50:]}"
+
+
 def test_a_vehicle_is_disarmed_until_it_reports_it_but_not_in_a_mode_of_others() -> None:
     peer = Peer()
     peer.heartbeat(armed=True, mode=OFFBOARD << 16)

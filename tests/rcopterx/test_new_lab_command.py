@@ -38,7 +38,9 @@ def new_lab(*arguments: str | Path, answers: str = "") -> Result:
 
 
 def serial_port(device: str, vid: int | None = 0x0403) -> SimpleNamespace:
-    return SimpleNamespace(device=device, vid=vid, description="FT232R USB UART")
+    return SimpleNamespace(
+        device=device, vid=vid, description="FT232R USB UART", serial_number=None, location=None
+    )
 
 
 @pytest.fixture

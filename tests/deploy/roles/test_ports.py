@@ -10,6 +10,7 @@ from rcopterx.deploy.roles.simulator import simulated_port_of
 from rcopterx.fleet.reading import fleet_path, load_fleet, parse_fleet
 from rcopterx.fleet.schema import FleetError
 
+FIXTURES = Path(__file__).parents[2] / "fixtures" / "text_files"
 FLEET = """
 name = "lab"
 [vehicles.h1]
@@ -78,7 +79,29 @@ def test_two_ports_of_one_vehicle_are_refused_as_they_are_written(
     text += f'[vehicles.h2]\ntype = "crazyflie"\nsubject = "two"\ntransmitter = {{ port = "{other}" }}\n'
     with pytest.raises(FleetError) as caught:
         check_fleet(parse_fleet(text), tmp_path)
-    assert str(caught.value) == f"vehicles.h2.transmitter.port: '{other}' is already that of vehicles.h1"
+    expected = f"vehicles.h2.transmitter.port: '{other}' is already that of vehicles.h1"
+    assert str(caught.value) == expected + ("" if port == other else f", there '{port}'")
+
+
+def test_two_names_of_one_device_are_refused_with_both(tmp_path: Path) -> None:
+    (tmp_path / "ttyUSB0").touch()
+    (tmp_path / "by-id").symlink_to(tmp_path / "ttyUSB0")
+    text = FLEET.format(type="quadrotor", port=tmp_path / "ttyUSB0")
+    text += f'[vehicles.h2]\nsubject = "two"\ntransmitter = {{ port = "{tmp_path}/by-id" }}\n'
+    with pytest.raises(FleetError) as caught:
+        check_ports(parse_fleet(text), tmp_path)
+    one, other = f"{tmp_path}/ttyUSB0", f"{tmp_path}/by-id"
+    expected = f"vehicles.h2.transmitter.port: '{other}' is already that of vehicles.h1, there '{one}'"
+    assert str(caught.value) == expected
+
+
+def test_one_local_udp_port_of_two_vehicles_is_refused_with_both(tmp_path: Path) -> None:
+    text = (FIXTURES / "two_ports.toml").read_text(encoding="utf-8")
+    with pytest.raises(
+        FleetError, match=r"vehicles\.h4\.transmitter\.settings\.local_port: .*24560.*vehicles\.h3"
+    ):
+        check_fleet(parse_fleet(text), tmp_path)
+    check_fleet(parse_fleet(text.replace("24560", "24561", 1)), tmp_path)
 
 
 @pytest.mark.parametrize(
