@@ -1,6 +1,7 @@
 """MessagePack coding of messages; what is not a valid message is rejected with a reason."""
 
 import threading
+from collections.abc import Iterable
 from typing import Any, Final, TypeVar
 
 import msgspec
@@ -45,6 +46,12 @@ def decode(payload: bytes, message_type: type[M]) -> M:
     except InvalidMessageError as error:
         raise RejectedError("value", str(error)) from None
     return message
+
+
+def prepare(message_types: Iterable[type[Message]]) -> None:
+    """Build what `decode` needs for some types now: a loop has no time for it, and it leaves garbage."""
+    for message_type in message_types:
+        _decoder(message_type)
 
 
 def _decoder(message_type: type[M]) -> msgspec.msgpack.Decoder[M]:

@@ -15,7 +15,7 @@ from zenoh.handlers import Callback
 from rcopterx.bus import channels
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.clock import REAL_TIME, Clock
-from rcopterx.bus.codec import RejectedError, decode, encode
+from rcopterx.bus.codec import RejectedError, decode, encode, prepare
 from rcopterx.bus.conductor import Conductor
 from rcopterx.bus.endpoints import Credentials, client_config, open_session, reason_of
 from rcopterx.bus.lockstep_page import opened_page
@@ -54,6 +54,10 @@ class RequestFailedError(RuntimeError):
 
 class NotServedError(RequestFailedError):
     """No process serves the request."""
+
+
+prepare(channel.message for channel in channels.CHANNELS)
+prepare(message for verb in VERBS.values() for message in (verb.request, verb.reply))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ Bytes and the time of their arrival go in, frames and bytes to send come out. No
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from msgspec import Struct
 
@@ -137,14 +137,6 @@ class DataStreamSession:
         self._qualities: dict[int, float] = {}
         self._latency_s = 0.0  # without that of the network
         self._y_up = False
-        self._decoders: dict[int, Callable[[list[bytes]], None]] = {
-            ObjectType.STREAM_INFO: self._update_period,
-            ObjectType.SUBJECT_INFO: self._update_subjects,
-            ObjectType.APPLICATION_INFO: self._update_axes,
-            ObjectType.LATENCY_INFO: self._update_latency,
-            ObjectType.OBJECT_QUALITY: self._update_qualities,
-            ObjectType.GLOBAL_SEGMENTS: self._update_segments,
-        }
         self._ping_number = 0
         self._ping_sent_s: float | None = None
         self._ping_due_s = float("-inf")
@@ -212,11 +204,11 @@ class DataStreamSession:
 
     def _update(self, now_s: float) -> None:
         """Decode a frame; malformed objects show here even in frames that are skipped."""
-        for kind, decode in self._decoders.items():
+        for kind, decode in _DECODERS.items():
             payloads = self._carry_over.payloads.get(kind, [])
             # Most objects are the same in nearly every frame.
             if payloads != self._decoded.get(kind):
-                decode(payloads)
+                decode(self, payloads)
                 self._decoded[kind] = payloads
         self._segments_selected = self._segments_selected or self._carries_segments()
         if self._segments_selected:
@@ -309,3 +301,13 @@ class DataStreamSession:
         if self._ping_sent_s is not None and number == self._ping_number:
             self._round_trips_s.append(max(0.0, now_s - self._ping_sent_s))
             self._ping_sent_s = None
+
+
+_DECODERS: Final[dict[int, Callable[[DataStreamSession, list[bytes]], None]]] = {
+    ObjectType.STREAM_INFO: DataStreamSession._update_period,
+    ObjectType.SUBJECT_INFO: DataStreamSession._update_subjects,
+    ObjectType.APPLICATION_INFO: DataStreamSession._update_axes,
+    ObjectType.LATENCY_INFO: DataStreamSession._update_latency,
+    ObjectType.OBJECT_QUALITY: DataStreamSession._update_qualities,
+    ObjectType.GLOBAL_SEGMENTS: DataStreamSession._update_segments,
+}
