@@ -18,7 +18,6 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
     # Imported here: the launcher imports this module, and needs none of the libraries of agents.
     from rcopterx.deploy.roles.agent import check_period, pilot_of
     from rcopterx.deploy.roles.ports import check_ports
-    from rcopterx.deploy.roles.simulator import simulator_settings
     from rcopterx.deploy.roles.tracker import tracker_settings
     from rcopterx.deploy.roles.transmitters import gateway_settings
     from rcopterx.fleet.formation_check import check_formation
@@ -35,6 +34,8 @@ def check_fleet(fleet: FleetFile, directory: Path) -> None:
         gateway_settings(fleet, gateway, directory)
     tracker_settings(fleet)
     if fleet.simulator is not None:
+        from rcopterx.deploy.roles.simulator import simulator_settings
+
         simulator_settings(fleet, directory)
 
 

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from rcopterx.fleet.reading import dataclass_from, replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.vehicle_types import type_of
+from rcopterx.fleet.vehicle_types import VehicleType, type_of
 from rcopterx.radios.calibration import Calibration
 from rcopterx.radios.protocol import ProtocolError, RadioProtocol
 from rcopterx.radios.registry import create_protocol, default_line, settings_class
@@ -17,7 +17,18 @@ MODEL_MATCH_OPTIONS: Final = {"multi": "rx_num", "dsm2_serial": "model", "dsmp":
 def calibration_of(fleet: FleetFile, name: str) -> Calibration:
     """Return the calibration of a vehicle's transmitter: that of its type, and the values in the file."""
     own = fleet.vehicles[name].transmitter.calibration
-    return replaced(type_of(fleet, name).calibration, own, f"vehicles.{name}.transmitter.calibration")
+    of_type = type_calibration(type_of(fleet, name))
+    return replaced(of_type, own, f"vehicles.{name}.transmitter.calibration")
+
+
+def type_calibration(own: VehicleType) -> Calibration:
+    """Return the calibration of a type; `FleetError` names a wrong key of its radio."""
+    radio = own.file.transmitter
+    try:
+        dataclass_from(settings_class(radio.protocol), radio.settings, "transmitter.settings")
+        return replaced(Calibration(), radio.calibration, "transmitter.calibration")
+    except FleetError as error:
+        raise FleetError(f"{own.source}: {error}") from None
 
 
 def protocol_of(fleet: FleetFile, name: str) -> RadioProtocol:

@@ -16,9 +16,7 @@ from msgspec import Meta, Struct, field
 from rcopterx.bus.message import Name
 from rcopterx.fleet.reading import converted, dataclass_from, merged, replaced, table_of
 from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text
-from rcopterx.radios.calibration import Calibration
 from rcopterx.radios.limits import ArbiterLimits
-from rcopterx.radios.registry import settings_class
 from rcopterx.vehicles.model import Model
 
 GROUP = "rcopterx.vehicle_types"
@@ -55,12 +53,12 @@ class TypeFile(Table, frozen=True, kw_only=True):
 
 
 class VehicleType(Struct, frozen=True):
-    """A type of vehicle whose tables were checked."""
+    """A type of vehicle; `fleet.radios` checks what it requires of its radio, the rest was checked."""
 
     name: str
     file: TypeFile
     model: Model
-    calibration: Calibration
+    source: str  # its file or table, for errors
 
 
 def type_names() -> list[str]:
@@ -101,7 +99,7 @@ def type_of(fleet: FleetFile, name: str) -> VehicleType:
 
 
 def _checked(name: str, table: dict[str, Any], source: str) -> VehicleType:
-    """Check all tables of a type; `FleetError` names the source and the key."""
+    """Check the tables of a type, except its radio's; `FleetError` names the source and the key."""
     try:
         converted({"model": {}} | table, TypeFile, "")
         if (base := table.get("base")) is not None:
@@ -111,10 +109,7 @@ def _checked(name: str, table: dict[str, Any], source: str) -> VehicleType:
         if "kind" in file.model:
             raise FleetError("model.kind: it is the name of the type, leave it out")
         model = dataclass_from(Model, {"kind": name, **file.model}, "model")
-        radio = file.transmitter
-        calibration = replaced(Calibration(), radio.calibration, "transmitter.calibration")
-        dataclass_from(settings_class(radio.protocol), radio.settings, "transmitter.settings")
         replaced(ArbiterLimits(), file.safety, "safety")
     except FleetError as error:
         raise FleetError(f"{source}: {error}") from None
-    return VehicleType(name, file, model, calibration)
+    return VehicleType(name, file, model, source)

@@ -1,44 +1,57 @@
-"""Radio protocols by the name used in the fleet file."""
+"""Radio protocols by the name used in the fleet file; each is imported when it is first used."""
 
-from __future__ import annotations
+from importlib import import_module
+from typing import Any, Final, NamedTuple
 
-from collections.abc import Callable
-from typing import Any
-
-from rcopterx.radios import crazyflie, dsm2_serial, dsmp, mavlink_settings, multi, ppm
 from rcopterx.radios.protocol import ProtocolError, RadioProtocol, SerialLine, check_choice
 
 
-def _mavlink(settings: mavlink_settings.MavlinkSettings | None, line: SerialLine) -> RadioProtocol:
-    """Create the protocol whose library is an extra; raises `ProtocolError` without it."""
-    try:
-        from rcopterx.radios.mavlink import MavlinkProtocol
-    except ModuleNotFoundError as error:
-        if (error.name or "").startswith("rcopterx"):
-            raise
-        raise ProtocolError(mavlink_settings.MISSING_LIBRARY) from None
-    return MavlinkProtocol(settings, line)
+class _Kind(NamedTuple):
+    """Module of settings and line, class of the settings, and module and class of the protocol."""
+
+    module: str
+    settings: str
+    protocol_module: str
+    protocol: str
+    missing_library: str = ""  # constant with the error if the protocol's library is an extra
+
+    def of_settings(self, name: str) -> Any:
+        return getattr(import_module(f"rcopterx.radios.{self.module}"), name)
+
+    def protocol_class(self) -> type[Any]:
+        """Class of the protocol; raises `ProtocolError` if its library is not installed."""
+        try:
+            module = import_module(f"rcopterx.radios.{self.protocol_module}")
+        except ModuleNotFoundError as error:
+            if not self.missing_library or (error.name or "").startswith("rcopterx"):
+                raise
+            raise ProtocolError(self.of_settings(self.missing_library)) from None
+        kind: type[Any] = getattr(module, self.protocol)
+        return kind
 
 
-_KINDS: dict[str, tuple[type[Any], Callable[..., RadioProtocol], SerialLine]] = {
-    "multi": (multi.MultiSettings, multi.MultiProtocol, multi.LINE),
-    "dsm2_serial": (dsm2_serial.Dsm2Settings, dsm2_serial.Dsm2SerialProtocol, dsm2_serial.LINE),
-    "dsmp": (dsmp.DsmpSettings, dsmp.DsmpProtocol, dsmp.LINE),
-    "crazyflie": (crazyflie.CrazyflieSettings, crazyflie.CrazyflieProtocol, crazyflie.LINE),
-    "mavlink": (mavlink_settings.MavlinkSettings, _mavlink, mavlink_settings.LINE),
-    "ppm": (ppm.PpmSettings, ppm.PpmGenProtocol, ppm.LINE),
+_KINDS: Final = {
+    "multi": _Kind("multi", "MultiSettings", "multi", "MultiProtocol"),
+    "dsm2_serial": _Kind("dsm2_serial", "Dsm2Settings", "dsm2_serial", "Dsm2SerialProtocol"),
+    "dsmp": _Kind("dsmp", "DsmpSettings", "dsmp", "DsmpProtocol"),
+    "crazyflie": _Kind("crazyflie", "CrazyflieSettings", "crazyflie", "CrazyflieProtocol"),
+    "mavlink": _Kind("mavlink_settings", "MavlinkSettings", "mavlink", "MavlinkProtocol", "MISSING_LIBRARY"),
+    "ppm": _Kind("ppm", "PpmSettings", "ppm", "PpmGenProtocol"),
 }
-PROTOCOL_NAMES = tuple(_KINDS)
+PROTOCOL_NAMES: Final = tuple(_KINDS)
 
 
 def default_line(name: str) -> SerialLine:
     """Serial line settings that a radio expects; raises `ProtocolError` if there is no such radio."""
-    return _kind(name)[2]
+    line: SerialLine = _kind(name).of_settings("LINE")
+    return line
 
 
 def settings_class(name: str) -> type[Any]:
     """Class of the options of a radio; raises `ProtocolError` if there is no such radio."""
-    return _kind(name)[0]
+    kind = _kind(name)
+    settings: type[Any] = kind.of_settings(kind.settings)
+    return settings
 
 
 def create_protocol(name: str, settings: object = None, line: SerialLine | None = None) -> RadioProtocol:
@@ -46,10 +59,10 @@ def create_protocol(name: str, settings: object = None, line: SerialLine | None 
 
     Raises `ProtocolError`: there is no such radio, or its library is not installed.
     """
-    _, create, own_line = _kind(name)
-    return create(settings, line or own_line)
+    radio: RadioProtocol = _kind(name).protocol_class()(settings, line or default_line(name))
+    return radio
 
 
-def _kind(name: str) -> tuple[type[Any], Callable[..., RadioProtocol], SerialLine]:
+def _kind(name: str) -> _Kind:
     check_choice("protocol", name, _KINDS)
     return _KINDS[name]

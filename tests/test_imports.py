@@ -1,9 +1,17 @@
 """Promises of the layout as a whole; `pyproject.toml` has the allowed directions of imports."""
 
+import sys
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
+from pathlib import Path
 
 import grimp
+import pytest
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "docs" / "figures"))
+
+from imported_lines import PARTS, imported  # noqa: E402
 
 
 def first_cycle(imports: dict[str, set[str]]) -> list[str]:
@@ -27,3 +35,28 @@ def test_cycle_is_reported_in_the_direction_of_the_imports() -> None:
     cycle = first_cycle({"a": {"b"}, "b": {"c"}, "c": {"d"}, "d": {"b"}})
     assert cycle[0] == cycle[-1]
     assert set(pairwise(cycle)) == {("b", "c"), ("c", "d"), ("d", "b")}
+
+
+@pytest.fixture(scope="module")
+def imported_by() -> dict[str, set[str]]:
+    """Our modules that each process of a flight on hardware imports."""
+    return {part: {name.removeprefix("rcopterx.") for name in imported(part)} for part in PARTS}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_no_process_imports_the_simulator_on_hardware(imported_by: dict[str, set[str]], part: str) -> None:
+    assert not {name for name in imported_by[part] if name.startswith("simulator")}
+
+
+def test_an_agent_imports_no_codec_of_a_radio(imported_by: dict[str, set[str]]) -> None:
+    radios = {name for name in imported_by["agent"] if name.startswith(("radios.", "transmitter_gateway"))}
+    assert radios <= {"radios.limits"}
+
+
+def test_a_transmitter_gateway_imports_only_codecs_that_its_radios_use_and_no_system_identification(
+    imported_by: dict[str, set[str]],
+) -> None:
+    loaded = imported_by["transmitters"]
+    assert "radios.multi" in loaded
+    assert not loaded & {"radios.dsmp", "radios.dsm2_serial", "radios.ppm", "radios.mavlink"}
+    assert not {name for name in loaded if name.startswith(("control", "agents", "formation"))}

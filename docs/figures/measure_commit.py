@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from imported_lines import flight_lines
 from matplotlib.figure import Figure
 
 from rcopterx_studies.benchmarks.cost import TRIALS, measured
@@ -27,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 DATA = Path(__file__).with_name("commits.jsonl")
 PLOT = Path(__file__).with_name("commits.svg")
 PLOTS = {
-    "size of the code [lines of Python]": ("product_lines", "test_lines"),
+    "size of the code [lines of Python]": ("product_lines", "test_lines", "flight_lines"),
     "compiling all kernels, processor time [s]": ("kernels_s",),
     "three vehicles: processors in use, all processes": ("processors",),
     "three vehicles: from pose to command [ms]": ("pose_to_command_p50_ms", "pose_to_command_p99_ms"),
@@ -81,6 +82,7 @@ def measure(checkout: Path) -> dict[str, Any]:
         "date": date,
         "processor": f"{os.cpu_count()} x {platform.processor() or platform.machine()}",
         **_lines(checkout),
+        "flight_lines": flight_lines(checkout),
         "kernels_s": round(_kernels_s(checkout), 1),
         "processors": round(VEHICLES * trio["total_share"], 3),
         "pose_to_command_p50_ms": round(trio["pose_to_command_p50_ms"], 2),

@@ -12,9 +12,9 @@ import tomlkit
 from support.equation_one import motion_derivative
 
 from rcopterx.fleet import vehicle_types
-from rcopterx.fleet.radios import calibration_of, protocol_of
+from rcopterx.fleet.radios import calibration_of, protocol_of, type_calibration
 from rcopterx.fleet.reading import load_fleet, parse_fleet, write_snapshot
-from rcopterx.fleet.schema import FleetError
+from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_models import limits_of, model_of
 from rcopterx.fleet.vehicle_types import VehicleType, type_names, type_of, vehicle_type
 from rcopterx.ground_station.terminal.margins import fleet_margins
@@ -153,7 +153,14 @@ def test_a_wrong_type_is_refused_with_its_file_and_key(
     written(tmp_path / "mine.toml", table)
     (tmp_path / "lab.toml").write_text(FLEET.format(type="mine.toml"))
     with pytest.raises(FleetError, match=message):
-        limits_of(load_fleet(tmp_path / "lab.toml"), "h1")
+        _check(load_fleet(tmp_path / "lab.toml"))
+
+
+def _check(fleet: FleetFile) -> None:
+    """What agents and transmitter gateways check of a vehicle."""
+    limits_of(fleet, "h1")
+    calibration_of(fleet, "h1")
+    protocol_of(fleet, "h1")
 
 
 def test_a_type_file_that_is_not_there_is_named(tmp_path: Path) -> None:
@@ -174,7 +181,7 @@ def test_a_type_leaves_out_what_its_base_has() -> None:
     fleet = parse_fleet(FLEET.format(type="mine") + tomlkit.dumps({"types": {"mine": table}}))
     assert model_of(fleet, "h1").delay_s == 0.06
     assert model_of(fleet, "h1").input_gain == vehicle_type("betaflight").model.input_gain
-    assert calibration_of(fleet, "h1").arming == vehicle_type("betaflight").calibration.arming
+    assert calibration_of(fleet, "h1").arming == type_calibration(vehicle_type("betaflight")).arming
     table["base"] = "balloon"
     wrong = parse_fleet(FLEET.format(type="mine") + tomlkit.dumps({"types": {"mine": table}}))
     with pytest.raises(FleetError, match=r"types.mine: unknown type 'balloon', allowed are"):
@@ -204,7 +211,7 @@ def test_full_stick_of_the_crazyflie_is_the_same_for_its_model_and_its_protocol(
     assert tilt_rad / math.radians(full.full_tilt_deg) == pytest.approx(0.78, rel=0.01), "as identified"
     yaw_rate = kind.model.input_gain[3] / -kind.model.damping[3]
     assert yaw_rate == pytest.approx(math.radians(full.full_yaw_rate_deg_s), rel=0.01)
-    low, hover, high = (kind.calibration.throttle.pulse_us(u) for u in (0.0, 0.55, 1.0))
+    low, hover, high = (type_calibration(kind).throttle.pulse_us(u) for u in (0.0, 0.55, 1.0))
     assert (low, hover, high) == (1100.0, 1540.0, 1900.0), "thrust is linear"
 
 
@@ -215,4 +222,4 @@ def test_full_stick_of_a_quadrotor_with_mavlink_is_the_same_for_its_model_and_it
     assert kind.model.input_gain[:2] == pytest.approx((tilt, tilt), rel=0.01)
     yaw_rate = kind.model.input_gain[3] / -kind.model.damping[3]
     assert yaw_rate == pytest.approx(math.radians(full.full_yaw_rate_deg_s), rel=0.01)
-    assert [kind.calibration.throttle.pulse_us(u) for u in (0.0, 0.5, 1.0)] == [1100.0, 1500.0, 1900.0]
+    assert [type_calibration(kind).throttle.pulse_us(u) for u in (0.0, 0.5, 1.0)] == [1100.0, 1500.0, 1900.0]
