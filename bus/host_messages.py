@@ -19,6 +19,10 @@ class SubjectState(Struct, frozen=True, kw_only=True):
     """How long the subject has been listed but not seen."""
     ambiguous: bool = False
     """The Tracker lists several subjects of this name; no pose is published then."""
+    shown_at_m: Three | None = None
+    """Where the Tracker shows it, if that is in no room; its poses are published without a position then."""
+    same_place_as: Text = ""
+    """Another subject that is shown at the same place; empty for none."""
 
 
 class TrackerStatus(Message, frozen=True, kw_only=True):

@@ -357,6 +357,8 @@ class TransmitterStatus(Message, frozen=True, kw_only=True):
     counters: dict[str, Count] = field(default_factory=dict)
     rejected: dict[str, Count] = field(default_factory=dict)
     realtime: bool = False
+    pose_problems: tuple[Text, ...] = ()
+    """Why the pose of the vehicle, while it stands on the floor, is not plausible; arming is refused then."""
 
 
 class Applied(Message, frozen=True, kw_only=True):

@@ -20,7 +20,13 @@ from rcopterx.radios.calibration import (
     SwitchChannel,
     ThrottleCalibration,
 )
-from rcopterx.radios.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
+from rcopterx.radios.limits import (
+    ArbiterLimits,
+    Fence,
+    LandingLimits,
+    StandingLimits,
+    SurveillanceLimits,
+)
 from rcopterx.radios.registry import settings_class
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.vehicles.model import Model, Uncertainty
@@ -43,8 +49,12 @@ TRANSMITTER: Final = f"{VEHICLE}.transmitter"
 CALIBRATION: Final = f"{TRANSMITTER}.calibration"
 MODEL: Final = f"{VEHICLE}.model"
 IDENTIFIED: Final = "Written by `rcopterx identify`. The `type`, which is `kind`, gives the other values."
-OF_MODEL: Final = "`lower`, `upper` and `floor_m` come from the vehicle's model and from the volume."
-OF_VOLUME: Final = "The fence is the flight volume unless `safety.geofence` is false."
+OF_MODEL: Final = (
+    "`lower`, `upper` and `floor_m` come from the vehicle's model and from the volume; `standing` is judged."
+)
+OF_VOLUME: Final = (
+    "The fence is the flight volume unless `safety.geofence` is false. Fleets do not trust repeated poses."
+)
 SECTIONS: Final = (
     Section("", schema.FleetFile),
     Section("volume", schema.VolumeConfig),
@@ -63,6 +73,7 @@ SECTIONS: Final = (
     Section(
         "safety.settings.landing", LandingLimits, "Gains come from the vehicle's model unless they are given."
     ),
+    Section("safety.settings.standing", StandingLimits, "See [safety.md](safety.md#before-a-take-off)."),
     Section("types.NAME", TypeFile, "See [vehicle_types.md](vehicle_types.md)."),
     Section("types.NAME.transmitter", TypeTransmitter),
     Section("log", schema.LogConfig, "See [logs.md](logs.md)."),

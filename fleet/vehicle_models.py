@@ -6,7 +6,13 @@ from typing import Final
 from rcopterx.fleet.reading import merged, replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
 from rcopterx.fleet.vehicle_types import type_of
-from rcopterx.radios.limits import ArbiterLimits, Fence, LandingLimits, SurveillanceLimits
+from rcopterx.radios.limits import (
+    ArbiterLimits,
+    Fence,
+    LandingLimits,
+    StandingLimits,
+    SurveillanceLimits,
+)
 from rcopterx.vehicles.model import Model
 
 
@@ -42,6 +48,7 @@ def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
         floor_m=floor_m,
         landing=landing_of(model),
         surveillance=SurveillanceLimits(fence=fence, trust_repeated_poses=False),
+        standing=StandingLimits(),
     )
     table = merged(own.safety, fleet.safety.settings)
     limits = replaced(base, table, "safety.settings")

@@ -46,6 +46,13 @@ class Fence:
         for value in self.braking_m_s2:
             _positive("fence.braking_m_s2", value)
 
+    def beside(self, position_m: Three) -> bool:
+        """Whether a place is within the sides of the box and its margin, at any height."""
+        return all(
+            lower - self.margin_m <= p <= upper + self.margin_m
+            for p, lower, upper in zip(position_m[:2], self.lower_m[:2], self.upper_m[:2], strict=True)
+        )
+
     def left(self, position_m: Three) -> bool:
         """Whether a vehicle is so far outside that its motors are to be cut."""
         return any(
@@ -80,8 +87,9 @@ class SurveillanceLimits:
     velocity_filter_s: float = 0.05
     """Time constant of the low-pass on the finite-difference velocity."""
     trust_repeated_poses: bool = True
-    """Whether a position that equals the last one counts as seen. Measurements of a flying vehicle never
-    repeat themselves exactly. On the floor they always count."""
+    """Whether a position that equals the last one counts as seen. Measurements never repeat
+    themselves exactly. In the air such a pose does not count; on the floor it is frozen after
+    `standing.repeated_s`."""
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -123,6 +131,31 @@ class LandingLimits:
             value = getattr(self, item.name)
             for number in value if isinstance(value, tuple) else (value,):
                 _positive(f"landing.{item.name}", number)
+
+
+@dataclass(frozen=True, slots=True)
+class StandingLimits:
+    """What is plausible of the pose of a vehicle on the floor, before it is armed."""
+
+    watched_s: float = 0.5
+    """How long the vehicle must have been seen there."""
+    repeated_s: float = 0.5
+    """A position that repeats itself exactly for so long is frozen."""
+    below_m: float = 0.1
+    highest_m: float = 0.3
+    """`below_m`, `highest_m`: how far below the floor (`floor_m`) its origin may be, and how high above, on
+    its legs and on a mat; more for take-offs from a table."""
+    tilt_rad: float = 0.35
+    """Largest angle between its axis and the vertical."""
+    moved_m: float = 0.02
+    rest_s: float = 1.0
+    """`moved_m`, `rest_s`: it must not have moved by more within this time."""
+    apart_m: float = 0.05
+    """Two vehicles that are closer to each other are one body."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            _positive(f"standing.{item.name}", getattr(self, item.name))
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +203,8 @@ class ArbiterLimits:
     """Limits judged from raw poses."""
     landing: LandingLimits = LandingLimits()
     """How the vehicle is held and landed while it is seen."""
+    standing: StandingLimits | None = None
+    """What is judged before arming; None for nothing."""
 
     @property
     def descent_s(self) -> float:
@@ -184,7 +219,7 @@ class ArbiterLimits:
     def __post_init__(self) -> None:
         others = ("lower", "upper", "tolerance", "hover_correction", "floor_m", "operators")
         for item in fields(self):
-            if item.name not in (*others, "surveillance", "landing"):
+            if item.name not in (*others, "surveillance", "landing", "standing"):
                 _positive(item.name, getattr(self, item.name))
         if not self.hold_after_s < self.descend_after_s < self.cut_after_s:
             raise LimitsError(

@@ -103,7 +103,11 @@ class UnknownObject(LastingFault, frozen=True, tag="unknown_object"):
 
 
 class YUp(LastingFault, frozen=True, tag="y_up"):
-    """Send Y-up data, and report it in ApplicationInfo."""
+    """Send Y-up data, and report it in ApplicationInfo; a `tracker1` cannot report it."""
+
+
+class Millimetres(LastingFault, frozen=True, tag="millimetres"):
+    """Send positions in millimetres, where the protocol has metres."""
 
 
 class Occlude(LastingFault, frozen=True, tag="occlude"):
@@ -129,6 +133,14 @@ class FreezePose(LastingFault, frozen=True, tag="freeze_pose"):
     """Show a subject where it was when the fault began, while the frames go on."""
 
     subject: Subject
+
+
+class StandIn(LastingFault, frozen=True, tag="stand_in"):
+    """Show another body as a subject, one that stands where the subject was when the fault began."""
+
+    subject: Subject
+    deviation_m: Annotated[float, Meta(ge=0, le=1)] = 0.0003
+    """Measurement noise of its position on each axis, as a standard deviation."""
 
 
 class DisplacePose(LastingFault, frozen=True, tag="displace_pose"):
@@ -211,8 +223,9 @@ class BreakVehicle(VehicleFault, frozen=True, tag="break_vehicle"):
 
 TrackerFault = (
     Close | Reset | WrongMagic | ResetFrameId | Burst | Recover | Silence | Freeze | EmptyPackets
-    | IgnorePings | Dribble | Delay | UnknownObject | YUp | Occlude | RemoveSubject | AddSubject | FreezePose
-    | DisplacePose | AddNoise | SkipFrames | SetQuality | RenameRootSegment | SwapSubjects
+    | IgnorePings | Dribble | Delay | UnknownObject | YUp | Millimetres | Occlude | RemoveSubject | AddSubject
+    | FreezePose | StandIn | DisplacePose | AddNoise | SkipFrames | SetQuality | RenameRootSegment
+    | SwapSubjects
 )  # fmt: skip
 """Faults of the emulated Tracker."""
 

@@ -1,11 +1,14 @@
 """The simulated laboratory in real time: plants between their radios and the Tracker."""
 
+from dataclasses import replace
+
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.laboratory import Laboratory
 from rcopterx.simulator.radio_kinds import radio_end_of
 from rcopterx.simulator.settings import SimulatedVehicle
 from rcopterx.simulator.tracker_frame import TrackedBody, TrackerFrame
 
+LEAST_NOISE_M = 1e-6  # no Tracker measures without any noise, also in conditions without disturbances
 MOTOR_START_US = 15.0  # pulse width above throttle low from which the vehicle's motor controller runs
 
 
@@ -19,7 +22,7 @@ class Room:
         self.laboratory = Laboratory(
             {vehicle.name: vehicle.model for vehicle in vehicles},
             {vehicle.name: vehicle.start for vehicle in vehicles},
-            conditions,
+            replace(conditions, position_noise_m=max(conditions.position_noise_m, LEAST_NOISE_M)),
             seed,
         )
         self.radios = {

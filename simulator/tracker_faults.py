@@ -134,8 +134,11 @@ class TrackerFaults:
                 by_m = [offset + age_s * speed for offset, speed in zip(offset_m, velocity_m_s, strict=True)]
                 return _replaced(bodies, name, lambda body: _moved(body, by_m))
             case faults.AddNoise(deviation_m=deviation_m):
-                gauss = self._random.gauss
-                return tuple(_moved(body, [gauss(0.0, deviation_m) for _ in range(3)]) for body in bodies)
+                return tuple(self._noisy(body, deviation_m) for body in bodies)
+            case faults.StandIn(subject=name, deviation_m=deviation_m):
+                return _replaced(bodies, name, lambda body: self._noisy(body, deviation_m))
+            case faults.Millimetres():
+                return tuple(_scaled(body, 1000.0) for body in bodies)
             case faults.Occlude(subject=name):
                 return _replaced(bodies, name, lambda body: body._replace(occluded=True))
             case faults.SetQuality(subject=name, quality=quality):
@@ -154,17 +157,18 @@ class TrackerFaults:
 
     def _with_frozen(self, bodies: tuple[TrackedBody, ...]) -> tuple[TrackedBody, ...]:
         """Return the bodies with those that are to stand still where they were first."""
-        names = self._subjects_with(faults.FreezePose)
+        names = self._subjects_with(faults.FreezePose) | self._subjects_with(faults.StandIn)
         seen = {body.name: body for body in bodies}
         self._frozen = {name: self._frozen.get(name, seen[name]) for name in names & seen.keys()}
         return tuple(self._frozen.get(body.name, body) for body in bodies)
 
-    def _subjects_with(self, kind: type[faults.FreezePose | faults.AddSubject]) -> set[str]:
+    def _noisy(self, body: TrackedBody, deviation_m: float) -> TrackedBody:
+        return _moved(body, [self._random.gauss(0.0, deviation_m) for _ in range(3)])
+
+    def _subjects_with(self, kind: type[faults.FreezePose | faults.StandIn | faults.AddSubject]) -> set[str]:
         return {fault.subject for fault in self.lasting if isinstance(fault, kind)}
 
     def _check(self, fault: TrackerFault, planned: frozenset[str] = frozenset()) -> None:
-        if isinstance(fault, faults.YUp) and ObjectType.APPLICATION_INFO not in self._offer:
-            raise FaultError("y_up: this Tracker does not offer ApplicationInfo (tracker2 and tracker3 do)")
         if isinstance(fault, faults.SetQuality) and ObjectType.OBJECT_QUALITY not in self._offer:
             raise FaultError("set_quality: this Tracker does not offer ObjectQuality (tracker3 does)")
         if isinstance(fault, faults.UnknownObject) and fault.object_type in ObjectType.__members__.values():
@@ -197,6 +201,11 @@ def _replaced(
 def _moved(body: TrackedBody, by_m: Sequence[float]) -> TrackedBody:
     x, y, z = (place + by for place, by in zip(body.position_m, by_m, strict=True))
     return body._replace(position_m=(x, y, z))
+
+
+def _scaled(body: TrackedBody, factor: float) -> TrackedBody:
+    x, y, z = body.position_m
+    return body._replace(position_m=(factor * x, factor * y, factor * z))
 
 
 def _swapped(bodies: tuple[TrackedBody, ...], first: str, second: str) -> tuple[TrackedBody, ...]:

@@ -29,6 +29,7 @@ from rcopterx.transmitter_gateway.inputs import (
 )
 from rcopterx.transmitter_gateway.landing import Motion
 from rcopterx.transmitter_gateway.shaping import Shaping
+from rcopterx.transmitter_gateway.standing import Standing
 from rcopterx.transmitter_gateway.surveillance import Surveillance
 from rcopterx.transmitter_gateway.take_over import take_over_problem
 from rcopterx.transmitter_gateway.touchdown import Touchdown
@@ -60,6 +61,7 @@ class Arbiter:
         self.leases = self._admission.leases  # control leases of the vehicle's agents
         self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
+        self.standing = Standing(vehicle, limits, self.surveillance.other_places)
         self._link = LinkState.LOST
         self._arming = self._shutdown = False
         self._motion: Motion | None = None
@@ -112,7 +114,11 @@ class Arbiter:
         else:
             self._event_s = None
             airborne = self.state in FLYING and not self._grounded(now_s)
-            self.surveillance.own_pose(pose, now_s, airborne=airborne)
+            accepted = self.surveillance.own_pose(pose, now_s, airborne=airborne)
+            if airborne:
+                self.standing.restart()
+            elif accepted:
+                self.standing.observe(pose, now_s)
 
     def link(self, link: LinkState, problem: str | None = None) -> None:
         """Take the state of port and module, and why it is not ready; it takes effect with the next step."""
@@ -245,17 +251,23 @@ class Arbiter:
         self._located = flying and self._grounded(now_s)
         if self._located:
             found.add(Condition.GROUNDED)
+            self._find(Condition.IMPLAUSIBLE, "; ".join(self.standing.own_problems(now_s)), found)
             return
         self._judge_motion(found, now_s)
-        if not flying and not self._arming:
-            return
+        if not flying:
+            if not self._arming:
+                return
+            problems = self.standing.problems(now_s, arming=True)
+            self._find(Condition.IMPLAUSIBLE, "; ".join(problems), found)
         judgement = self.surveillance.judge(now_s, self._thrust_time_s if flying else 0.0)
-        if judgement.hold is not None:
-            found.add(Condition.HOLD_CAUSE)
-            self._details[Condition.HOLD_CAUSE] = judgement.hold
-        if judgement.descend is not None:
-            found.add(Condition.DESCEND_CAUSE)
-            self._details[Condition.DESCEND_CAUSE] = judgement.descend
+        self._find(Condition.HOLD_CAUSE, judgement.hold, found)
+        self._find(Condition.DESCEND_CAUSE, judgement.descend, found)
+
+    def _find(self, condition: Condition, detail: str | None, found: set[Condition]) -> None:
+        """Add a condition if there is a reason for it."""
+        if detail:
+            found.add(condition)
+            self._details[condition] = detail
 
     def _judge_motion(self, found: set[Condition], now_s: float) -> None:
         motion = self.surveillance.own_motion(now_s, self.limits.landing.pose_age_s)

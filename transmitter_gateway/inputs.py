@@ -69,6 +69,7 @@ class PoseInput(Struct, frozen=True):
     period_s: float | None = None  # None: the arrival times are used
     yaw_rad: float | None = None  # without it the vehicle cannot be held or landed in a closed loop
     latency_s: float = 0.0  # from capture to arrival, as far as the Tracker reports it
+    tilt_rad: float | None = None  # between the axis of the vehicle and the vertical
 
 
 class ActionRequest(Struct, frozen=True):

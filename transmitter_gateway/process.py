@@ -97,11 +97,13 @@ class Gateway:
 def pose_input(vehicle: str, pose: Pose) -> PoseInput:
     """Raw pose of a vehicle in the form of the arbiter."""
     quaternion = pose.quaternion_xyzw
-    yaw_rad = None
+    yaw_rad = tilt_rad = None
     if quaternion is not None:
         x, y, z, w = quaternion
         yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return PoseInput(vehicle, pose.epoch, pose.frame, pose.position_m, pose.period_s, yaw_rad, pose.latency_s)
+        tilt_rad = math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y))))
+    epoch, frame, position_m = pose.epoch, pose.frame, pose.position_m
+    return PoseInput(vehicle, epoch, frame, position_m, pose.period_s, yaw_rad, pose.latency_s, tilt_rad)
 
 
 def run_gateway(settings: GatewaySettings) -> None:

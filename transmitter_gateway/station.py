@@ -155,5 +155,6 @@ class Station:
                 counters=transmitter.counters(),
                 rejected=rejected,
                 realtime=self._realtime,
+                pose_problems=tuple(line[:400] for line in arbiter.standing.problems(now_s)),
             ),
         )

@@ -251,14 +251,20 @@ class Surveillance:
             return None
         apart = minimum + self._limits.distance_hysteresis_m
         close: list[str] = []
-        for name, track in self._others.items():
-            if track.position_m is None or now_s >= track.seen_s + self._limits.other_pose_s:
-                continue
-            distance = math.dist(position, track.position_m)
+        for name, place in self.other_places(now_s).items():
+            distance = math.dist(position, place)
             if distance < apart and (distance < minimum or name in self._close):
                 close.append(name)
         self._close = close
         return f"{close[0]} closer than {minimum:g} m" if close else None
+
+    def other_places(self, now_s: float) -> dict[str, Position]:
+        """Places of the other vehicles that are seen."""
+        return {
+            name: track.position_m
+            for name, track in self._others.items()
+            if track.position_m is not None and now_s < track.seen_s + self._limits.other_pose_s
+        }
 
     def _clear_place(self, position: Position) -> Position | None:
         """Place at this height that is clear of the vehicles that are too close; None if there are none."""

@@ -35,6 +35,7 @@ class Condition(StrEnum):
     AIRBORNE = "own pose seen in the air"
     TOUCHDOWN = "touched down"
     RUNAWAY = "far outside the fence without obeying"
+    IMPLAUSIBLE = "pose not plausible"
     HOLD_CAUSE = "surveillance: hold"
     DESCEND_CAUSE = "surveillance: descend"
     HOLD_OVER = "hold lasted too long"
@@ -74,6 +75,7 @@ TRANSITIONS: tuple[Transition, ...] = (
     Transition(FLYING, {_C.DISARM, _C.GROUNDED}, _S.DISARMED, "disarmed"),
     Transition(FLYING, {_C.DISARM, _C.SEEN}, _S.DISARMED, "disarmed", unless={_C.AIRBORNE}),
     Transition({_S.ARMED}, {_C.IDLE}, _S.DISARMED, "on the floor for long"),
+    Transition({_S.ARMED}, {_C.IMPLAUSIBLE, _C.GROUNDED}, _S.DISARMED, "on the floor"),
     Transition({_S.ARMED, _S.HOLD}, {_C.GONE}, _S.CUT, "commands gone", unless={_C.AIRBORNE}),
     Transition(FLYING, {_C.SHUTDOWN, _C.GROUNDED}, _S.CUT, "shutting down"),
     Transition({_S.LAND, _S.DESCEND}, {_C.TOUCHDOWN}, _S.CUT, "landed"),
@@ -102,7 +104,7 @@ TRANSITIONS: tuple[Transition, ...] = (
         {_C.ARM, _C.READY, _C.FRESH, _C.LOW_COMMANDED},
         _S.ARMED,
         "armed",
-        unless={_C.SHUTDOWN, _C.LINK_LOST, *CAUSES},
+        unless={_C.SHUTDOWN, _C.LINK_LOST, _C.IMPLAUSIBLE, *CAUSES},
     ),
 )
 ARMING = TRANSITIONS[-1]

@@ -16,6 +16,7 @@ from msgspec.structs import asdict
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
 from rcopterx.bus.host_messages import SubjectState, TrackerStatus
+from rcopterx.bus.message import MAX_POSITION_M
 from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.rounding import TIME_BITS, rounded
@@ -24,31 +25,45 @@ from rcopterx.bus.subscription import UnitSubscriptions
 from rcopterx.vicon_gateway.brands import BrandClient, BrandSettings, check_library
 from rcopterx.vicon_gateway.client import ClientState, DataStreamClient, FrameClient
 from rcopterx.vicon_gateway.epoch import EpochCounter, Stamp
-from rcopterx.vicon_gateway.frame import CapturedFrame, SubjectPose
+from rcopterx.vicon_gateway.frame import CapturedFrame, Position, SubjectPose
 from rcopterx.vicon_gateway.recording import RecordingFile
+
+SAME_PLACE_M = 0.01  # closer than any two bodies can be
 
 
 class SubjectMap:
-    """Assigns poses to vehicles by exact subject names, and keeps account of all subjects."""
+    """Assigns poses to vehicles by exact subject names, and keeps account of all subjects.
+
+    `far` counts poses in no room: they are passed on as occluded, since no reader accepts such a position.
+    """
 
     def __init__(self, vehicle_of_subject: Mapping[str, str]) -> None:
         self._vehicles = dict(vehicle_of_subject)
         self._listed: Counter[str] = Counter()
+        self._places: dict[str, Position] = {}
+        self.far = 0
         self._occluded_since_s: dict[str, float] = {}
 
     def update(self, frame: CapturedFrame) -> list[tuple[str, SubjectPose]]:
         """Return (vehicle, pose) of every vehicle that a frame lists, occluded or not."""
         self._listed = Counter([pose.name for pose in frame.subjects])
+        self._places = {pose.name: pose.position_m for pose in frame.subjects if pose.position_m is not None}
         known: list[tuple[str, SubjectPose]] = []
         occluded: dict[str, float] = {}
         for pose in frame.subjects:
             vehicle = self._vehicles.get(pose.name)
             if vehicle is not None and self._listed[pose.name] == 1:
-                known.append((vehicle, pose))
+                known.append((vehicle, self._within_reach(pose)))
             if pose.occluded:
                 occluded[pose.name] = self._occluded_since_s.get(pose.name, frame.received_s)
         self._occluded_since_s = occluded
         return known
+
+    def _within_reach(self, pose: SubjectPose) -> SubjectPose:
+        if pose.position_m is None or _in_a_room(pose.position_m):
+            return pose
+        self.far += 1
+        return SubjectPose(pose.name, True, None, None, pose.quality)
 
     def states(self, now_s: float) -> tuple[SubjectState, ...]:
         """Return every configured and every listed subject; `now_s` is the clock of the frames."""
@@ -56,15 +71,30 @@ class SubjectMap:
         for name in dict.fromkeys((*self._vehicles, *self._listed)):
             since_s = self._occluded_since_s.get(name)
             listed = self._listed.get(name, 0)
+            place = self._places.get(name)
             state = SubjectState(
                 subject=name[:400],
                 vehicle=self._vehicles.get(name),
                 listed=listed > 0,
                 occluded_s=None if since_s is None else max(0.0, now_s - since_s),
                 ambiguous=listed > 1,
+                shown_at_m=None if place is None or _in_a_room(place) else place,
+                same_place_as=self._beside(name)[:400],
             )
             states.append(state)
         return tuple(states)
+
+    def _beside(self, name: str) -> str:
+        """Another subject at the same place; empty for none."""
+        place, places = self._places.get(name), self._places.items()
+        if place is None:
+            return ""
+        near = (other for other, at in places if other != name and math.dist(at, place) < SAME_PLACE_M)
+        return next(near, "")
+
+
+def _in_a_room(position: Position) -> bool:
+    return all(abs(value) <= MAX_POSITION_M for value in position)
 
 
 @dataclass(frozen=True)
@@ -181,6 +211,7 @@ class TrackerGateway:
             **asdict(state.counters),
             "epochs": self.epochs.epochs,
             "standbys": self.standbys,
+            "poses in no room": self._subjects.far,
             "recording failures": int(state.recording_error is not None),
         }
         trying = state.doing if state.last_error is None else f"{state.doing} (before: {state.last_error})"

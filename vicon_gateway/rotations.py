@@ -66,7 +66,8 @@ def y_up_from_z_up(vector: Position) -> Position:
     return x, z, -y
 
 
-MAX_POSITION_MM: Final = 1e6
+MAX_POSITION_MM: Final = 1e8
+"""Far beyond any room also for a stream in other units, so that the gateway can report them."""
 
 
 def root_pose(root: Segment, y_up: bool) -> tuple[Position, Quaternion] | None:

@@ -26,6 +26,14 @@ def tracker_problems(status: TrackerStatus | None, age_s: float | None, names: S
             found.append(f"{missing} (it lists: {listed or 'nothing'})")
         elif subject.ambiguous:
             found.append(f"{subject.vehicle}: the Tracker lists several subjects {subject.subject!r}")
+        elif subject.shown_at_m is not None:
+            place = ", ".join(f"{value:.0f}" for value in subject.shown_at_m)
+            found.append(f"{subject.subject} is shown at ({place}) m: millimetres?")
+        elif subject.same_place_as:
+            found.append(
+                f"{subject.vehicle}: {subject.subject!r} and {subject.same_place_as!r} are shown at the same "
+                "place: one body for two subjects? Disable one in the Tracker"
+            )
     return found
 
 

@@ -211,7 +211,8 @@ class Observer:
         vehicles = self.present() if names is None else named(self.file, names)
         tracker, age_s = _newest(self.tracker, self.session.clock())
         found = tracker_problems(tracker, age_s, vehicles)
-        return found + [line for name in vehicles for line in self.state_of(name).problems()]
+        found += [line for name in vehicles for line in self.state_of(name).problems()]
+        return list(dict.fromkeys(found))  # the place of one vehicle may speak against others
 
     def notes(self) -> list[str]:
         """Notes that do not block take-off: subjects, recordings, hosts, failures in flight."""

@@ -168,6 +168,8 @@ class VehicleState:
             found.append(f"{self.name}: transmitter not ready: {self.transmitter.module}")
         elif self.transmitter.state == "killed":
             found.append(f"{self.name}: killed ({self.reason}); reset it first")
+        if self.transmitter is not None and not self.airborne:
+            found += self.transmitter.pose_problems
         return found
 
 

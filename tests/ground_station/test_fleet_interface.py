@@ -94,6 +94,7 @@ def test_poses_and_plans_are_heard_only_if_that_is_asked_for(fleet: Fleet, vehic
     [
         ({"ready": False}, "h1: transmitter not ready: module speaks"),
         ({"state": "killed"}, r"h1: killed \(scripted\); reset it first"),
+        ({"pose_problems": ("h1 stands at z = -0.50 m",)}, "h1 stands at z = -0.50 m"),
         ({"pose_age_s": 3.0}, "h1: no pose for 3.0 s"),
         ({"diagnostics": {"late_share": 0.5}}, "h1: 50% of its commands are late while it stands; fly fewer"),
         (

@@ -125,6 +125,19 @@ def test_a_vehicle_that_is_covered_is_told_with_the_time_since_it_was_seen(
                 "h2: the Tracker lists several subjects 'heli2'",
             ],
         ),
+        (
+            tracker(
+                "up",
+                SubjectState(subject="heli1", vehicle="h1", same_place_as="old"),
+                SubjectState(subject="heli2", vehicle="h2", shown_at_m=(1000.2, 499.7, 20.0)),
+            ),
+            0.1,
+            [
+                "h1: 'heli1' and 'old' are shown at the same place: one body for two subjects? Disable "
+                "one in the Tracker",
+                "heli2 is shown at (1000, 500, 20) m: millimetres?",
+            ],
+        ),
     ],
 )
 def test_what_the_vicon_gateway_says_against_a_take_off_is_told(

@@ -17,6 +17,7 @@ from rcopterx.simulator.faults import (
     FaultError,
     Freeze,
     FreezePose,
+    Millimetres,
     Occlude,
     Recover,
     RemoveSubject,
@@ -26,6 +27,7 @@ from rcopterx.simulator.faults import (
     SetQuality,
     Silence,
     SkipFrames,
+    StandIn,
     SwapSubjects,
     TimedFault,
     UnknownObject,
@@ -215,10 +217,32 @@ def test_request_that_makes_no_sense_is_refused_and_says_why(fault: Fault) -> No
     assert active.transform(frame()) == frame()
 
 
-@pytest.mark.parametrize("fault", [YUp(), SetQuality("h1", 0.5)])
-def test_fault_that_the_profile_cannot_show_is_refused(fault: Fault) -> None:
+def test_fault_that_the_profile_cannot_show_is_refused() -> None:
     with pytest.raises(FaultError, match="does not offer"):
-        faults("tracker1").apply(fault, 0.0)
+        faults("tracker1").apply(SetQuality("h1", 0.5), 0.0)
+
+
+def test_tracker_that_cannot_report_its_axes_may_be_y_up_all_the_same() -> None:
+    active = faults("tracker1")
+    active.apply(YUp(), 0.0)
+    assert active.active(YUp) is not None
+
+
+def test_positions_in_millimetres_are_a_thousand_times_as_large() -> None:
+    one, two = seen(Millimetres())
+    assert (one.position_m, two.position_m) == ((1000.0, 0.0, 0.0), (2000.0, 0.0, 0.0))
+
+
+def test_body_that_stands_in_for_a_subject_stays_there_with_its_own_noise() -> None:
+    active = faults()
+    active.apply(StandIn("h1", deviation_m=0.001), 0.0)
+    places = []
+    for number in range(400):
+        moved = replace(H1, position_m=(1.0 + number, 0.0, 0.0))
+        places.append(active.transform(TrackerFrame(number, (moved, H2))).bodies[0].position_m[0])
+    assert statistics.mean(places) == pytest.approx(1.0, abs=0.0003)
+    assert statistics.stdev(places) == pytest.approx(0.001, rel=0.2)
+    assert len(set(places)) == len(places)
 
 
 def test_planned_fault_whose_subject_is_gone_is_refused_and_listed() -> None:

@@ -45,6 +45,7 @@ class ScriptedVehicle:
         self.phase = "ground"
         self.state = "disarmed"
         self.ready = True
+        self.pose_problems: tuple[str, ...] = ()
         self.pose_age_s = 0.01
         self.refusals: dict[str, str] = {}
         self.silent: set[str] = set()
@@ -146,7 +147,12 @@ class ScriptedVehicle:
 
     def transmitter_status(self) -> TransmitterStatus:
         return TransmitterStatus(
-            state=self.state, reason="scripted", link="open", module="module speaks", ready=self.ready
+            state=self.state,
+            reason="scripted",
+            link="open",
+            module="module speaks",
+            ready=self.ready,
+            pose_problems=self.pose_problems,
         )
 
 

@@ -105,6 +105,9 @@ MEANINGS: dict[Condition, Callable[[Moment], z3.BoolRef]] = {
     C.TOUCHDOWN: lambda m: z3.And(
         _of_pose(C.SEEN)(m), m.facts[C.TOUCHDOWN], m.within(ON_THE_WAY_DOWN), z3.Not(m.facts[C.RUNAWAY])
     ),
+    C.IMPLAUSIBLE: lambda m: z3.And(
+        m.facts[C.IMPLAUSIBLE], z3.Or(_grounded(m), z3.Not(m.within(FLYING)))
+    ),
     C.HOLD_CAUSE: _judged(C.HOLD_CAUSE),
     C.DESCEND_CAUSE: _judged(C.DESCEND_CAUSE),
     C.HOLD_OVER: lambda m: z3.And(m.within({State.HOLD}), m.old("entered_s", LIMITS.hold_limit_s)),

@@ -118,8 +118,9 @@ def test_the_arbiter_gets_the_heading_of_a_tilted_vehicle(
     x, y = sx * cy * cz - cx * sy * sz, cx * sy * cz + sx * cy * sz
     z, w = cx * cy * sz - sx * sy * cz, cx * cy * cz + sx * sy * sz
     seen = pose_input("h2", pose((x, y, z, w)))
-    assert seen == PoseInput("h2", 3, 7, (1.0, 2.0, 3.0), 0.01, seen.yaw_rad, 0.004)
+    assert seen == PoseInput("h2", 3, 7, (1.0, 2.0, 3.0), 0.01, seen.yaw_rad, 0.004, seen.tilt_rad)
     assert seen.yaw_rad == pytest.approx(yaw_rad)
+    assert math.cos(seen.tilt_rad or 0.0) == pytest.approx(math.cos(pitch_rad) * math.cos(roll_rad))
 
 
 def test_a_pose_without_heading_has_none_for_the_arbiter() -> None:

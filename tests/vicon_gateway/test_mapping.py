@@ -75,3 +75,26 @@ def test_number_of_remembered_names_is_bounded_by_the_last_frame() -> None:
     for number in range(100):
         subjects.update(frame(0.0, hidden(f"s{number}")))
     assert len(subjects.states(0.0)) == 1
+
+
+def at(name: str, *position_m: float) -> SubjectPose:
+    x, y, z = position_m
+    return SubjectPose(name, False, (x, y, z), (0.0, 0.0, 0.0, 1.0), None)
+
+
+def test_position_in_no_room_is_published_as_occluded_and_reported_with_its_place() -> None:
+    subjects = SubjectMap({"heli1": "h1", "heli2": "h2"})
+    poses = subjects.update(frame(0.0, at("heli1", 0.5, 0.0, 0.0), at("heli2", 1000.0, 500.0, 20.0)))
+    assert poses == [("h1", at("heli1", 0.5, 0.0, 0.0)), ("h2", hidden("heli2"))]
+    one, two = subjects.states(0.0)
+    assert (one.shown_at_m, two.shown_at_m) == (None, (1000.0, 500.0, 20.0))
+    assert two.occluded_s is None, "it is seen"
+    assert subjects.far == 1
+
+
+def test_subjects_at_one_place_are_reported_also_one_of_no_vehicle() -> None:
+    subjects = SubjectMap({"heli1": "h1", "heli2": "h2"})
+    subjects.update(
+        frame(0.0, at("heli1", 0.5, 0.0, 0.0), at("heli2", 0.0, 0.0, 0.0), at("old", 0.502, 0, 0))
+    )
+    assert [state.same_place_as for state in subjects.states(0.0)] == ["old", "", "heli1"]
