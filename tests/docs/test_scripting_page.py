@@ -10,8 +10,8 @@ from support.scripted import fleet_file_text, scripted
 
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.ground_station.scripting.fleet import Fleet
-from rcopterx.ground_station.scripting.reference import PAGE, reference, with_reference
 from rcopterx.ground_station.scripting.vehicle import Vehicle
+from scripting_page import PAGE, reference, with_reference
 
 PAGES = (PAGE.parents[1] / "README.md", *sorted(PAGE.parent.glob("*.md")))
 EXAMPLES = [
@@ -44,7 +44,7 @@ def test_an_example_runs(example: str, trio: None) -> None:
 
 def test_the_list_of_calls_is_that_of_the_classes() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    assert text == with_reference(text), "run: python -m rcopterx.ground_station.scripting.reference"
+    assert text == with_reference(text), "run: python docs/generators/scripting_page.py"
 
 
 @pytest.mark.parametrize("kind", [Fleet, Vehicle])

@@ -8,12 +8,12 @@ import msgspec
 import pytest
 from support.messages import MESSAGE_TYPES
 
+from messages_page import EXAMPLE, reference
 from rcopterx import bus
 from rcopterx.bus.channels import CHANNELS
 from rcopterx.bus.codec import decode
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Command
-from rcopterx.bus.reference import EXAMPLE, reference
 from rcopterx.bus.requests import VERBS
 
 PAGE = Path(bus.__file__).resolve().parents[1] / "docs" / "messages.md"
@@ -31,7 +31,7 @@ def section(text: str, title: str) -> str:
 
 def test_the_page_is_what_the_tables_say_now() -> None:
     assert PAGE.read_text(encoding="utf-8") == printed(), (
-        "run: python -m rcopterx.bus.reference > docs/messages.md"
+        "run: python docs/generators/messages_page.py > docs/messages.md"
     )
 
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from fleet_file_page import SECTIONS, reference
+from messages_page import meanings_of
 from rcopterx import deploy
-from rcopterx.bus.reference import meanings_of
 from rcopterx.fleet.reading import parse_fleet
-from rcopterx.fleet.reference import SECTIONS, reference
 
 PAGE = Path(deploy.__file__).resolve().parents[1] / "docs" / "fleet_file.md"
 ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]*) \| ([^|]+) \| ([^|]+) \|$")
@@ -21,7 +21,7 @@ def made() -> str:
 
 
 def test_the_page_is_what_the_types_say_now(made: str) -> None:
-    command = "python -m rcopterx.fleet.reference > docs/fleet_file.md"
+    command = "python docs/generators/fleet_file_page.py > docs/fleet_file.md"
     assert PAGE.read_text(encoding="utf-8") == made, f"run: {command}"
 
 

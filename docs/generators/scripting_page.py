@@ -1,4 +1,4 @@
-"""Renews the calls in docs/scripting.md: `python -m rcopterx.ground_station.scripting.reference`."""
+"""Renews the calls in docs/scripting.md: `python docs/generators/scripting_page.py`."""
 
 import inspect
 import re
@@ -12,9 +12,9 @@ from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.ground_station.scripting.state import VehicleState
 from rcopterx.ground_station.scripting.vehicle import Vehicle
 
-BEGIN: Final = "<!-- begin: python -m rcopterx.ground_station.scripting.reference -->\n"
+BEGIN: Final = "<!-- begin: python docs/generators/scripting_page.py -->\n"
 END: Final = "<!-- end -->\n"
-PAGE: Final = Path(__file__).resolve().parents[2] / "docs" / "scripting.md"
+PAGE: Final = Path(__file__).resolve().parents[1] / "scripting.md"
 CLASSES: Final = (Fleet, Vehicle, VehicleState)
 ALIASES: Final = {"Parameters": Parameters, "Setting": Setting}  # the outer one first
 INTERNAL: Final = frozenset({"statuses", "frame_period_s"})

@@ -1,4 +1,4 @@
-"""Writes the page of the fleet file from its types: `python -m rcopterx.fleet.reference`."""
+"""Writes the page of the fleet file from its types: `python docs/generators/fleet_file_page.py`."""
 
 import json
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from typing import Any, Final, get_args
 import msgspec
 from msgspec import inspect as types
 
-from rcopterx.bus.reference import field_table, purpose
+from messages_page import field_table, purpose
 from rcopterx.control.plugins import CONTROLLERS, ESTIMATORS
 from rcopterx.fleet import schema
 from rcopterx.fleet.vehicle_types import TypeFile, TypeTransmitter

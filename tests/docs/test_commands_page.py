@@ -10,7 +10,7 @@ import typer
 
 from rcopterx.command_line import app
 
-TEXT = (Path(__file__).parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs" / "commands.md").read_text(encoding="utf-8")
 PARTS = re.split(r"\n#{2,3} `rcopterx ([\w -]+)`\n", TEXT)
 SECTIONS = dict(zip(PARTS[1::2], PARTS[2::2], strict=True))
 RENEW = "renew docs/commands.md, see CONTRIBUTING.md"
