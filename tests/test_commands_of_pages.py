@@ -16,7 +16,14 @@ import typer
 from rcopterx.command_line import app
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / ".github").rglob("*.md")])
+PAGES = sorted(
+    [
+        *ROOT.glob("*.md"),
+        *(ROOT / "docs").rglob("*.md"),
+        *(ROOT / ".github").rglob("*.md"),
+        *(ROOT / "paper").glob("*.md"),
+    ]
+)
 HISTORY = ("CHANGELOG.md", "commands.md")
 """Pages that name commands of earlier versions, and the generated usage of all commands."""
 BLOCK = re.compile(r"^ *```(?:sh|console|bash)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)

@@ -80,7 +80,7 @@ def test_every_module_that_a_page_names_exists(page: Path) -> None:
     assert [path for path in sorted(named) if not (ROOT / path).is_file()] == []
 
 
-OUTSIDE_THE_SITE = ("README.md", "CONTRIBUTING.md", "SECURITY.md")
+OUTSIDE_THE_SITE = ("README.md", "CONTRIBUTING.md", ".github/SECURITY.md")
 """Pages whose anchors `make docs` does not check."""
 
 
@@ -94,7 +94,7 @@ def anchors_of(page: Path) -> set[str]:
 def test_every_anchor_that_a_page_outside_the_site_names_is_a_heading(name: str) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
     for path, anchor in re.findall(r"\]\(([^)#:]*)#([^)]+)\)", text):
-        assert anchor in anchors_of(ROOT / (path or name)), f"{path}#{anchor}"
+        assert anchor in anchors_of((ROOT / name).parent / path if path else ROOT / name), f"{path}#{anchor}"
 
 
 ANSWERS_NO_QUESTION = ("commands.md", "index.md")
@@ -112,7 +112,7 @@ def test_the_first_sentence_of_a_page_is_the_question_that_it_answers(page: Path
 
 
 def test_the_documentation_site_has_every_page_once() -> None:
-    settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    settings = (ROOT / "packaging" / "mkdocs.yml").read_text(encoding="utf-8")
     named = re.findall(r"^ +- .*?([\w-]+(?:/[\w-]+)*\.md)$", settings, re.MULTILINE)
     pages = [page.relative_to(ROOT / "docs").as_posix() for page in PAGES if page.parent != DECISIONS]
     assert sorted(named) == sorted([*pages, "decisions/index.md"])
@@ -159,7 +159,13 @@ def prose_of(module: Path) -> list[str]:
 
 def test_every_page_that_the_code_names_is_a_page_of_the_repository() -> None:
     pages = [
-        path.relative_to(ROOT).as_posix() for path in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"))
+        path.relative_to(ROOT).as_posix()
+        for path in (
+            *ROOT.glob("*.md"),
+            *(ROOT / "docs").rglob("*.md"),
+            *(ROOT / ".github").glob("*.md"),
+            *(ROOT / "paper").glob("*.md"),
+        )
     ]
     modules = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")]
     missing = [

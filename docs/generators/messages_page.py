@@ -1,4 +1,4 @@
-"""Reference of messages from tables and types: `python docs/generators/messages_page.py > docs/messages.md`."""
+"""Page of messages from tables and types: `python docs/generators/messages_page.py > docs/messages.md`."""
 
 import ast
 import inspect

@@ -80,7 +80,9 @@ def make_base(buildah: Buildah) -> None:
 @pytest.fixture(scope="module")
 def container(buildah: Buildah) -> str:
     """A container of the image that the Dockerfile makes."""
-    buildah("bud", "--isolation", "chroot", "--pull-never", "--tag", "rcopterx", ROOT)
+    file = ROOT / "packaging" / "Dockerfile"
+    files = ("--file", file, "--ignorefile", f"{file}.dockerignore")
+    buildah("bud", "--isolation", "chroot", "--pull-never", "--tag", "rcopterx", *files, ROOT)
     return buildah("from", "--pull-never", "rcopterx")
 
 

@@ -19,5 +19,7 @@ def test_a_file_is_valid_by_its_schema(path: str, schema: str) -> None:
 
 
 def test_a_file_that_is_not_valid_is_found() -> None:
-    result = CliRunner().invoke(main, ["--builtin-schema", "vendor.compose-spec", str(ROOT / "mkdocs.yml")])
+    result = CliRunner().invoke(
+        main, ["--builtin-schema", "vendor.compose-spec", str(ROOT / "packaging" / "mkdocs.yml")]
+    )
     assert result.exit_code != 0

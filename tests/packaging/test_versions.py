@@ -7,7 +7,7 @@ from packaging_support import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 VERSION = PROJECT["version"]
-RECIPE = (ROOT / "recipe" / "meta.yaml").read_text(encoding="utf-8")
+RECIPE = (ROOT / "packaging" / "meta.yaml").read_text(encoding="utf-8")
 NAMES_OF_CONDA = {"msgpack": "msgpack-python"}
 
 
