@@ -12,8 +12,12 @@ import numpy as np
 from msgspec import Struct
 
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.state import Array
+
+
+def never() -> bool:
+    """Return False: a deadline that does not expire."""
+    return False
 
 
 class Measurement(Struct, frozen=True):

@@ -12,9 +12,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from rcopterx.control.controllers.settings import Limits
-from rcopterx.control.interfaces import ControlStep, Estimate
+from rcopterx.control.interfaces import ControlStep, Estimate, never
 from rcopterx.control.references.trajectory import YAW, Trajectory
-from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 

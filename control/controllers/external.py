@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcopterx.control.interfaces import Controller, ControlStep, Estimate
+from rcopterx.control.interfaces import Controller, ControlStep, Estimate, never
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.models.roll_out import predict as roll_out
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 

@@ -6,9 +6,10 @@ from typing import Any, Final
 import numpy as np
 import osqp
 
+from rcopterx.control.interfaces import never
 from rcopterx.control.solver.active_set import update_active_set
 from rcopterx.control.solver.candidates import best_plan, rated
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan, never
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.vehicles.state import Array
 

@@ -83,11 +83,6 @@ def repeated(
     return OptimalControlProblem(A, B, c, C, D, W, r, low, high, s, np.array(P, order="C"), x_end, x_0)
 
 
-def never() -> bool:
-    """Return False: a deadline that does not expire."""
-    return False
-
-
 class Solver(Protocol):
     """Solves one problem after another, warm-started by the last one."""
 

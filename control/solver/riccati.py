@@ -11,10 +11,11 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.control.interfaces import never
 from rcopterx.control.solver.active_set import ActiveSet, iterate_active_set, update_active_set
 from rcopterx.control.solver.candidates import best_plan, empty_plan, rated
 from rcopterx.control.solver.interior_point import FEASIBLE, Barrier, active_rows, iterate, residuals
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories, never
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories
 from rcopterx.control.solver.sweep import Factor
 from rcopterx.vehicles.state import Array
 

@@ -7,11 +7,13 @@ import stat
 import tempfile
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rcopterx.bus.clock import NANO, Clock
-from rcopterx.fleet.schema import FleetFile
 from rcopterx.flights.flights import default_directory
+
+if TYPE_CHECKING:
+    from rcopterx.fleet.schema import FleetFile  # imports slowly
 
 LONGEST_SOCKET_PATH = 100
 SHARED_MEMORY = Path("/dev/shm")  # files here are memory: writing to them never waits for a disk
@@ -67,7 +69,7 @@ def snapshot_path(host: str, directory: Path) -> Path:
     return directory / f"fleet-{host}.json"
 
 
-def log_directory(fleet: FleetFile) -> Path:
+def log_directory(fleet: "FleetFile") -> Path:
     """Return the directory of the flight logs of a fleet."""
     chosen = fleet.log.directory
     return default_directory() if chosen is None else Path(chosen).expanduser()

@@ -6,9 +6,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from rcopterx.control.interfaces import Controller, ControlStep, Estimate
+from rcopterx.control.interfaces import Controller, ControlStep, Estimate, never
 from rcopterx.control.references.trajectory import Trajectory
-from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.state import Array
 
 

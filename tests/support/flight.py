@@ -7,10 +7,9 @@ import numpy as np
 
 from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.pilot import ControlOutput, Pilot
-from rcopterx.control.interfaces import ControlStep, Estimate, Measurement
+from rcopterx.control.interfaces import ControlStep, Estimate, Measurement, never
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.references.trajectory import Trajectory, hold
-from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import YAW, Array
 from support.vehicle_types import COAXIAL_LAG

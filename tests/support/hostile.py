@@ -9,11 +9,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from msgspec import Struct
 
-from rcopterx.control.interfaces import ControlStep, Estimate
+from rcopterx.control.interfaces import ControlStep, Estimate, never
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.control.scheme import Situation
-from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 from support.failing import WrappingController

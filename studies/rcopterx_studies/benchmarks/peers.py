@@ -8,8 +8,9 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from scipy import sparse
 
+from rcopterx.control.interfaces import never
 from rcopterx.control.solver.candidates import rated
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories, never
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories
 from rcopterx.control.solver.sparse_qp import SparseQP
 from rcopterx.vehicles.state import Array
 

@@ -12,10 +12,9 @@ from msgspec import Meta, Struct
 
 from rcopterx.control.controllers.cascade.controller import CascadeController, CascadeSettings
 from rcopterx.control.controllers.settings import Horizon
-from rcopterx.control.interfaces import ControlStep, Estimate
+from rcopterx.control.interfaces import ControlStep, Estimate, never
 from rcopterx.control.references.trajectory import ACCELERATION, POSITION, VELOCITY, Trajectory
 from rcopterx.control.scheme import Samples, Situation
-from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array, inertial_velocity, three
 from rcopterx.vehicles.tuples import Three

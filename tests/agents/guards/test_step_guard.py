@@ -21,10 +21,9 @@ from rcopterx.agents.guards.step_guard import (
 )
 from rcopterx.agents.guards.step_guard import HOVER as HOVERING
 from rcopterx.agents.pilot import CONTROLLER_REPLACED, Pilot
-from rcopterx.control.interfaces import Controller, ControlStep, Estimate, NoSolutionError
+from rcopterx.control.interfaces import Controller, ControlStep, Estimate, NoSolutionError, never
 from rcopterx.control.plugins import CONTROLLERS
 from rcopterx.control.references.trajectory import Trajectory, hold
-from rcopterx.control.solver.problem import never
 from rcopterx.vehicles.state import Array
 
 PERIOD_S = 0.02
