@@ -346,6 +346,8 @@ class TransmitterStatus(Message, frozen=True, kw_only=True):
     module: Text
     """State of the radio module as it reports it."""
     ready: bool
+    armed: bool | None = None
+    """Whether the vehicle's firmware reports that it is armed; absent where it does not report it."""
     lease: Count = 0
     """Control lease whose commands count; 0 before the first command."""
     command_age_s: Seconds | None = None

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie_battery import LOG, BatteryLog
-from rcopterx.radios.protocol import FrameDecodeError, SerialLine
+from rcopterx.radios.protocol import FrameDecodeError, ModuleStatus, SerialLine
 from rcopterx.radios.set_points import FullStick, SetPoint, SetPointRadio
 
 LINE = SerialLine(2_000_000)  # data rate on air; a Crazyflie has no serial port
@@ -106,6 +106,12 @@ class CrazyflieProtocol(SetPointRadio):
             self._state, self._answered_s = state, now_s
             if self._answers:
                 self._answers[-1] = True
+
+    def status(self, now_s: float) -> ModuleStatus:
+        """See `SetPointRadio`; vehicles that arm themselves report no arming."""
+        state = self._state
+        armed = None if state is None or state.arms_itself else state.armed
+        return replace(super().status(now_s), armed=armed)
 
     def _problem(self, now_s: float) -> str | None:
         state = self._state

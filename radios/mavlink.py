@@ -11,11 +11,12 @@ from pymavlink.quaternion import QuaternionBase
 
 from rcopterx.radios.mavlink_settings import LINE, MODES, MavlinkSettings
 from rcopterx.radios.mavlink_state import AutopilotState
-from rcopterx.radios.protocol import FrameDecodeError, SerialLine
+from rcopterx.radios.protocol import FrameDecodeError, ModuleStatus, SerialLine
 from rcopterx.radios.set_points import SetPoint, SetPointRadio
 
 HEARTBEAT_S = 0.5
 REQUEST_S = 0.25  # commands are repeated so often until they are obeyed
+REFUSED_S = 1.0  # from a disarming that is refused until it is forced, on the floor
 ATTITUDE_INTERVAL_US, STATUS_INTERVAL_US = 20_000, 1_000_000
 FORCE = 21_196  # third word of a command to disarm: also in flight
 LARGEST_LEAD_RAD = 0.5  # of the heading of set points before that of the vehicle
@@ -50,7 +51,7 @@ class MavlinkProtocol(SetPointRadio):
         self._heading_rad: float | None = None
         self._yaw_rate_rad_s = 0.0
         self._pose: tuple[float, float, float, float] | None = None
-        self._armed = self._arming = self._thrusts = False
+        self._armed = self._arming = self._thrusts = self._standing = False
 
     # Frames -------------------------------------------------------------------------------------------
 
@@ -98,8 +99,9 @@ class MavlinkProtocol(SetPointRadio):
         )
         return [self._packed(message)]
 
-    def pose_seen(self, position_m: tuple[float, float, float], yaw_rad: float) -> None:
+    def pose_seen(self, position_m: tuple[float, float, float], yaw_rad: float, *, standing: bool) -> None:
         """See `RadioProtocol`; its roll and pitch are those that the autopilot reports."""
+        self._standing = standing
         self._pose = (*position_m, yaw_rad) if self.settings.external_pose else None
 
     def _external_pose(self) -> list[bytes]:
@@ -143,7 +145,9 @@ class MavlinkProtocol(SetPointRadio):
             mode = self._command(mavlink.MAV_CMD_DO_SET_MODE, custom, self._mode.requested)
             packets.append(self._command(arm, 1) if state.obeys else mode)
         elif not self._armed and state.armed and state.obeys:
-            packets.append(self._command(arm, 0))
+            # An autopilot that does not detect its landing refuses, and its motors go on turning.
+            forced = self._standing and self._now_s >= state.refused_since_s + REFUSED_S
+            packets.append(self._command(arm, 0, FORCE if forced else 0))
         return packets
 
     def frame_written(self, now_s: float) -> None:
@@ -213,7 +217,15 @@ class MavlinkProtocol(SetPointRadio):
             return (
                 "a pilot or a failsafe has changed the mode" if state.armed else "the autopilot has disarmed"
             )
-        return "someone else has armed the vehicle" if state.armed and not state.obeys else None
+        if not state.armed:
+            return state.arming_problem
+        if not state.obeys:
+            return "someone else has armed the vehicle"
+        return f"the autopilot is still armed: {state.complaint or 'it has not answered yet'}"
+
+    def status(self, now_s: float) -> ModuleStatus:
+        """See `SetPointRadio`; armed as the autopilot reports it."""
+        return replace(super().status(now_s), armed=self._state.armed)
 
 
 def packed(mav: mavlink.MAVLink, message: Any) -> bytes:

@@ -7,7 +7,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from rcopterx.radios.mavlink_settings import Mode
+from rcopterx.radios.mavlink_settings import PX4, Mode
 from rcopterx.radios.protocol import FrameDecodeError
 
 SETTLING_S = 0.5  # reports may be older than the answer to a command by so much
@@ -57,6 +57,7 @@ class AutopilotState:
     `armed` and `obeys`: whether it is armed, and whether its mode obeys set points; None before the first
     heartbeat. `attitude_rad` and `voltage_v`: roll to the right, pitch nose up, heading clockwise from above;
     battery. None before the first one. `complaint`: why the last command was refused; empty if it was not.
+    `refused_since_s`: since when it refuses to disarm, infinite if it does not.
     """
 
     def __init__(self, mode: Mode) -> None:
@@ -67,6 +68,8 @@ class AutopilotState:
         self.voltage_v: float | None = None
         self.complaint = self._text = ""
         self._texts = StatusTexts()
+        self.refused_since_s = math.inf
+        self._refuses_to_arm = False
         self._autopilot = mode.autopilot
         self._claimed_s = self._heartbeat_s = self._attitude_s = -math.inf
 
@@ -88,8 +91,10 @@ class AutopilotState:
                 if not all(map(math.isfinite, attitude_rad)):
                     raise FrameDecodeError("mavlink: an attitude that is not finite")
                 self.attitude_rad, self._attitude_s = attitude_rad, now_s
-            case "SYS_STATUS" if message.voltage_battery != NO_VOLTAGE:
-                self.voltage_v = 0.001 * message.voltage_battery
+            case "SYS_STATUS":
+                self._judge_health(message)
+                if message.voltage_battery != NO_VOLTAGE:
+                    self.voltage_v = 0.001 * message.voltage_battery
             case "STATUSTEXT" if message.severity <= mavlink.MAV_SEVERITY_WARNING:
                 self._text = self._texts.take(message, now_s) or self._text
                 if self._text and self.complaint.startswith(UNEXPLAINED):
@@ -100,7 +105,7 @@ class AutopilotState:
         if message.command not in (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE):
             return
         if message.result == mavlink.MAV_RESULT_ACCEPTED:
-            self.complaint, self._claimed_s = "", now_s
+            self.complaint, self._claimed_s, self.refused_since_s = "", now_s, math.inf
             if message.command == mavlink.MAV_CMD_DO_SET_MODE:
                 self.obeys = True
             else:
@@ -109,6 +114,25 @@ class AutopilotState:
             # The text may come a moment before or after the answer.
             text = self._text or self._texts.unfinished(now_s)
             self.complaint, self._text = text or f"{UNEXPLAINED} {message.result}", ""
+            if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and not arming:
+                self.refused_since_s = min(self.refused_since_s, now_s)
+
+    def _judge_health(self, message: Any) -> None:
+        """Note the result of the checks before arming.
+
+        ArduPilot says whether its checks are enabled. PX4 does not, and reports the checks of its present
+        mode, which count only in the mode that obeys set points.
+        """
+        bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        judged = self.obeys if self._autopilot == PX4 else message.onboard_control_sensors_enabled & bit
+        self._refuses_to_arm = bool(judged) and not message.onboard_control_sensors_health & bit
+
+    @property
+    def arming_problem(self) -> str | None:
+        """Why it would refuse to arm by its own checks; None if it would not, or reports none."""
+        if not self._refuses_to_arm:
+            return None
+        return f"the autopilot would refuse to arm: {self.complaint or self._text or 'its own checks fail'}"
 
     def sees_attitude(self, now_s: float) -> bool:
         """Whether attitudes arrive."""

@@ -89,11 +89,13 @@ class DecodedFrame:
 
 @dataclass(frozen=True, slots=True)
 class ModuleStatus:
-    """State of the radio module: readiness, binding, and one line for people."""
+    """State of the radio module: readiness, binding, one line for people, arming."""
 
     ready: bool
     binding: bool
     text: str
+    armed: bool | None = None
+    """Whether the vehicle's firmware reports that an operator's arming lasts; None where it reports none."""
 
 
 class RadioProtocol(ABC):
@@ -149,8 +151,10 @@ class RadioProtocol(ABC):
     def frame_written(self, now_s: float) -> None:  # noqa: B027 - few radios use it
         """Note that a frame was written as a whole."""
 
-    def pose_seen(self, position_m: tuple[float, float, float], yaw_rad: float) -> None:  # noqa: B027
-        """Take the newest raw pose of the vehicle; few firmwares want it."""
+    def pose_seen(  # noqa: B027 - few firmwares use it
+        self, position_m: tuple[float, float, float], yaw_rad: float, *, standing: bool
+    ) -> None:
+        """Pass the newest raw pose; `standing`: on the floor, and nothing is to fly it."""
 
     @abstractmethod
     def receive(self, data: bytes, now_s: float) -> None:

@@ -1,4 +1,8 @@
-"""Emulated autopilot between MAVLink and motors (behaviour: documentation of PX4)."""
+"""Emulated autopilot between MAVLink and motors.
+
+Behaviour: documentation of PX4; landing detectors and answers as PX4 1.16.1 (`sihsim_quadx`) and ArduCopter
+4.8-dev (1b34668c) showed them in their own simulations.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import common as mavlink
 
 from rcopterx.radios.mavlink import FORCE, packed, set_point_of
-from rcopterx.radios.mavlink_settings import MODES, MavlinkSettings
+from rcopterx.radios.mavlink_settings import ARDUPILOT, MODES, MavlinkSettings
 from rcopterx.radios.mavlink_state import LONGEST_TEXT
 from rcopterx.radios.protocol import FrameDecodeError
 from rcopterx.radios.set_points import SetPoint
@@ -25,6 +29,7 @@ YAW_GAIN_PER_S: Final = 2.8
 HOVER_SHARE: Final = 0.02  # of each set point in the thrust that it learns to hover with
 SINKING: Final = 0.95  # share of that thrust in a landing
 FLYING_M: Final = 0.02
+LANDED_S: Final = 2.5  # on the floor with low throttle, until PX4 detects the landing
 NORTH_RAD: Final = 1.0  # heading of the x axis of the laboratory: north is zero for an autopilot
 FULL_V: Final = 16.8
 EMPTY_V: Final = 14.0
@@ -62,6 +67,7 @@ class EmulatedAutopilot(UdpVehicle):
         self._flown_s = 0.0
         self._streams_since_s, self._received_s, self._advanced_s = now_s, -math.inf, now_s
         self._set_point, self._heading_rad, self._hover = SetPoint(), 0.0, 0.5
+        self._landed_s: float | None = -math.inf  # since when it stands with low throttle; None in flight
 
     def switch_off(self) -> None:
         """Remove the battery."""
@@ -141,7 +147,24 @@ class EmulatedAutopilot(UdpVehicle):
                 self._periods_s[round(first)], self._due_s[round(first)] = 1e-6 * packet.param2, now_s
             case _:
                 return mavlink.MAV_RESULT_UNSUPPORTED, ""
-        return (mavlink.MAV_RESULT_TEMPORARILY_REJECTED if refusal else mavlink.MAV_RESULT_ACCEPTED), refusal
+        return (self._refused if refusal else mavlink.MAV_RESULT_ACCEPTED), refusal
+
+    @property
+    def _ardupilot(self) -> bool:
+        return self._obeying.autopilot == ARDUPILOT
+
+    @property
+    def _refused(self) -> int:
+        failed, rejected = mavlink.MAV_RESULT_FAILED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+        return failed if self._ardupilot else rejected
+
+    @property
+    def _landed(self) -> bool:
+        """Whether it detects its landing; ArduPilot in a mode that obeys thrusts misses one it has flown."""
+        since_s = self._landed_s
+        if self._ardupilot and self._obeys:
+            return since_s == -math.inf
+        return since_s is not None and self._advanced_s >= since_s + LANDED_S
 
     @property
     def _obeys(self) -> bool:
@@ -155,18 +178,23 @@ class EmulatedAutopilot(UdpVehicle):
 
     def _arm(self, *, on: bool, force: bool) -> str:
         """Arm or disarm; return why not."""
-        if on and self.terminated:
-            return "Arming denied: flight terminated, restart it"
-        if on and self._flown_s >= ENDURANCE_S:
-            return "Arming denied: battery low"
-        if on and self._obeys and not self._streams:
-            return "Arming denied: no offboard signal"
+        if on and (refusal := self._check()):
+            return refusal
         if on and self._set_point.thrust > 0:
             return "Arming denied: thrust is not zero"
-        if not on and not force and self._height_m > FLYING_M:
+        if not on and not force and not self._landed:
             return "Disarming denied: not landed"
         self.armed = on
+        self._landed_s = -math.inf
         return ""
+
+    def _check(self) -> str:
+        """Return why the checks before arming fail in the present mode."""
+        if self.terminated:
+            return "Arming denied: flight terminated, restart it"
+        if self._flown_s >= ENDURANCE_S:
+            return "Arming denied: battery low"
+        return "Arming denied: no offboard signal" if self._obeys and not self._streams else ""
 
     def _change_mode(self, main: int, sub: int) -> str:
         """Change the mode; return why not."""
@@ -192,8 +220,10 @@ class EmulatedAutopilot(UdpVehicle):
         if number == mavlink.MAVLINK_MSG_ID_SYS_STATUS:
             share = max(1.0 - self._flown_s / ENDURANCE_S, 0.0)
             voltage_mv = round(1000 * (EMPTY_V + (FULL_V - EMPTY_V) * share))
+            bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+            enabled, healthy = bit * self._ardupilot, bit * (not self._check())
             return mavlink.MAVLink_sys_status_message(
-                0, 0, 0, 0, voltage_mv, -1, round(100 * share), 0, 0, 0, 0, 0, 0
+                enabled, enabled, healthy, 0, voltage_mv, -1, round(100 * share), 0, 0, 0, 0, 0, 0
             )
         flags = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
         return mavlink.MAVLink_heartbeat_message(
@@ -211,6 +241,10 @@ class EmulatedAutopilot(UdpVehicle):
         """Apply the age of set points until `now_s`, and control the heading."""
         self._flown_s += self.armed * max(now_s - self._advanced_s, 0.0)
         self._advanced_s = max(self._advanced_s, now_s)
+        if self._height_m > FLYING_M:
+            self._landed_s = None
+        elif self._landed_s is None and self._wanted().thrust == 0:
+            self._landed_s = now_s
         if self._obeys and now_s > self._received_s + LOSS_S:
             self.mode = LAND if self.armed else LOITER
         if self.mode == LAND and self._height_m <= FLYING_M:

@@ -93,7 +93,10 @@ class Transmitter:
         self.arbiter.pose(pose, now_s)
         if pose.vehicle == self.vehicle:
             if pose.position_m is not None and pose.yaw_rad is not None:
-                self.protocol.pose_seen(pose.position_m, pose.yaw_rad)
+                standing = self.arbiter.state not in FLYING and seen_on_floor(
+                    self.arbiter.surveillance.own_track, self.arbiter.limits
+                )
+                self.protocol.pose_seen(pose.position_m, pose.yaw_rad, standing=standing)
             self._decide_at_once()
 
     @property

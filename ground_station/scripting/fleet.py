@@ -32,6 +32,7 @@ SOURCE = "operator"
 KILL_REPEAT_S = 0.1  # between two copies of a kill; one that is lost costs a vehicle this much time
 RETRY_S = 0.1
 DISARM_S = 1.0  # for the agents to report that they are disarmed
+FIRMWARE_DISARM_S = 5.0  # for firmware that has to detect the landing first
 STATUS_S = 1.0  # by then every vehicle has reported its state
 MEASURING_S = 60.0  # how long a take-off waits for hosts that measure how many vehicles they can fly
 NOT_LIFTED = (
@@ -291,7 +292,8 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         Raises
         ------
         RefusedError, RequestFailedError, NotReachedError
-            A vehicle refused, did not answer or did not land; the others land and are disarmed first.
+            A vehicle refused, did not answer, did not land, or its firmware reports that it is still armed;
+            the others land and are disarmed first.
             Failures of further vehicles are in the notes of the error.
         """
         self.wait_for_status(names := None if names is None else named(self.file, names))
@@ -326,6 +328,13 @@ class Fleet(Observer, AbstractContextManager["Fleet"]):
         self._notifier.wait_until(
             lambda: not any(vehicle.state.phase == "armed" for vehicle in landing), DISARM_S
         )
+        with _collected(problems):
+            self.wait_until(
+                lambda: not any(vehicle.state.firmware_armed for vehicle in landing),
+                FIRMWARE_DISARM_S,
+                "not all vehicles have disarmed",
+                [vehicle.name for vehicle in landing],
+            )
         if problems:
             for other in problems[1:]:
                 problems[0].add_note(str(other))

@@ -76,6 +76,11 @@ class VehicleState:
         return "unknown" if self.transmitter is None else self.transmitter.state
 
     @property
+    def firmware_armed(self) -> bool:
+        """Whether the firmware of the vehicle reports that it is armed."""
+        return self.transmitter is not None and self.transmitter.armed is True
+
+    @property
     def reason(self) -> str:
         """Why the arbiter is in its state, without the name of the state; empty without a status."""
         if self.transmitter is None:

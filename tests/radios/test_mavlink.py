@@ -104,7 +104,7 @@ def test_poses_are_sent_once_each_in_the_axes_of_the_autopilot() -> None:
     peer, silent = Peer(external_pose=True), Peer()
     peer.report(peer.link.attitude_encode(0, 0.1, -0.2, 0.3, 0.0, 0.0, 0.0))
     for one in (peer, silent):
-        one.protocol.pose_seen((1.0, 2.0, 3.0), 0.5)
+        one.protocol.pose_seen((1.0, 2.0, 3.0), 0.5, standing=False)
     [pose] = [each for each in peer.frame(LOW) if each.get_type() == "VISION_POSITION_ESTIMATE"]
     assert (pose.x, pose.y, pose.z) == (1.0, -2.0, -3.0)
     assert (pose.roll, pose.pitch, pose.yaw) == pytest.approx((0.1, -0.2, -0.5))
