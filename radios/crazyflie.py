@@ -24,7 +24,8 @@ class CrazyflieSettings(FullStick):
 
     watchdog: bool = True
     """Feed the firmware's watchdog from the first flight on: it stops the motors 1 s after the last frame,
-    until a restart of the vehicle. Without it set points stop them after 2 s."""
+    until a restart of the firmware, which the gateway requests when it ends. Without it set points stop them
+    after 2 s."""
 
 
 class CrazyflieProtocol(SetPointRadio):
@@ -39,7 +40,7 @@ class CrazyflieProtocol(SetPointRadio):
         super().__init__(settings or CrazyflieSettings(), line, REQUESTS_REMEMBERED)
         self._frames = 0
         self._armed: bool | None = None
-        self._watched = False
+        self._recovery: tuple[crtp.Packet, ...] = ()
         self._answered_s = -math.inf
         self._state: crtp.SupervisorState | None = None
         self._battery = BatteryLog()
@@ -68,10 +69,27 @@ class CrazyflieProtocol(SetPointRadio):
         state = self._state
         if state is not None and armed != state.armed and (armed or not state.arms_itself):
             requests.append(crtp.arm_request(on=armed))
-        self._watched = self._watched or (armed and self.settings.watchdog)
-        if self._watched:
+        self.watched = self.watched or (armed and self.settings.watchdog)
+        if self.watched:
             requests.append(crtp.WATCHDOG)
+        requests += self._recovery
+        self._recovery = ()
         return requests
+
+    def recover(self) -> str | None:
+        """See `RadioProtocol`: a lock ends with a restart, a crash with a request once upright."""
+        state = self._state
+        if state is not None and state.locked:
+            self._recovery, self.watched = crtp.RESTART, False
+            return "the firmware restarts; it has to stand still for some seconds"
+        if state is not None and state.crashed and not state.tumbled:
+            self._recovery = (crtp.RECOVERY,)
+            return "the firmware ends the state of its crash"
+        return None
+
+    def farewell(self) -> bytes:
+        """See `RadioProtocol`: restart the firmware, whose watchdog nothing else switches off."""
+        return crtp.joined(packet.to_bytes() for packet in crtp.RESTART) if self.watched else b""
 
     def link_opened(self, now_s: float) -> None:
         """Wait for a new state."""
@@ -83,7 +101,7 @@ class CrazyflieProtocol(SetPointRadio):
         """Count the vehicle as ready and armed, as if it had just reported it."""
         self.link_opened(now_s)
         self._state, self._answered_s = crtp.SupervisorState(armed=True), now_s
-        self._watched = self.settings.watchdog
+        self.watched = self.settings.watchdog
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Keep the newest state; other packets mean that the vehicle is there, no more."""
@@ -120,7 +138,9 @@ class CrazyflieProtocol(SetPointRadio):
         if now_s - self._answered_s > SILENT_S:
             return f"vehicle gone: silent for {now_s - self._answered_s:.1f} s"
         if state.locked:
-            return "the vehicle is locked after a stop: switch it off and on"
-        if state.crashed or state.tumbled:
-            return "the vehicle has crashed or lies on its side"
+            return "the vehicle is locked after a stop: reset it, or switch it off and on"
+        if state.tumbled:
+            return "the vehicle lies on its side: put it upright"
+        if state.crashed:
+            return "the vehicle has crashed: check it and reset it"
         return None if state.armed or state.can_be_armed else "the vehicle checks itself"

@@ -20,7 +20,8 @@ HIGHEST_CHANNEL = 125
 DATA_RATES = ("250K", "1M", "2M")
 COMMANDER, SUPERVISOR = 3, 9  # ports
 STATE_CHANNEL, COMMAND_CHANNEL = 0, 1  # channels of the supervisor
-ARM, STATE_BITS = 0x01, 0x0C  # commands of the supervisor
+ARM, RECOVER, STATE_BITS = 0x01, 0x02, 0x0C  # commands of the supervisor
+LINK_CONTROL = 15  # port, whose channel 3 reaches the second processor, of radio and power
 ANSWERED = 0x80
 
 _SET_POINT = struct.Struct("<fffH")
@@ -97,6 +98,12 @@ STATE_REQUEST = Packet(SUPERVISOR, STATE_CHANNEL, bytes((STATE_BITS,)))
 EMERGENCY_STOP = Packet(SUPERVISOR, COMMAND_CHANNEL, b"\x03")  # stops the motors until a restart
 WATCHDOG = Packet(SUPERVISOR, COMMAND_CHANNEL, b"\x04")
 """Keeps the motors running for another second; from the first one on the firmware waits for the next."""
+
+
+RECOVERY = Packet(SUPERVISOR, COMMAND_CHANNEL, bytes((RECOVER,)))
+"""Ends the state of a crash, if the vehicle is upright again."""
+RESTART = (Packet(LINK_CONTROL, 3, b"\xfe\xff"), Packet(LINK_CONTROL, 3, b"\xfe\xf0\x01"))
+"""Restarts the firmware: the second packet counts after the first."""
 
 
 def arm_request(*, on: bool) -> Packet:

@@ -117,6 +117,7 @@ class RadioProtocol(ABC):
     keepalive_s: float
     rest_us: float = CENTER_US  # pulse width of the channels that `encode` gets none for
     counters: Mapping[str, int] = MappingProxyType({})  # answers that were rejected, by reason
+    watched: bool = False  # whether a watchdog of the firmware locks the vehicle without further frames
 
     @property
     def channels_on_air(self) -> int:
@@ -155,6 +156,14 @@ class RadioProtocol(ABC):
         self, position_m: tuple[float, float, float], yaw_rad: float, *, standing: bool
     ) -> None:
         """Pass the newest raw pose; `standing`: on the floor, and nothing is to fly it."""
+
+    def recover(self) -> str | None:
+        """Begin to end a lock or a crash of the firmware in the next frames; return what, None for none."""
+        return None
+
+    def farewell(self) -> bytes:
+        """Return the last frame, after which nothing feeds the firmware of a vehicle that stands."""
+        return b""
 
     @abstractmethod
     def receive(self, data: bytes, now_s: float) -> None:

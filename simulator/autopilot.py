@@ -155,7 +155,8 @@ class EmulatedAutopilot(UdpVehicle):
 
     @property
     def _refused(self) -> int:
-        failed, rejected = mavlink.MAV_RESULT_FAILED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+        rejected: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+        failed: int = mavlink.MAV_RESULT_FAILED
         return failed if self._ardupilot else rejected
 
     @property

@@ -8,6 +8,8 @@ from collections import Counter, deque
 from typing import Final
 from zlib import crc32
 
+from msgspec import structs
+
 from rcopterx.radios import crtp
 from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.crazyflie_battery import LOG
@@ -55,6 +57,7 @@ def _item(raw: bytes) -> int | None:
 LEVEL_AFTER_S: Final = 0.5
 STOP_AFTER_S: Final = 2.0
 WATCHDOG_S: Final = 1.0
+BOOT_S: Final = 2.0  # from a restart by radio to the first answer
 LEAST_THRUST: Final = 1000 / crtp.FULL_THRUST  # less is nothing
 
 
@@ -87,7 +90,8 @@ class Crazyflie(UdpVehicle):
         self._unlocked = False
         self._set_point = SetPoint()
         self._received_s = self._fed_s = math.inf
-        self._advanced_s = now_s
+        self._advanced_s = self._running_s = now_s
+        self._restarts = False
 
     def switch_off(self) -> None:
         """Take the battery out."""
@@ -97,7 +101,7 @@ class Crazyflie(UdpVehicle):
     def receive(self, raw: bytes, now_s: float) -> list[bytes]:
         """Take a packet at `now_s`; return the answers."""
         self.advance(now_s)
-        if not self.powered:
+        if not self.powered or now_s < self._running_s:
             return []
         if raw == crtp.NULL_PACKET:
             return [crtp.NULL_PACKET]
@@ -123,6 +127,13 @@ class Crazyflie(UdpVehicle):
         if packet == crtp.EMERGENCY_STOP:
             self._lock(now_s)
             return []
+        if packet == crtp.RECOVERY:
+            if not self.state.tumbled:
+                self.state = structs.replace(self.state, crashed=False, can_be_armed=not self.state.armed)
+            return []
+        if packet in crtp.RESTART:
+            self._restart(now_s, packet)
+            return []
         if packet.port == LOG and (logged := self._log.obey(packet, now_s)) is not None:
             return [logged]
         if (answer := served(packet)) is not None:
@@ -132,6 +143,19 @@ class Crazyflie(UdpVehicle):
                 return [self._arm(on=on, answer=packet)]
         raise FrameDecodeError(f"crazyflie: no such port or command: {packet.port}, {packet.channel}")
 
+    def _restart(self, now_s: float, packet: crtp.Packet) -> None:
+        """Restart with the second of two packets; the battery keeps its charge."""
+        begun, self._restarts = self._restarts, packet == crtp.RESTART[0]
+        if begun and packet == crtp.RESTART[1]:
+            flown_s = self._flown_s
+            self.power_cycle(now_s)
+            self._flown_s, self._running_s = flown_s, now_s + BOOT_S
+
+    def crash(self, *, tumbled: bool) -> None:
+        """Stop the motors as after a crash; `tumbled`: it lies on its side."""
+        self.state = crtp.SupervisorState(arms_itself=self._arms_itself, crashed=True, tumbled=tumbled)
+        self._note(self._advanced_s)
+
     def _take(self, set_point: SetPoint, now_s: float) -> None:
         self._unlocked = self._unlocked or set_point.thrust == 0
         self._set_point, self._received_s = set_point, now_s
@@ -139,7 +163,7 @@ class Crazyflie(UdpVehicle):
         self.frames.append(SerialFrame(now_s, pulses_us, kill=self.state.locked))
 
     def _arm(self, *, on: bool, answer: crtp.Packet) -> crtp.Packet:
-        if not self.state.locked:
+        if not (self.state.locked or self.state.crashed):
             self._change(armed=on or self._arms_itself)
         done = self.state.armed is on
         data = bytes((crtp.ANSWERED | crtp.ARM, done, self.state.armed))

@@ -92,6 +92,7 @@ class LastApplied(Struct, frozen=True, array_like=True):
     mistaken: bool = False  # whether the own poses may be those of another body
     ready: bool = False  # whether the module was ready
     grounded: bool = False  # whether low thrust has lasted so long that the vehicle stood on the floor
+    watched: bool = False  # whether a watchdog of the firmware waits for frames
 
 
 class Answer(Struct, frozen=True):

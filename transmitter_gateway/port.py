@@ -5,6 +5,10 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from enum import StrEnum
 
+from msgspec import Struct
+
+from rcopterx.transmitter_gateway.inputs import ArbiterOutput
+
 
 class WriteOutcome(StrEnum):
     """Outcome of a write."""
@@ -15,6 +19,15 @@ class WriteOutcome(StrEnum):
     BACKLOG = "frames not sent: earlier bytes still queued"
     SHORT = "short writes"
     FAILED = "failed writes"
+
+
+class Write(Struct, frozen=True):
+    """One attempt to write a frame: outcome, decision behind it, pulse widths in channel order."""
+
+    time_s: float
+    outcome: WriteOutcome
+    output: ArbiterOutput
+    pulses_us: tuple[float, ...]
 
 
 class Port(ABC):

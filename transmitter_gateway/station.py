@@ -17,8 +17,8 @@ from rcopterx.transmitter_gateway.inputs import (
     LinkState,
     State,
 )
-from rcopterx.transmitter_gateway.port import WriteOutcome
-from rcopterx.transmitter_gateway.transmitter import Transmitter, Write
+from rcopterx.transmitter_gateway.port import Write, WriteOutcome
+from rcopterx.transmitter_gateway.transmitter import Transmitter
 
 COMMANDS_KEPT = 256  # a flood of wrong commands must not push out the right ones between them
 COMMANDS_AT_ONCE = 8  # so that a flood for one vehicle keeps no other one waiting

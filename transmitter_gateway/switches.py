@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from msgspec import Struct
 
@@ -30,6 +31,15 @@ def prepare_channels(protocol: RadioProtocol, calibration: Calibration, limits: 
     for extreme in (limits.lower, limits.upper):
         for on in (False, True):
             protocol.check(calibration.pulses_us(extreme, throttle_low=on, armed=on, stopped=on))
+
+
+def shown_channels(
+    calibration: Calibration, u: Sequence[float], throttle_us: float | None
+) -> tuple[float, ...]:
+    """Return the pulse widths [us] that show an input at the workbench, with the throttle low by default."""
+    pulses = list(calibration.pulses_us(u, armed=throttle_us is not None))
+    pulses[calibration.throttle.index] = throttle_us or calibration.throttle.low_us
+    return tuple(pulses)
 
 
 def channels_of(

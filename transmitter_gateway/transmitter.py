@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from msgspec import Struct, structs
+from msgspec import structs
 
 from rcopterx.radios.protocol import FrameFlags, ModuleStatus, ProtocolError
 from rcopterx.transmitter_gateway.arbiter import Arbiter
@@ -28,24 +28,16 @@ from rcopterx.transmitter_gateway.inputs import (
     PoseInput,
     State,
 )
-from rcopterx.transmitter_gateway.port import Port, WriteOutcome
+from rcopterx.transmitter_gateway.port import Port, Write, WriteOutcome
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import StatePage
-from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_channels
+from rcopterx.transmitter_gateway.switches import Arming, channels_of, prepare_channels, shown_channels
 from rcopterx.transmitter_gateway.take_over import seen_on_floor, take_over_problem
 
 THROTTLE_LOW_FRAMES = 30  # at least 25 are to arrive
+FAREWELL_FRAME = 26  # of them, after which the firmware may restart; ports send it before they are closed
 REPOWERED_S = 7.0  # until a receiver finds a module that lost power (2 to 6 s); the vehicle has fallen
 LEASES_PER_S = 1000  # of a second at most: a restarted gateway that lost them continues from here
-
-
-class Write(Struct, frozen=True):
-    """One attempt to write a frame: outcome, decision behind it, pulse widths in channel order."""
-
-    time_s: float
-    outcome: WriteOutcome
-    output: ArbiterOutput
-    pulses_us: tuple[float, ...]
 
 
 class Transmitter:
@@ -93,9 +85,7 @@ class Transmitter:
         self.arbiter.pose(pose, now_s)
         if pose.vehicle == self.vehicle:
             if pose.position_m is not None and pose.yaw_rad is not None:
-                standing = self.arbiter.state not in FLYING and seen_on_floor(
-                    self.arbiter.surveillance.own_track, self.arbiter.limits
-                )
+                standing = self.arbiter.state not in FLYING and self._on_floor
                 self.protocol.pose_seen(pose.position_m, pose.yaw_rad, standing=standing)
             self._decide_at_once()
 
@@ -116,6 +106,10 @@ class Transmitter:
         if request.action is Action.SHUTDOWN:
             self._shutdown = True
         answer = self.arbiter.request(request, now_s)
+        if request.action is Action.RESET and request.by in self.arbiter.limits.operators:
+            standing = self.arbiter.state in (State.DISARMED, State.CUT)
+            recovery = self.protocol.recover() if standing else None
+            answer = answer if recovery is None else Answer(True, recovery)
         if self.arbiter.state is not State.DISARMED:
             self._last, self._unknown_until_s = None, -math.inf
         self._save()
@@ -143,6 +137,7 @@ class Transmitter:
             return
         self.arbiter.leases.resume(last.lease, last.issued, now_s)
         self._written_u, self._written_s = last.u, last.written_s
+        self.protocol.watched = last.watched
         self._decide_at_once()
         if last.state is State.KILLED:
             self.arbiter.request(ActionRequest(Action.KILL, by="an earlier process"), now_s)
@@ -168,6 +163,7 @@ class Transmitter:
             mistaken=arbiter.surveillance.mistaken,
             ready=self._ready,
             grounded=arbiter.grounded,
+            watched=self.protocol.watched,
         )
 
     @property
@@ -220,11 +216,7 @@ class Transmitter:
         return Answer(True, "range check on" if wanted else "range check off")
 
     def show(
-        self,
-        u: Sequence[float] | None,
-        *,
-        throttle_us: float | None = None,
-        until_s: float = math.inf,
+        self, u: Sequence[float] | None, *, throttle_us: float | None = None, until_s: float = math.inf
     ) -> Answer:
         """Send these inputs while DISARMED, for calibration; None ends it. Meanwhile arming is refused.
 
@@ -233,16 +225,12 @@ class Transmitter:
         """
         if self.arbiter.state is not State.DISARMED:
             return Answer(False, f"calibration is only possible while DISARMED, not {self.arbiter.state}")
-        throttle = self._calibration.throttle
-        if throttle_us is not None and not throttle.low_us <= throttle_us <= throttle.us1:
-            return Answer(
-                False, f"throttle {throttle_us:g} us is outside {throttle.low_us:g} .. {throttle.us1:g}"
-            )
+        low_us, full_us = self._calibration.throttle.low_us, self._calibration.throttle.us1
+        if throttle_us is not None and not low_us <= throttle_us <= full_us:
+            return Answer(False, f"throttle {throttle_us:g} us is outside {low_us:g} .. {full_us:g}")
         self._shown_until_s = -math.inf if u is None else until_s
         if u is not None:
-            pulses = list(self._calibration.pulses_us(u, armed=throttle_us is not None))
-            pulses[throttle.index] = throttle_us or throttle.low_us
-            self._shown = tuple(pulses)
+            self._shown = shown_channels(self._calibration, u, throttle_us)
         self._decide_at_once(urgent=True)
         return Answer(True, "shown")
 
@@ -341,6 +329,9 @@ class Transmitter:
             self.protocol.frame_written(now_s)
         if self._shutdown and not flying and outcome is WriteOutcome.WRITTEN:
             self._low_frames += 1
+            last = self._low_frames == FAREWELL_FRAME and output.state is not State.KILLED
+            if last and (frame := self.protocol.farewell()):
+                self.port.write_frame(frame, now_s)
         return Write(now_s, outcome, output, pulses)
 
     @property
@@ -366,6 +357,10 @@ class Transmitter:
             self.arbiter.link(LinkState.LOST, problem)
             self.arbiter.step(now_s)
 
+    @property
+    def _on_floor(self) -> bool:
+        return seen_on_floor(self.arbiter.surveillance.own_track, self.arbiter.limits)
+
     def _judge_link(self, now_s: float) -> None:
         """Judge the way to the vehicle; a flight goes on while its port is away for a moment."""
         module = self.protocol.status(now_s)
@@ -376,7 +371,7 @@ class Transmitter:
         if not self.port.is_open and not (state in FLYING and now_s < self._too_late_s):
             problem = self.port.problem
         doubtful = state is State.ARMED and now_s < self._returned_s + REPOWERED_S
-        if doubtful and seen_on_floor(self.arbiter.surveillance.own_track, self.arbiter.limits):
+        if doubtful and self._on_floor:
             problem = "it may stand on the floor"
         link = self._link(module, now_s) if problem is None else LinkState.LOST
         self._ready = link is LinkState.READY

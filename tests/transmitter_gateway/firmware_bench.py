@@ -58,16 +58,20 @@ class FirmwareBench:
     """A vehicle that is seen at 0.8 m, and a command of 0.1 pitch and some thrust in each period."""
 
     def __init__(self, vehicle: UdpVehicle, protocol: SetPointRadio, low_s: float = 0.1) -> None:
-        self.air = Air(vehicle, protocol)
-        calibration = Calibration(arming=ArmingChannel(4, low_s=low_s))
-        self.transmitter = Transmitter(
-            TransmitterSettings("c1", "air", protocol, calibration, ArbiterLimits()), self.air
-        )
-        self.firmware = vehicle
+        self.firmware, self._low_s = vehicle, low_s
+        self.connect(protocol)
         self.now_s = 0.0
         self.height_m = 0.8
         self.sequence = 0
         self.lease = self.transmitter.bid(1, 0.0, take_over=False)
+
+    def connect(self, protocol: SetPointRadio) -> None:
+        """Connect a new gateway."""
+        self.air = Air(self.firmware, protocol)
+        calibration = Calibration(arming=ArmingChannel(4, low_s=self._low_s))
+        self.transmitter = Transmitter(
+            TransmitterSettings("c1", "air", protocol, calibration, ArbiterLimits()), self.air
+        )
 
     @property
     def motors_run(self) -> bool:

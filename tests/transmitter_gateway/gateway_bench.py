@@ -24,12 +24,12 @@ from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
-from rcopterx.transmitter_gateway.port import WriteOutcome
+from rcopterx.transmitter_gateway.port import Write, WriteOutcome
 from rcopterx.transmitter_gateway.process import Gateway
 from rcopterx.transmitter_gateway.radios import Radios, Wakeup
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import begin_page
-from rcopterx.transmitter_gateway.transmitter import Transmitter, Write
+from rcopterx.transmitter_gateway.transmitter import Transmitter
 
 NAMES = ("h1", "h2", "h3")
 LINE = SerialLine(100_000, "N", 2)

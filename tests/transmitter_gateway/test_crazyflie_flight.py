@@ -4,15 +4,26 @@ import pytest
 from firmware_bench import FirmwareBench
 
 from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
-from rcopterx.simulator.crazyflie import LEVEL_AFTER_S, WATCHDOG_S, Crazyflie
+from rcopterx.simulator.crazyflie import BOOT_S, LEVEL_AFTER_S, WATCHDOG_S, Crazyflie
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
+from rcopterx.transmitter_gateway.state_page import NOT_FLYING, PAGE_BYTES, StatePage
 
 
 class Bench(FirmwareBench):
     def __init__(self, *, arms_itself: bool, watchdog: bool = True) -> None:
         settings = CrazyflieSettings(watchdog=watchdog)
+        self.settings = settings
         self.vehicle = Crazyflie(settings, arms_itself=arms_itself)
         super().__init__(self.vehicle, CrazyflieProtocol(settings))
+
+    def restart_gateway(self, page: StatePage | None) -> None:
+        """Replace the gateway by another process, a moment later."""
+        self.now_s += 0.15
+        self.connect(CrazyflieProtocol(self.settings))
+        if page is not None:
+            self.transmitter.resume(page, self.now_s)
+            self.run(0.14, None)
+        self.lease = self.transmitter.bid(2, self.now_s, take_over=False)
 
     @property
     def motors_run(self) -> bool:
@@ -20,7 +31,8 @@ class Bench(FirmwareBench):
 
     def fly(self) -> None:
         assert not any(self.run(1.5, 0.0))
-        assert self.request(Action.ARM)
+        answer = self.transmitter.request(ActionRequest(Action.ARM, "operator"), self.now_s)
+        assert answer.accepted, answer.reason
         self.run(2.0)
         assert self.state is State.ARMED
         assert self.vehicle.motors_run
@@ -50,12 +62,13 @@ def test_a_kill_stops_the_motors_within_a_period_and_for_good(bench: Bench) -> N
     bench.transmitter.tick(bench.now_s + 0.004)
     assert not bench.vehicle.motors_run
     assert bench.vehicle.state.locked
-    bench.run(1.0, 0.0)
+    bench.run(3.0, 0.0)
+    assert bench.vehicle.state.locked
+    assert not bench.request(Action.ARM), "killed until a reset"
     assert bench.request(Action.RESET)
-    bench.run(1.0, 0.0)
-    assert not bench.request(Action.ARM), "the vehicle is locked until it restarts"
-    assert "off and on" in bench.transmitter.module_text(bench.now_s)
-    bench.vehicle.power_cycle(bench.now_s)
+    assert not bench.request(Action.ARM), "the firmware has not restarted yet"
+    assert "locked after a stop" in bench.module
+    bench.run(BOOT_S + 0.5, 0.0)
     bench.fly()
 
 
@@ -103,3 +116,62 @@ def test_a_vehicle_that_restarts_in_flight_is_not_flown_on(bench: Bench) -> None
     bench.fly()
     bench.vehicle.power_cycle(bench.now_s)
     assert not any(bench.run(1.0)), "its thrust waits for a set point without thrust"
+
+
+def stand_after_a_flight(bench: Bench) -> None:
+    bench.fly()
+    bench.height_m = 0.02
+    bench.run(5.0, None)
+    assert bench.state is State.CUT
+    assert not bench.vehicle.state.locked
+
+
+def test_a_successor_of_a_gateway_that_died_on_the_floor_feeds_the_watchdog_on(bench: Bench) -> None:
+    page = StatePage(bytearray(PAGE_BYTES), b"boot")
+    page.save(NOT_FLYING)
+    bench.transmitter.resume(page, 0.0)
+    bench.run(1.0, 0.0)
+    stand_after_a_flight(bench)
+    bench.restart_gateway(page)
+    bench.run(3 * WATCHDOG_S, 0.0)
+    assert not bench.vehicle.state.locked
+    bench.fly()
+
+
+def test_the_end_of_a_gateway_leaves_vehicles_that_fly_without_a_power_cycle(bench: Bench) -> None:
+    stand_after_a_flight(bench)
+    bench.request(Action.SHUTDOWN)
+    while not bench.transmitter.finished:
+        bench.run(0.02, None)
+    bench.now_s += 10.0
+    bench.live()
+    assert not bench.vehicle.state.locked
+    bench.restart_gateway(None)
+    bench.fly()
+
+
+@pytest.mark.parametrize("tumbled", [True, False])
+def test_a_crashed_vehicle_flies_after_a_reset_once_it_is_upright(bench: Bench, tumbled: bool) -> None:
+    bench.fly()
+    bench.vehicle.crash(tumbled=tumbled)
+    bench.height_m = 0.02
+    bench.run(5.0, None)
+    assert bench.state is State.CUT
+    assert not bench.request(Action.ARM)
+    assert ("put it upright" if tumbled else "reset it") in bench.module
+    if tumbled:
+        assert not bench.request(Action.RESET)
+        bench.vehicle.crash(tumbled=False)
+        bench.run(0.5, 0.0)
+    assert bench.request(Action.RESET)
+    bench.run(0.5, 0.0)
+    bench.fly()
+
+
+def test_a_killed_vehicle_stays_locked_when_its_gateway_ends(bench: Bench) -> None:
+    bench.fly()
+    bench.request(Action.KILL)
+    bench.request(Action.SHUTDOWN)
+    while not bench.transmitter.finished:
+        bench.run(0.02, None)
+    assert bench.vehicle.state.locked

@@ -13,10 +13,10 @@ from rcopterx.simulator.radio_module import SerialFrame
 from rcopterx.simulator.radio_multi import MultiModule
 from rcopterx.simulator.radio_receiver import Receiver
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, Answer, CommandInput, PoseInput, State
-from rcopterx.transmitter_gateway.port import WriteOutcome
+from rcopterx.transmitter_gateway.port import Write, WriteOutcome
 from rcopterx.transmitter_gateway.serial_port import SerialPort
 from rcopterx.transmitter_gateway.settings import TransmitterSettings
-from rcopterx.transmitter_gateway.transmitter import Transmitter, Write
+from rcopterx.transmitter_gateway.transmitter import Transmitter
 
 LINE = SerialLine(100_000, "N", 2)
 
