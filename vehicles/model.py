@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -71,6 +71,17 @@ DAMPING_FACTOR: Final = 1.25
 def damping_range(ratio: float, factor: float = DAMPING_FACTOR) -> Two:
     """Return the least and the largest damping ratio that differ from one by a factor."""
     return ratio / factor, ratio * factor
+
+
+class MotionModel(NamedTuple):
+    """Parameters of the equations of motion (1) for kernels; vectors are body x, y, z, yaw, shape (4,)."""
+
+    input_gain: Array
+    damping: Array
+    lag_s: Array
+    gravity_m_s2: float
+    thrust_coupling: float  # yaw stick per thrust stick that the rotors have not followed yet
+    gyro: float  # yaw stick per yaw rate [s/rad]
 
 
 @dataclass(frozen=True)
@@ -200,6 +211,12 @@ class Model:
         return hover
 
     @cached_property
+    def motion_model(self) -> MotionModel:
+        """Parameters of the equations of motion for kernels."""
+        direct, lag_s, gyro = np.array(self.direct_damping), np.array(self.lag_s), self.rate_feedback[U_YAW]
+        return MotionModel(self.b, direct, lag_s, self.gravity_m_s2, self.thrust_coupling, gyro)
+
+    @cached_property
     def stick_room(self) -> Array:
         """Smaller way of each stick from hovering to its limits, shape (4,)."""
         return np.minimum(self.u_max - self.hover_input, self.hover_input - self.u_min)
@@ -231,6 +248,8 @@ def with_parameters(model: Model, parameters: Mapping[str, Any]) -> Model:
     Raises `ValueError`: a parameter that no identification finds, of the wrong type, or that no vehicle can
     have.
     """
+    if not parameters:
+        return model
     plain = asdict(model)
     for name, value in parameters.items():
         if name not in FITTED:

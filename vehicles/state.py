@@ -59,6 +59,16 @@ def inertial_velocity(motion: Array) -> Array:
     return turned_about_z(motion[XD_BODY:YAW_RATE], float(motion[YAW]))
 
 
+def body_motion(pose: Array, rates: Array) -> Array:
+    """Return the motion state of a pose with inertial velocity and yaw rate, both of shape (4,)."""
+    return np.concatenate((pose, turned_about_z(rates, -float(pose[YAW]))))
+
+
+def inertial_rates(motion: Array) -> Array:
+    """Inertial velocity and yaw rate of a motion state, shape (4,)."""
+    return turned_about_z(motion[XD_BODY : YAW_RATE + 1], float(motion[YAW]))
+
+
 def turned_about_z(vector: Array, yaw_rad: float) -> Array:
     """Return a vector whose first two components are turned by R(psi), the others kept."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)

@@ -24,7 +24,7 @@ from rcopterx.control.controllers.settings import (
     PositiveFloat,
 )
 from rcopterx.control.interfaces import ControlStep, Estimate
-from rcopterx.control.models.prediction import behind_gyro, derivative, motion_model
+from rcopterx.control.models.prediction import behind_gyro, derivative
 from rcopterx.control.models.roll_out import lag_poles, predict
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.vehicles.model import Model
@@ -71,7 +71,7 @@ class FeedbackController(BaseController):
 
     def _closed_loop(self, estimate: Estimate, reference: Trajectory) -> Array:
         """Inputs of law and model over the horizon, shape (N - 1, 4)."""
-        model, motion, actuator = motion_model(self._model), estimate.motion, estimate.actuator
+        model, motion, actuator = self._model.motion_model, estimate.motion, estimate.actuator
         trim = self._trim
         inputs = np.empty((self._horizon - 1, 4))
         for command, sample in zip(inputs, reference.samples, strict=False):

@@ -1,4 +1,4 @@
-"""Base class of the estimators: unwrapped yaw, and the innovation gate.
+"""Base class of the estimators: start and take-over, unwrapped yaw, and the innovation gate.
 
 The gate separates poses that the vehicle has flown to from poses that the Tracker mixed up.
 """
@@ -7,7 +7,7 @@ import math
 import operator
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from rcopterx.control.estimators.settings import EstimatorSettings
 from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.references.trajectory import nearest_heading
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, XD_BODY, YAW, YAW_RATE, Array, turned_about_z
+from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array, inertial_rates
 
 _DEVIATIONS: Final = 5.0  # departures from the prediction by so many standard deviations are noise
 _SUDDEN_M: Final = 0.02  # a pose further from the predicted one, noise apart, waits until another one agrees
@@ -26,8 +26,7 @@ _FEWEST_POSES: Final = 3
 _TIME_TOLERANCE_S: Final = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(NamedTuple):
     """What to do with a pose.
 
     `offset`, shape (4,), is where the poses are from where the estimate is. If the pose is accepted, the
@@ -132,7 +131,7 @@ MOST_TURNED_RAD: Final = 1e4
 
 
 class PoseEstimator(ABC):
-    """An `Estimator` from poses; subclasses predict the estimate and update it by a pose.
+    """An `Estimator` from poses; its subclasses call `_begin` in `predict`, and `_accept` in `correct`.
 
     Poses are position and unwrapped yaw, shape (4,). A measured yaw is unwrapped to the one of its turns that
     is nearest to the prediction. The very first `predict` assumes that the actuators have settled on its
@@ -183,41 +182,52 @@ class PoseEstimator(ABC):
         self._gate.open()
         self._start(motion[:INPUT_SIZE].copy(), inertial_rates(motion))
 
+    @abstractmethod
     def predict(self, applied_input: Array, period_s: float) -> None:
         """Predict by one period, during which an input acted at the vehicle, shape (4,).
 
         Raises `ValueError`: the input is not finite.
         """
+
+    @abstractmethod
+    def correct(self, measurement: Measurement) -> bool:
+        """Correct the estimate by a fresh, unoccluded pose of the instant up to which was predicted.
+
+        Returns False if the pose was refused because the vehicle cannot have flown there.
+        """
+
+    def _begin(self, applied_input: Array, period_s: float) -> None:
+        """Begin a prediction: check its input, which the actuators have settled on before the first one."""
         if not all(map(math.isfinite, applied_input.tolist())):
             raise ValueError(f"applied input {applied_input} is not finite")
         if not self._actuators_known:
             self._actuators_known = True
             self._set_actuators(applied_input)
         self._gate.wait(period_s)
-        self._predict(applied_input, period_s)
 
-    def correct(self, measurement: Measurement) -> bool:
-        """Correct the estimate by a fresh, unoccluded pose of the instant up to which was predicted.
+    def _accept(
+        self, measurement: Measurement, predicted: Array, deviation: Array
+    ) -> tuple[bool, Array | None]:
+        """Return whether a pose is accepted, and the pose to correct by, if any; perhaps move there.
 
-        Returns False if the pose was refused because the vehicle cannot have flown there.
+        `predicted` is the pose that it is compared with, `deviation` the standard deviation of their
+        difference; both have shape (4,).
         """
         if not _readable(measurement):
             self._gate.rejected += 1
-            return False
+            return False, None
         if not self._yaw_known:
             self.reset(measurement)
-            return True
-        predicted = self._predicted_pose()
+            return True, None
         yaw_rad = nearest_heading(measurement.yaw_rad, float(predicted[YAW]))
         pose = _pose_of(measurement, yaw_rad)
-        verdict = self._gate.judge(pose, pose - predicted, self._deviation())
-        if verdict.accepted:
-            if verdict.offset is not None:
-                self._move(verdict.offset)
-            self._update(pose)
-        elif verdict.offset is not None:
-            self._update(pose - verdict.offset)
-        return verdict.accepted
+        accepted, offset = self._gate.judge(pose, pose - predicted, deviation)
+        if offset is None:
+            return accepted, pose if accepted else None
+        if not accepted:
+            return False, pose - offset
+        self._move(offset)
+        return True, pose
 
     @abstractmethod
     def _set_actuators(self, applied_input: Array) -> None:
@@ -231,32 +241,6 @@ class PoseEstimator(ABC):
         """Move position and yaw by an offset, shape (4,); the inertial motion stays."""
         motion = self.estimate.motion
         self._start(motion[:INPUT_SIZE] + offset, inertial_rates(motion))
-
-    @abstractmethod
-    def _predict(self, applied_input: Array, period_s: float) -> None:
-        """Predict by one period."""
-
-    def _predicted_pose(self) -> Array:
-        """Return the pose that the next one is compared with."""
-        return self.estimate.motion[:INPUT_SIZE]
-
-    @abstractmethod
-    def _deviation(self) -> Array:
-        """Return the standard deviation of the next innovation, shape (4,)."""
-
-    @abstractmethod
-    def _update(self, pose: Array) -> None:
-        """Correct by a pose that passed the gate."""
-
-
-def body_motion(pose: Array, rates: Array) -> Array:
-    """Return the motion state of a pose with inertial velocity and yaw rate, both of shape (4,)."""
-    return np.concatenate((pose, turned_about_z(rates, -float(pose[YAW]))))
-
-
-def inertial_rates(motion: Array) -> Array:
-    """Inertial velocity and yaw rate of a motion state, shape (4,)."""
-    return turned_about_z(motion[XD_BODY : YAW_RATE + 1], float(motion[YAW]))
 
 
 def _pose_of(measurement: Measurement, yaw_rad: float) -> Array:

@@ -1,23 +1,113 @@
 """The default estimator: extended Kalman filter of motion, actuators, disturbances and tilt.
 
-`lag_filter` estimates all vehicles, `horizontal` replaces the horizontal motion of those with a tilt model.
-Here it is decided when the vehicle stands on the floor, and how much noise the poses have.
+`LagFilter` estimates all vehicles, `HorizontalMotion` replaces the horizontal motion of those with a tilt
+model: Kalman filters with, and without, a tilt that may not be trusted. Here it is decided when the vehicle
+stands on the floor, and how much noise the poses have.
 """
 
 import math
+from collections import Counter
 from typing import Final
 
+import msgspec
 import numpy as np
 
 from rcopterx.control.estimators.base import PoseEstimator
-from rcopterx.control.estimators.horizontal import HorizontalMotion
-from rcopterx.control.estimators.lag_filter import ACTUATOR, POSE, LagFilter
-from rcopterx.control.estimators.noise_meter import NoiseMeter
+from rcopterx.control.estimators.filters import ACTUATOR, POSE, LagFilter, TiltFilter
+from rcopterx.control.estimators.noise import NoiseMeter, TiltTrust
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.interfaces import Estimate, Measurement
+from rcopterx.control.models.lateral import POSITION
 from rcopterx.control.models.prediction import actuator_response
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, YAW, YAW_RATE, Array
+from rcopterx.vehicles.state import (
+    INPUT_SIZE,
+    U_THRUST,
+    XD_BODY,
+    YAW,
+    YAW_RATE,
+    YD_BODY,
+    Array,
+    turned_about_z,
+)
+
+DISTRUSTED: Final = "tilt_distrusted"
+TRUSTED_AGAIN: Final = "tilt_trusted_again"
+
+
+class HorizontalMotion:
+    """The two filters, and whether the measured tilt is trusted. Poses have shape (4,), tilts (2,).
+
+    There are no filters for a vehicle without a tilt model.
+    """
+
+    def __init__(self, model: Model, settings: ExtendedKalmanSettings) -> None:
+        known = model.tilt is not None
+        self._from_tilt = TiltFilter(model, settings) if known and settings.measured_tilt else None
+        without_tilt = msgspec.structs.replace(settings, measured_tilt=False)
+        self._from_positions = TiltFilter(model, without_tilt) if known else None
+        self.filters = [each for each in (self._from_tilt, self._from_positions) if each is not None]
+        self.trust = TiltTrust()
+        self.events: Counter[str] = Counter()  # how often a measured tilt was distrusted, and trusted again
+
+    @property
+    def selected(self) -> TiltFilter | None:
+        """The filter whose estimate is used."""
+        return self._from_tilt if self._from_tilt is not None and self.trust.trusted else self._from_positions
+
+    def refine(self, estimate: Estimate) -> Estimate:
+        """Replace the horizontal motion of an estimate, in place, and add the tilt."""
+        selected = self.selected
+        if selected is None:
+            return estimate
+        motion = estimate.motion
+        motion[:2] = selected.position_m
+        motion[XD_BODY : YD_BODY + 1] = turned_about_z(selected.velocity_m_s, -float(motion[YAW]))
+        return estimate._replace(tilt=selected.estimate)
+
+    def start(self, pose: Array, rates: Array, tilt: Array | None) -> None:
+        """Start in the air at a pose with inertial rates, shape (4,)."""
+        self.trust.restart()
+        for each in self.filters:
+            each.start(pose[:2], rates[:2], self._usable(tilt, each), float(pose[YAW]))
+
+    def stand(self, pose: Array, tilt: Array | None) -> None:
+        """Start at rest on the floor."""
+        self.trust.restart()
+        self._stand(pose, tilt)
+
+    def _stand(self, pose: Array, tilt: Array | None) -> None:
+        for each in self.filters:
+            each.stand(pose[:2], self._usable(tilt, each), float(pose[YAW]))
+
+    def _usable(self, tilt: Array | None, filter_: TiltFilter) -> Array | None:
+        """The measured tilt if that filter may use it."""
+        return tilt if filter_ is self._from_tilt and self.trust.trusted else None
+
+    def correct(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
+        """Correct by a pose, `since_pose_s` after the last one, with standard deviation `noise_m`."""
+        yaw_rad = float(pose[YAW])
+        if tilt is not None and self._from_positions is not None:
+            expected = self._from_positions.tilt
+            if self.trust.observe(tilt, expected, yaw_rad, since_pose_s):
+                self.events[TRUSTED_AGAIN if self.trust.trusted else DISTRUSTED] += 1
+                if self._from_tilt is not None and not self.trust.trusted:
+                    self._from_tilt.forget_offset()
+        self._expect_noise(noise_m)
+        for each in self.filters:
+            each.correct(pose[:2], self._usable(tilt, each), yaw_rad)
+
+    def correct_standing(self, pose: Array, tilt: Array | None, noise_m: float, since_pose_s: float) -> None:
+        """Correct the estimate of a standing vehicle; arguments of `correct`."""
+        if tilt is not None:
+            self.trust.observe_noise(tilt, since_pose_s)
+        self._expect_noise(noise_m)
+        self._stand(pose, tilt)
+
+    def _expect_noise(self, noise_m: float) -> None:
+        for each in self.filters:
+            each.expect_noise(noise_m, self.trust.noise_deviation)
+
 
 _LIFTING_FRACTION: Final = 0.9  # modelled thrust over weight from which a standing vehicle may lift
 _MOVED_M: Final = 0.01  # distance from where it stood that shows that a vehicle stands no more
@@ -47,6 +137,7 @@ class ExtendedKalmanEstimator(PoseEstimator):
         self._uses_tilt = settings.measured_tilt and model.tilt is not None
         self._tilt: Array | None = None  # tilt of the pose that is being processed, if it is measured
         self._settings = settings
+        self.standing = True
         self._noise_meter = NoiseMeter(INPUT_SIZE)
         self._expect_noise(0.0, 0.0)
         self._since_pose_s = 0.0
@@ -73,10 +164,30 @@ class ExtendedKalmanEstimator(PoseEstimator):
         self._set_tilt(measurement)
         super().reset(measurement)
 
+    def predict(self, applied_input: Array, period_s: float) -> None:
+        """Predict by one period (`PoseEstimator.predict`)."""
+        self._begin(applied_input, period_s)
+        self._since_pose_s += period_s
+        if not self.standing:
+            self._filter_prediction(applied_input, period_s)
+            return
+        x = self.lag_filter.x
+        x[ACTUATOR] = actuator_response(self._model, x[ACTUATOR], applied_input, 0.0, period_s)
+        self.standing = not self._thrust_carries()
+        for each in self.horizontal.filters:
+            each.rest(applied_input[:2], period_s)
+
     def correct(self, measurement: Measurement) -> bool:
         """Correct the estimate by a pose (`PoseEstimator.correct`)."""
         self._set_tilt(measurement)
-        return super().correct(measurement)
+        predicted, selected = self.lag_filter.x[POSE].copy(), self.horizontal.selected
+        if selected is not None:
+            predicted[:2] = selected.x[POSITION]
+        deviation = np.sqrt(self.lag_filter.P.diagonal()[POSE] + self._R)
+        accepted, pose = self._accept(measurement, predicted, deviation)
+        if pose is not None:
+            self._update(pose)
+        return accepted
 
     def _set_tilt(self, measurement: Measurement) -> None:
         tilt = measurement.tilt if self._uses_tilt else None
@@ -115,33 +226,12 @@ class ExtendedKalmanEstimator(PoseEstimator):
         thrust = self._model.input_gain[U_THRUST] * float(self.lag_filter.x[ACTUATOR][U_THRUST])
         return thrust > _LIFTING_FRACTION * self._model.gravity_m_s2
 
-    def _predict(self, applied_input: Array, period_s: float) -> None:
-        self._since_pose_s += period_s
-        if not self.standing:
-            self._filter_prediction(applied_input, period_s)
-            return
-        x = self.lag_filter.x
-        x[ACTUATOR] = actuator_response(self._model, x[ACTUATOR], applied_input, 0.0, period_s)
-        self.standing = not self._thrust_carries()
-        for each in self.horizontal.filters:
-            each.rest(applied_input[:2], period_s)
-
     def _filter_prediction(self, applied_input: Array, period_s: float) -> None:
         start_rad = float(self.lag_filter.x[YAW])
         self.lag_filter.predict(applied_input, period_s)
         middle_rad = start_rad + 0.5 * period_s * float(self.lag_filter.x[YAW_RATE])
         for each in self.horizontal.filters:
             each.predict(applied_input[:2], middle_rad, period_s)
-
-    def _predicted_pose(self) -> Array:
-        pose = self.lag_filter.x[POSE].copy()
-        selected = self.horizontal.selected
-        if selected is not None:
-            pose[:2] = selected.position_m
-        return pose
-
-    def _deviation(self) -> Array:
-        return np.asarray(np.sqrt(self.lag_filter.P.diagonal()[POSE] + self._R))
 
     def _update(self, pose: Array) -> None:
         since_pose_s, self._since_pose_s = self._since_pose_s, 0.0

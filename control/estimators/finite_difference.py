@@ -5,12 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.control.estimators.base import PoseEstimator, body_motion
+from rcopterx.control.estimators.base import PoseEstimator
 from rcopterx.control.estimators.settings import EstimatorSettings, Positive
-from rcopterx.control.interfaces import Estimate
+from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.models.prediction import actuator_response
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
+from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array, body_motion
 
 _UNKNOWN_ACCELERATION: Final = np.array([0.5, 0.5, 1.0, 3.0])
 """Deviation of accelerations, which this estimator does not know [m/s^2, rad/s^2]."""
@@ -55,20 +55,25 @@ class FiniteDifferenceEstimator(PoseEstimator):
     def _move(self, offset: Array) -> None:
         self._pose, self._measured = self._pose + offset, self._measured + offset
 
-    def _predict(self, applied_input: Array, period_s: float) -> None:
+    def predict(self, applied_input: Array, period_s: float) -> None:
+        """Predict by one period (`PoseEstimator.predict`)."""
+        self._begin(applied_input, period_s)
         self._actuator = actuator_response(
             self._model, self._actuator, applied_input, float(self._rates[YAW]), period_s
         )
         self._pose = self._pose + period_s * self._rates
         self._elapsed_s += period_s
 
-    def _deviation(self) -> Array:
-        return 0.5 * self._elapsed_s * (self._elapsed_s + _VELOCITY_AGE_S) * _UNKNOWN_ACCELERATION
-
-    def _update(self, pose: Array) -> None:
+    def correct(self, measurement: Measurement) -> bool:
+        """Correct the estimate by a pose (`PoseEstimator.correct`)."""
+        deviation = 0.5 * self._elapsed_s * (self._elapsed_s + _VELOCITY_AGE_S) * _UNKNOWN_ACCELERATION
+        accepted, pose = self._accept(measurement, self._pose, deviation)
+        if pose is None:
+            return accepted
         if self._elapsed_s > 0.0:
             renewal = -math.expm1(-self._cutoff_rad_s * self._elapsed_s)
             difference = (pose - self._measured) / self._elapsed_s
             self._rates = self._rates + renewal * (difference - self._rates)
         self._pose = self._measured = pose
         self._elapsed_s = 0.0
+        return accepted

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from rcopterx.control.estimators.base import PoseEstimator, body_motion
+from rcopterx.control.estimators.base import PoseEstimator
 from rcopterx.control.estimators.settings import EstimatorSettings, FourPositive, Positive
-from rcopterx.control.interfaces import Estimate
+from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.models.prediction import actuator_response
 from rcopterx.vehicles.model import Model
-from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
+from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array, body_motion
 
 
 class KalmanSettings(EstimatorSettings, frozen=True, kw_only=True):
@@ -74,7 +74,9 @@ class KalmanEstimator(PoseEstimator):
     def _move(self, offset: Array) -> None:
         self._x = self._x + np.outer(offset, (1.0, 0.0, 0.0))
 
-    def _predict(self, applied_input: Array, period_s: float) -> None:
+    def predict(self, applied_input: Array, period_s: float) -> None:
+        """Predict by one period (`PoseEstimator.predict`)."""
+        self._begin(applied_input, period_s)
         if period_s != self._prepared_s:
             self._prepare(period_s)
         self._actuator = actuator_response(
@@ -83,13 +85,16 @@ class KalmanEstimator(PoseEstimator):
         self._x = self._x @ self._F.T
         self._P = self._F @ self._P @ self._F.T + self._Q
 
-    def _deviation(self) -> Array:
-        return np.asarray(np.sqrt(self._P[:, 0, 0] + self._R))
-
-    def _update(self, pose: Array) -> None:
+    def correct(self, measurement: Measurement) -> bool:
+        """Correct the estimate by a pose (`PoseEstimator.correct`)."""
+        deviation = np.sqrt(self._P[:, 0, 0] + self._R)
+        accepted, pose = self._accept(measurement, self._x[:, 0], deviation)
+        if pose is None:
+            return accepted
         innovation = pose - self._x[:, 0]
         S = self._P[:, 0, 0] + self._R
         K = self._P[:, :, 0] / S[:, None]
         self._x = self._x + K * innovation[:, None]
         # P - K S K' is symmetric by construction and stays positive because S exceeds the noise variance.
         self._P = self._P - K[:, :, None] * (K * S[:, None])[:, None, :]
+        return accepted

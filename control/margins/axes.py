@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from rcopterx.control.estimators.filters import process_noise
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings, noise_of
-from rcopterx.control.estimators.tilt_filter import process_noise
 from rcopterx.control.margins.loop import Dynamics, FeedbackLoop
 from rcopterx.control.models.lags import LagDynamics, behind_lag
 from rcopterx.control.models.lateral import LateralSystem, lateral_system

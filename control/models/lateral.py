@@ -11,13 +11,14 @@ the servo's demand, and the trim after the wind. Both turn with the body.
 """
 
 import math
+from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, MATRIX, NUMBER, compiled, record
 from rcopterx.control.interfaces import TiltEstimate
-from rcopterx.control.models.linear import cached_by_period, zero_order_hold
+from rcopterx.control.models.linear import zero_order_hold
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
 
@@ -114,5 +115,5 @@ class LateralSystem:
         return TiltEstimate(x[self.core], x[self.servo], x[self.wind], x[self.trim])
 
 
-lateral_system: Final = cached_by_period(LateralSystem)
+lateral_system: Final = lru_cache(maxsize=256)(LateralSystem)
 """Return the system of a model and a period, from a cache."""

@@ -1,8 +1,6 @@
 """Linear systems, x' = A x + B u or x+ = A x + B u, with real or complex numbers."""
 
-from collections.abc import Callable
-from functools import lru_cache, wraps
-from typing import Any, TypeVar, TypeVarTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,20 +9,7 @@ from scipy.linalg import expm, solve_discrete_are
 from rcopterx.vehicles.state import Array
 
 Complex = NDArray[np.complex128]
-T = TypeVar("T")
-Arguments = TypeVarTuple("Arguments")
-
-
-def cached_by_period(prepare: Callable[[*Arguments, float], T]) -> Callable[[*Arguments, float], T]:
-    """Cache results by the last argument, a period; sums of rounded periods are equal within 1 us."""
-    cached: Callable[..., T] = lru_cache(maxsize=256)(prepare)
-
-    @wraps(prepare)
-    def prepare_once(*arguments: *tuple[*Arguments, float]) -> T:
-        *others, period_s = arguments
-        return cached(*others, round(period_s, 6))
-
-    return prepare_once
+PERIOD_DIGITS: Final = 6  # of seconds: sums of rounded periods are then equal, and found in caches
 
 
 def zero_order_hold(a: NDArray[Any], b: NDArray[Any], time_s: float) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -1,45 +1,21 @@
 """Exact prediction of one vehicle under known inputs."""
 
 import math
-from functools import lru_cache
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
 from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, NUMBER, VECTOR, compiled, part, record
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.lateral import POSITION, VELOCITY, lateral_system, predict_lateral
-from rcopterx.vehicles.model import Model
+from rcopterx.control.models.linear import PERIOD_DIGITS
+from rcopterx.vehicles.model import Model, MotionModel
 from rcopterx.vehicles.state import U_THRUST, U_YAW, XD_BODY, YAW, YAW_RATE, YD_BODY, Array, turned_about_z
 
 LONGEST_STEP_S: Final = 0.0201  # longer periods are split, which keeps positions exact to micrometres
 
 
-class MotionModel(NamedTuple):
-    """Parameters of the equations of motion (1) for kernels; vectors are body x, y, z, yaw, shape (4,)."""
-
-    input_gain: Array
-    damping: Array
-    lag_s: Array
-    gravity_m_s2: float
-    thrust_coupling: float  # yaw stick per thrust stick that the rotors have not followed yet
-    gyro: float  # yaw stick per yaw rate [s/rad]
-
-
 MOTION_MODEL: Final[Any] = record(MotionModel, *3 * [VECTOR], *3 * [NUMBER])
-
-
-@lru_cache(maxsize=64)
-def motion_model(model: Model) -> MotionModel:
-    """Return the parameters of a vehicle for kernels."""
-    return MotionModel(
-        np.array(model.input_gain),
-        np.array(model.direct_damping),
-        np.array(model.lag_s),
-        model.gravity_m_s2,
-        model.thrust_coupling,
-        model.rate_feedback[U_YAW],
-    )
 
 
 @part
@@ -130,7 +106,7 @@ def actuator_response(
     model: Model, actuator: Array, applied_input: Array, yaw_rate_rad_s: float, period_s: float
 ) -> Array:
     """Return the actuator states after a period at a constant yaw rate, shape (4,)."""
-    return _follow_sticks(motion_model(model), actuator, applied_input, yaw_rate_rad_s, period_s)
+    return _follow_sticks(model.motion_model, actuator, applied_input, yaw_rate_rad_s, period_s)
 
 
 def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: float) -> Estimate:
@@ -144,7 +120,7 @@ def predict(model: Model, estimate: Estimate, applied_input: Array, period_s: fl
     """
     steps = max(1, math.ceil(period_s / LONGEST_STEP_S))
     motion, actuator = integrate_motion(
-        motion_model(model),
+        model.motion_model,
         estimate.motion,
         estimate.actuator,
         applied_input,
@@ -162,7 +138,7 @@ def _with_tilt(
     model: Model, estimate: Estimate, predicted: Estimate, stick: Array, period_s: float
 ) -> Estimate:
     """Replace the predicted horizontal motion by that of the tilt model."""
-    system, motion = lateral_system(model, period_s), predicted.motion
+    system, motion = lateral_system(model, round(period_s, PERIOD_DIGITS)), predicted.motion
     start_rad, end_rad = float(estimate.motion[YAW]), float(motion[YAW])
     velocity = turned_about_z(estimate.motion[XD_BODY : YD_BODY + 1], start_rad)
     x = np.concatenate((estimate.motion[POSITION], velocity, *estimate.tilt))

@@ -15,13 +15,11 @@ from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.finite import ESTIMATE
 from rcopterx.control.models.prediction import (
     MOTION_MODEL,
-    MotionModel,
     behind_gyro,
     derivative,
-    motion_model,
 )
 from rcopterx.control.references.trajectory import COLUMNS, Trajectory
-from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.model import Model, MotionModel
 from rcopterx.vehicles.state import YAW, YAW_RATE, Array
 
 
@@ -34,7 +32,7 @@ def lag_poles(model: Model, period_s: float) -> Array:
 def predict(model: Model, estimate: Estimate, inputs: Array, period_s: float) -> Trajectory:
     """Roll the model out from an estimate, whose disturbance lasts, under N - 1 inputs, to N stages."""
     poles = lag_poles(model, period_s)
-    return Trajectory(_roll_out(motion_model(model), estimate, inputs, poles, period_s), period_s)
+    return Trajectory(_roll_out(model.motion_model, estimate, inputs, poles, period_s), period_s)
 
 
 @compiled(MOTION_MODEL, ESTIMATE, ANY_MATRIX, ANY_VECTOR, NUMBER)

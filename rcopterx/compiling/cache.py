@@ -24,7 +24,7 @@ MODULES: Final = (
     "control.solver.sweep",
     "simulator.helicopter",
     "control.models.prediction",
-    "control.estimators.kalman_equations",
+    "control.estimators.filters",
     "control.solver.interior_point",
     "control.solver.active_set",
     "simulator.helicopter_dynamics",
@@ -33,7 +33,6 @@ MODULES: Final = (
     "control.models.roll_out",
     "control.models.finite",
     "control.models.lateral",
-    "control.estimators.lag_filter",
     "control.controllers.cascade.axis",
     "control.controllers.cascade.lateral",
 )
@@ -41,6 +40,7 @@ MODULES: Final = (
 RECORDS: Final = (
     "compiling.compiled",
     "control.interfaces",
+    "vehicles.model",
     "control.solver.problem",
     "control.models.lags",
     "control.controllers.cascade.task",

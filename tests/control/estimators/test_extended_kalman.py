@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from support.vehicle_types import COAXIAL_LAG, TYPES
 
-from rcopterx.control.estimators.lag_filter import SIZE, jacobian, jacobian_at_rest
+from rcopterx.control.estimators.filters import SIZE, jacobian, jacobian_at_rest
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.models.prediction import predict
 from rcopterx.simulator.conditions import IDEAL, LABORATORY

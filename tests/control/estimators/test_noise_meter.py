@@ -5,7 +5,7 @@ import pytest
 from support.vehicle_types import COAXIAL
 
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
-from rcopterx.control.estimators.noise_meter import SMALLEST_WINDOW, NoiseMeter
+from rcopterx.control.estimators.noise import SMALLEST_WINDOW, NoiseMeter
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.interfaces import Measurement
 

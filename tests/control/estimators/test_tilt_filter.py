@@ -11,8 +11,8 @@ from support.demand import demand_matrix
 from support.vehicle_types import COAXIAL
 
 from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
+from rcopterx.control.estimators.filters import OFFSET_LIMIT_RAD, TiltFilter
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
-from rcopterx.control.estimators.tilt_filter import OFFSET_LIMIT_RAD, TiltFilter
 from rcopterx.control.interfaces import Estimate, Measurement
 from rcopterx.control.models.lateral import POSITION, LateralSystem
 from rcopterx.control.plugins import ESTIMATORS

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from support.vehicle_types import COAXIAL
 
-from rcopterx.control.estimators.extended_kalman import ExtendedKalmanEstimator
-from rcopterx.control.estimators.horizontal import DISTRUSTED, TRUSTED_AGAIN
+from rcopterx.control.estimators.extended_kalman import DISTRUSTED, TRUSTED_AGAIN, ExtendedKalmanEstimator
+from rcopterx.control.estimators.noise import TiltTrust
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
-from rcopterx.control.estimators.tilt_trust import TiltTrust
 from rcopterx.control.interfaces import Measurement
 from rcopterx.simulator.conditions import IDEAL
 from rcopterx.simulator.helicopter import Helicopter

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.control.models.linear import as_complex, cached_by_period, noise_over, zero_order_hold
+from rcopterx.control.models.linear import as_complex, noise_over, zero_order_hold
 
 A = np.array([[0.0, 1.0, 0.0], [-4.0, -0.3, 2.0], [0.0, 0.0, -5.0]])
 B = np.array([0.0, 0.5, 5.0])
@@ -36,19 +36,6 @@ def test_maps_that_commute_with_rotations_are_complex_numbers(real: float, imagi
     of_complex = zero_order_hold(as_complex(plane), as_complex(inputs)[:, 0], 0.02)
     assert as_complex(transition) == pytest.approx(of_complex[0], abs=1e-9)
     assert as_complex(pushed)[:, 0] == pytest.approx(of_complex[1], abs=1e-9)
-
-
-def test_results_are_cached_by_period_to_a_microsecond() -> None:
-    prepared = []
-
-    @cached_by_period
-    def prepare(name: str, period_s: float) -> str:
-        prepared.append(period_s)
-        return name
-
-    for period_s in (0.1 + 0.2, 0.3, 1 / 120, 1 / 119, 0.3):
-        assert prepare("h1", period_s) == "h1"
-    assert prepared == pytest.approx([0.3, 1 / 120, 1 / 119], abs=1e-6)
 
 
 @given(st.floats(0.05, 2.0), st.floats(0.1, 3.0), st.floats(0.001, 0.5), st.floats(0.001, 0.5))

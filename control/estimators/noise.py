@@ -1,17 +1,59 @@
-"""Whether a measured tilt is the vehicle's: compared with the tilt that positions and sticks let expect.
-
-A Tracker that mixes up markers of an object, or a gateway that reports every body level, gives a tilt that
-contradicts the motion. The expected tilt is less exact, but the two swing together where both are of the same
-vehicle. Only how they swing counts: how the markers sit on the body shifts the measured one only.
-"""
+"""What a Tracker measures: its noise, and whether its tilt is the vehicle's."""
 
 import cmath
+import math
+from collections import deque
 from typing import Final
 
-from rcopterx.control.estimators.noise_meter import NoiseMeter
 from rcopterx.vehicles.state import Array
 
-WINDOW_S: Final = 2.0  # time constant of all means
+NOISE_WINDOW_S: Final = 0.5  # time constant of the mean size of third differences
+SMALLEST_WINDOW: Final = 25  # third differences before which the noise is unknown
+OUTLIER: Final = 4.0  # a third difference counts at most as so many times the mean one: outliers are no noise
+REGULAR: Final = 0.2  # largest relative difference of periods of regular poses
+DEVIATION_OF_MEAN: Final = math.sqrt(math.pi / 2.0) / math.sqrt(20.0)
+"""Standard deviation of normal noise over the mean size of its third differences."""
+
+
+class NoiseMeter:
+    """Measures the standard deviation of the noise of some channels, by third differences.
+
+    The acceleration of a vehicle hardly changes within a few frames, noise does. So the third difference
+    (-1, 3, -3, 1) of poses at regular times is noise, without any knowledge of the vehicle.
+    """
+
+    def __init__(self, channels: int) -> None:
+        self._period_s = 0.0
+        self._last: deque[list[float]] = deque(maxlen=4)
+        self._differences = 0
+        self._mean_size = [0.0] * channels
+
+    @property
+    def deviation(self) -> list[float] | None:
+        """Standard deviation of the noise of each channel; None while it is unknown."""
+        if self._differences < SMALLEST_WINDOW:
+            return None
+        return [DEVIATION_OF_MEAN * size for size in self._mean_size]
+
+    def observe(self, values: Array, period_s: float) -> None:
+        """Observe one measured value of each channel (angles unwrapped), `period_s` after the last ones."""
+        if abs(period_s - self._period_s) > REGULAR * self._period_s:
+            self._last.clear()
+            self._period_s = period_s
+        self._last.append(values.tolist())
+        if len(self._last) < 4 or not period_s > 0.0:
+            return
+        self._differences += 1
+        share = max(1.0 / self._differences, min(period_s / NOISE_WINDOW_S, 1.0))
+        for channel, (first, second, third, fourth) in enumerate(zip(*self._last, strict=True)):
+            mean = self._mean_size[channel]
+            size = abs(fourth - first + 3.0 * (second - third))
+            if self._differences > SMALLEST_WINDOW:
+                size = min(size, OUTLIER * mean)
+            self._mean_size[channel] = mean + share * (size - mean)
+
+
+TILT_WINDOW_S: Final = 2.0  # time constant of all means
 LEAST_TILT: Final = 0.008  # root mean square of the expected swing below which nothing can be compared
 DISTRUSTED_BELOW: Final = 0.2
 TRUSTED_ABOVE: Final = 0.4  # limits of the concordance
@@ -20,7 +62,13 @@ TRUSTED_AFTER_S: Final = 2.0  # how long the concordance has to stay beyond its 
 
 
 class TiltTrust:
-    """Judges the measured tilt of one vehicle, which is trusted at first."""
+    """Compares the measured tilt of a vehicle, trusted at first, with that expected by positions and sticks.
+
+    A Tracker that mixes up markers of an object, or a gateway that reports every body level, gives a tilt
+    that contradicts the motion. The expected tilt is less exact, but the two swing together where both are of
+    the same vehicle. Only how they swing counts: how the markers sit on the body shifts the measured one
+    only.
+    """
 
     def __init__(self) -> None:
         self.trusted = True
@@ -47,7 +95,7 @@ class TiltTrust:
         if self._observed_s == 0.0:
             self._mean_measured, self._mean_expected = in_body, expected_in_body
         self._observed_s += period_s
-        share = min(period_s / WINDOW_S, 1.0)
+        share = min(period_s / TILT_WINDOW_S, 1.0)
         self._mean_measured += share * (in_body - self._mean_measured)
         self._mean_expected += share * (expected_in_body - self._mean_expected)
         swing, expected_swing = in_body - self._mean_measured, expected_in_body - self._mean_expected
@@ -69,7 +117,7 @@ class TiltTrust:
         return deviation[0] ** 2 + deviation[1] ** 2
 
     def _concordance(self) -> float | None:
-        if self._observed_s < WINDOW_S or self._expected_energy < LEAST_TILT**2:
+        if self._observed_s < TILT_WINDOW_S or self._expected_energy < LEAST_TILT**2:
             return None
         measured, expected = max(self._measured_energy - self._noise_energy, 0.0), self._expected_energy
         common = self._common_energy
