@@ -1,21 +1,28 @@
-"""Reads the configuration of Crazyswarm2, `crazyflies.yaml` and `motion_capture.yaml`."""
+"""Reads the configuration of Crazyswarm2, `crazyflies.yaml` and `motion_capture.yaml`.
 
+Both readers append a sentence to `remarks` for everything that the fleet file cannot express, by robot.
+"""
+
+import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Any, Final
 
 import msgspec
-from msgspec import Meta, Struct, field
+from msgspec import Struct
 
 from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
 from rcopterx.deploy.roles.tracker import USUAL_PORTS
-from rcopterx.fleet.reading import text_of
+from rcopterx.fleet.reading import converted, text_of
 from rcopterx.fleet.schema import FleetError
 
 NEEDS_YAML = "YAML files need PyYAML: pip install 'rcopterx[crazyswarm]'"
 _PORTS = {"vicon": 801, **USUAL_PORTS}
 """Ports that Crazyswarm2 leaves to the library, by motion capture that this package reads."""
-
-T = TypeVar("T")
+MOTION_CAPTURE_NODE: Final = "/motion_capture_tracking"
+SINGLE_MARKERS: Final = "librigidbodytracker"
+USED: Final = ("uri", "enabled", "initial_position", "type")
+"""Keys of robots that are read, or that every robot has."""
 
 
 class Robot(Struct, frozen=True):
@@ -26,10 +33,9 @@ class Robot(Struct, frozen=True):
     initial_position: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-class Robots(Struct, frozen=True):
-    """The file of vehicles."""
-
-    robots: Annotated[dict[str, Robot], Meta(min_length=1)]
+class _RobotFile(Struct, frozen=True):
+    robots: dict[Any, Any]
+    robot_types: dict[Any, Any] = {}
 
 
 class MotionCapture(Struct, frozen=True):
@@ -39,42 +45,124 @@ class MotionCapture(Struct, frozen=True):
     hostname: str = ""
 
 
-class _Parameters(Struct, frozen=True):
-    ros__parameters: MotionCapture
-
-
-class _MotionCaptureFile(Struct, frozen=True):
-    node: _Parameters = field(name="/motion_capture_tracking")
-
-
-def read_vehicles(path: Path) -> list[NewVehicle]:
+def read_vehicles(path: Path, remarks: list[str]) -> list[NewVehicle]:
     """Return the enabled vehicles of a `crazyflies.yaml`, in its order.
 
     The first one leads; the others keep the distances of the initial positions. A robot's name is that of its
     rigid body. Raises `FleetError`: the file cannot be read, PyYAML is not installed, or no vehicle can be
-    used; says which file and why.
+    used; says which file and robot and why.
     """
-    robots = {name: robot for name, robot in _decoded(path, Robots).robots.items() if robot.enabled}
-    if not robots:
+    document = _document(path, remarks)
+    if isinstance(document, dict) and "crazyflies" in document:
+        raise FleetError(
+            f"{path}: a file of Crazyswarm 1, with vehicles by number; write its vehicles as robots of "
+            "Crazyswarm2, with uri: radio://DONGLE/CHANNEL/2M/E7E7E7E7NN, NN being the id as two hexadecimal "
+            "digits"
+        )
+    try:
+        file = converted(document, _RobotFile, "")
+        robots = {str(name): converted(raw, Robot, f"robots.{name}") for name, raw in file.robots.items()}
+    except FleetError as error:
+        raise FleetError(f"{path}: {error}") from None
+    if all_robots := document.get("all"):
+        remarks.append(f"all: {', '.join(map(str, all_robots))} not taken over")
+    placed = []
+    for (name, robot), raw in zip(robots.items(), file.robots.values(), strict=True):
+        if not robot.enabled:
+            continue
+        remarks += [f"robots.{name}: {remark}" for remark in _losses(raw, file.robot_types)]
+        position_m = robot.initial_position
+        if not all(map(math.isfinite, position_m)):
+            remarks.append(f"robots.{name}.initial_position: is not finite, (0, 0, 0) is used; set offset_m")
+            position_m = (0.0, 0.0, 0.0)
+        placed.append(PlacedVehicle(name, robot.uri, position_m))
+    if not placed:
         raise FleetError(f"{path}: no robot is enabled")
-    placed = [PlacedVehicle(name, robot.uri, robot.initial_position) for name, robot in robots.items()]
     return formation_of(path, placed, "cf")
 
 
-def read_tracker(path: Path) -> tuple[str, str]:
+def _losses(robot: dict[str, Any], types: dict[Any, Any]) -> Iterator[str]:
+    """Yield what a fleet file does not say of a robot."""
+    named = {str(name): table for name, table in types.items()}
+    kind = named.get(str(robot.get("type")), {})
+    kind = kind if isinstance(kind, dict) else {}
+    if robot.get("type") is not None and str(robot["type"]) not in named:
+        yield f"its type {robot['type']!r} is not in robot_types"
+    capture = kind.get("motion_capture")
+    tracking = capture.get("tracking") if isinstance(capture, dict) else None
+    if tracking == SINGLE_MARKERS:
+        yield (
+            f"tracking {SINGLE_MARKERS!r}, from single markers, is not taken over: define a rigid body of "
+            "this name in the motion capture"
+        )
+    elif tracking not in (None, "vendor"):
+        yield f"tracking {tracking!r} is not taken over: it needs a rigid body of this name"
+    if kind.get("big_quad"):
+        yield "big_quad is not taken over: model and limits are those of a Crazyflie, give a type of its own"
+    for owner, table in (("", robot), ("its type: ", kind)):
+        known = USED if table is robot else ("motion_capture", "big_quad")
+        others = [str(key) for key, value in table.items() if key not in known and value not in (None, {})]
+        if others:
+            yield f"{owner}{', '.join(others)} not taken over"
+
+
+def read_tracker(path: Path, remarks: list[str]) -> tuple[str, str]:
     """Return brand and address of the motion capture of a `motion_capture.yaml`, or raise `FleetError`."""
-    parameters = _decoded(path, _MotionCaptureFile).node.ros__parameters
+    document: Any = _document(path, remarks)
+    where = f"{MOTION_CAPTURE_NODE}.ros__parameters"
+    for key in (MOTION_CAPTURE_NODE, "ros__parameters"):
+        document = document.get(key) if isinstance(document, dict) else None
+    if document is None:
+        raise FleetError(f"{path}: {where}: is missing")
+    try:
+        parameters = converted(document, MotionCapture, where)
+    except FleetError as error:
+        raise FleetError(f"{path}: {error}") from None
     if parameters.type not in _PORTS:
         raise FleetError(f"{path}: type {parameters.type!r}: allowed are {', '.join(_PORTS)}")
     if not parameters.hostname:
         raise FleetError(f"{path}: hostname: is missing")
-    return parameters.type, f"{parameters.hostname}:{_PORTS[parameters.type]}"
+    if document.get("rigid_bodies"):
+        remarks.append(f"{path.name}: rigid_bodies, found from single markers, are not taken over")
+    host, port = parameters.hostname.strip(), str(_PORTS[parameters.type])
+    if host.count(":") == 1 and host.partition(":")[2].isdecimal():
+        host, _, port = host.partition(":")
+        remarks.append(
+            f"{path.name}: hostname {parameters.hostname!r} gives the port already: {port} is used"
+        )
+    return parameters.type, f"[{host}]:{port}" if ":" in host and not host.startswith(
+        "["
+    ) else f"{host}:{port}"
 
 
-def _decoded(path: Path, kind: type[T]) -> T:
+def _document(path: Path, remarks: list[str]) -> Any:
+    """Decode a file, with a remark for every key that is there twice, of which YAML keeps the last."""
     try:
-        return msgspec.yaml.decode(text_of(path), type=kind)
+        text = text_of(path)
+        document = msgspec.yaml.decode(text)
+        remarks += [f"{path.name}: {line}" for line in _repeated(text)]
     except ImportError:
         raise FleetError(NEEDS_YAML) from None
     except (FleetError, msgspec.DecodeError) as error:
         raise FleetError(f"{path}: {' '.join(str(error).split())}") from None
+    return document
+
+
+def _repeated(text: str) -> Iterator[str]:
+    import yaml
+
+    def visit(node: Any, where: str) -> Iterator[str]:
+        if isinstance(node, yaml.SequenceNode):
+            for number, item in enumerate(node.value):
+                yield from visit(item, f"{where}[{number}]")
+        if not isinstance(node, yaml.MappingNode):
+            return
+        lines: dict[str, int] = {}
+        for key, value in node.value:
+            place = f"{where}.{key.value}".removeprefix(".")
+            line = key.start_mark.line + 1
+            if (before := lines.setdefault(place, line)) != line:
+                yield f"{place} is there twice, in lines {before} and {line}: only the last one is taken over"
+            yield from visit(value, place)
+
+    yield from visit(yaml.compose(text, Loader=yaml.SafeLoader), "")

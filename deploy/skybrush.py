@@ -3,15 +3,17 @@
 A `.skyc` file is a zip archive. Its `show.json` lists the drones (`swarm.drones[].settings`), each with a
 trajectory of version 1, in place or by reference to another file of the archive. A trajectory is a list of
 keyframes: seconds after the take-off, position in metres, and the inner control points of the Bezier curve
-that leads there: none (a straight line), one or two.
+that leads there: none (a straight line) to six.
 """
 
-import csv
+import codecs
 import json
 import math
+import posixpath
 import zipfile
 import zlib
-from pathlib import Path
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -19,11 +21,15 @@ from scipy.interpolate import BPoly
 
 from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
 from rcopterx.fleet.schema import FleetError
+from rcopterx.user_text import Row, TextError, decoded, number_in, rows_of
 from rcopterx.vehicles.state import Array
 
 STEP_S: Final = 0.25
 MAX_MEMBER_BYTES: Final = 20_000_000
 MAX_DURATION_S: Final = 3600.0
+HIGHEST_DEGREE: Final = 7  # of the polynomials between keyframes
+SHOW: Final = "show.json"
+MAC_FOLDER: Final = "__MACOSX"
 
 
 class ShowError(FleetError):
@@ -38,20 +44,76 @@ class Drone(NamedTuple):
     positions_m: Array  # shape (n, 3)
 
 
+class _Archive:
+    """The files of a zip archive without what macOS adds, by their paths below the folder of the show."""
+
+    def __init__(self, archive: zipfile.ZipFile) -> None:
+        self._archive = archive
+        found = {PurePosixPath(info.filename.replace("\\", "/")): info for info in archive.infolist()}
+        kept = {
+            path: info
+            for path, info in found.items()
+            if not info.is_dir() and MAC_FOLDER not in path.parts and not path.name.startswith(".")
+        }
+        shows = sorted((path for path in kept if path.name == SHOW), key=lambda path: len(path.parts))
+        if len(shows) > 1:
+            raise ShowError(f"{len(shows)} files {SHOW}: {', '.join(map(str, shows))}")
+        folder = shows[0].parent if shows else _common_folder(list(kept))
+        self.has_show = bool(shows)
+        self._members = {
+            str(path.relative_to(folder)): info for path, info in kept.items() if path.is_relative_to(folder)
+        }
+
+    def tables(self) -> list[str]:
+        """Return the names of all CSV files, in order."""
+        return sorted(name for name in self._members if name.lower().endswith(".csv"))
+
+    def read(self, name: str) -> bytes:
+        """Return the content of a file; raises `ShowError`."""
+        member = self._members.get(posixpath.normpath(name))
+        if member is None:
+            raise ShowError(f"{name} is missing in the archive")
+        if member.file_size > MAX_MEMBER_BYTES:
+            raise ShowError(f"{name} is larger than {MAX_MEMBER_BYTES} bytes")
+        return self._archive.read(member)
+
+
+def _common_folder(paths: Sequence[PurePosixPath]) -> PurePosixPath:
+    parents = {path.parent for path in paths}
+    return parents.pop() if len(parents) == 1 else PurePosixPath()
+
+
 def read_show(path: Path) -> list[Drone]:
     """All drones of a show file, in its order; raises ShowError."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            if "show.json" in archive.namelist():
+        with zipfile.ZipFile(path) as file:
+            archive = _Archive(file)
+            if archive.has_show:
                 drones = _drones_of_skyc(archive)
             else:
-                names = sorted(name for name in archive.namelist() if name.lower().endswith(".csv"))
-                drones = [_drone_of_csv(archive, name) for name in names]
-    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, csv.Error) as error:
+                drones = [_drone_of_csv(archive, name) for name in archive.tables()]
+    except zipfile.BadZipFile as error:
+        raise ShowError(f"{path}: {_other_format(path) or error}") from None
+    except (OSError, zlib.error, EOFError, RuntimeError, ShowError) as error:
         raise ShowError(f"{path}: {error}") from None
     if not drones:
-        raise ShowError(f"{path}: neither show.json nor CSV files in it")
+        raise ShowError(f"{path}: neither {SHOW} nor CSV files in it")
     return drones
+
+
+def _other_format(path: Path) -> str:
+    """Return what a file is that is no archive, and what to export instead."""
+    with path.open("rb") as file:
+        begin = file.read(64).removeprefix(codecs.BOM_UTF8).lstrip()
+    if begin.startswith(b"skyb") or path.suffix.lower() == ".skyb":
+        kind = "a .skyb file, the show of one drone for its autopilot"
+    elif begin.startswith((b"{", b"[")) or path.suffix.lower() == ".json":
+        kind = "a JSON file, a part of a show"
+    elif path.suffix.lower() == ".csv":
+        kind = "the CSV file of one drone"
+    else:
+        return ""
+    return f"{kind}; export the whole show as .skyc, or as CSV files and zip them"
 
 
 def read_vehicles(path: Path) -> list[NewVehicle]:
@@ -60,39 +122,28 @@ def read_vehicles(path: Path) -> list[NewVehicle]:
     return formation_of(path, placed, "drone_")
 
 
-def _read(archive: zipfile.ZipFile, name: str) -> bytes:
-    try:
-        member = archive.getinfo(name)
-    except KeyError:
-        raise ShowError(f"{name} is missing in the archive") from None
-    if member.file_size > MAX_MEMBER_BYTES:
-        raise ShowError(f"{name} is larger than {MAX_MEMBER_BYTES} bytes")
-    return archive.read(member)
-
-
-def _drones_of_skyc(archive: zipfile.ZipFile) -> list[Drone]:
-    show = _json(archive, "show.json")
+def _drones_of_skyc(archive: _Archive) -> list[Drone]:
+    show = _json(archive, SHOW)
     try:
         settings = [drone["settings"] for drone in show["swarm"]["drones"]]
         return [_drone_of_settings(archive, entry, number) for number, entry in enumerate(settings, 1)]
     except (KeyError, TypeError, AttributeError) as error:
-        raise ShowError(f"show.json: {error!r} is missing or of another kind") from None
+        raise ShowError(f"{SHOW}: {error!r} is missing or of another kind") from None
 
 
-def _json(archive: zipfile.ZipFile, name: str) -> Any:
-    content = _read(archive, name)
+def _json(archive: _Archive, name: str) -> Any:
+    content = archive.read(name)
     try:
         return json.loads(content)
     except ValueError as error:
         raise ShowError(f"{name}: no JSON: {error}") from None
 
 
-def _drone_of_settings(archive: zipfile.ZipFile, settings: dict[str, Any], number: int) -> Drone:
+def _drone_of_settings(archive: _Archive, settings: dict[str, Any], number: int) -> Drone:
     name = str(settings.get("name", f"drone {number}"))
     trajectory = settings["trajectory"]
     if "$ref" in trajectory:
-        file = trajectory["$ref"].partition("#")[0].removeprefix("./")
-        trajectory = _json(archive, file)
+        trajectory = _json(archive, trajectory["$ref"].partition("#")[0])
     if trajectory.get("version") != 1:
         raise ShowError(f"{name}: version {trajectory.get('version')!r} of the trajectory, only 1 is known")
     try:
@@ -104,13 +155,17 @@ def _drone_of_settings(archive: zipfile.ZipFile, settings: dict[str, Any], numbe
 
 
 def _sampled(points: Any) -> tuple[Array, Array]:
-    """Times and positions along the keyframes."""
-    (time_s, start, _), *others = points
-    times, positions = [float(time_s)], [start]
-    for end_s, end, inner in others:
-        control = np.array([start, *inner, end], dtype=float)
-        if control.shape[1:] != (3,) or len(control) > 4:
-            raise ValueError(f"the keyframe at {end_s:g} s has no position or more than two control points")
+    """Times and positions along the keyframes; a fourth number of a point is left out."""
+    (time_s, start, *_), *others = points
+    times, positions = [float(time_s)], [start[:3]]
+    for end_s, end, *further in others:
+        points_inside = further[0] if further else []
+        control = np.array([point[:3] for point in (start, *points_inside, end)], dtype=float)
+        if control.shape[1:] != (3,) or len(control) > HIGHEST_DEGREE + 1:
+            raise ValueError(
+                f"the keyframe at {end_s:g} s has no position or more than "
+                f"{HIGHEST_DEGREE - 1} control points"
+            )
         if not time_s < end_s <= MAX_DURATION_S:
             raise ValueError(f"the keyframe at {end_s:g} s does not come after {time_s:g} s")
         steps = max(1, math.ceil((end_s - time_s) / STEP_S))
@@ -121,16 +176,30 @@ def _sampled(points: Any) -> tuple[Array, Array]:
     return np.array(times), np.array(positions, dtype=float)
 
 
-def _drone_of_csv(archive: zipfile.ZipFile, name: str) -> Drone:
+def _drone_of_csv(archive: _Archive, name: str) -> Drone:
     """Columns: time [ms], x, y, z [m]; further ones (red, green, blue) and the heading are left out."""
-    rows = list(csv.reader(_read(archive, name).decode("utf-8-sig", "replace").splitlines()))[1:]
     try:
-        table = np.array([[float(value) for value in row[:4]] for row in rows])
-    except ValueError as error:
+        rows = list(rows_of(decoded(archive.read(name))))
+        if rows and not _is_number(rows[0].cells[0]):
+            rows = rows[1:]
+        table = np.array([_time_and_place(row) for row in rows]).reshape(-1, 4)
+    except TextError as error:
         raise ShowError(f"{name}: {error}") from None
-    if table.ndim != 2 or table.shape[1] != 4:
-        raise ShowError(f"{name}: needs the columns time [ms], x, y, z [m]")
     return _checked(name, 1e-3 * table[:, 0], table[:, 1:])
+
+
+def _time_and_place(row: Row) -> list[float]:
+    if len(row.cells) < 4:
+        raise TextError(f"line {row.line}: needs the columns time [ms], x, y, z [m]")
+    return [number_in(cell, f"line {row.line}") for cell in row.cells[:4]]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        number_in(cell, "")
+    except TextError:
+        return False
+    return True
 
 
 def _checked(name: str, times_s: Array, positions_m: Array) -> Drone:

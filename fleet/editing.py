@@ -136,7 +136,8 @@ def _table(document: tomlkit.TOMLDocument, keys: Sequence[str], inline: bool) ->
 def _replace(path: Path, text: str) -> None:
     descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        line_end = "\r\n" if b"\r\n" in path.read_bytes() else "\n"
+        with os.fdopen(descriptor, "w", encoding="utf-8", newline=line_end) as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())

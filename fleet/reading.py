@@ -13,9 +13,11 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import inspect, structs
 
+from rcopterx import user_text
 from rcopterx.bus.message import Four, Name
 from rcopterx.fleet.consistency import check_consistency
 from rcopterx.fleet.schema import FleetError, FleetFile, GatewayConfig, HostConfig, Speed, VehicleConfig
+from rcopterx.user_text import TextError
 
 SUFFIX = ".json"
 
@@ -84,6 +86,8 @@ MAPPINGS: Any = (
     ("types", str, dict[str, Any]),
 )
 """Mappings of the fleet file, with the types of their keys and values."""
+_LINE = re.compile(r"at line (\d+)")
+_COMMA = re.compile(r"=\s*[-+]?\d+,\d")
 _STEP = re.compile(r"\.(\w+)|\[")
 _type_info = cache(inspect.type_info)
 
@@ -102,11 +106,11 @@ def load_fleet(path: Path) -> FleetFile:
 def text_of(path: Path) -> str:
     """Return the text of a file; `FleetError` if it cannot be read or is no text."""
     try:
-        return path.read_text(encoding="utf-8")
+        return user_text.text_of(path)
     except OSError as error:
         raise FleetError(f"cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise FleetError(f"not UTF-8 text: {error.reason} at byte {error.start}") from None
+    except TextError as error:
+        raise FleetError(str(error)) from None
 
 
 def table_of(text: str) -> dict[str, Any]:
@@ -114,7 +118,10 @@ def table_of(text: str) -> dict[str, Any]:
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise FleetError(f"not TOML: {error}") from None
+        number = _LINE.search(str(error))
+        line = text.split("\n")[int(number[1]) - 1] if number else ""
+        hint = "; numbers have a decimal point" if _COMMA.search(line) else ""
+        raise FleetError(f"not TOML: {error}{hint}") from None
     except RecursionError:
         raise FleetError(f"nested more than {DEEPEST} times") from None
     _check_values(raw, "")

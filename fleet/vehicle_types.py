@@ -17,6 +17,7 @@ from rcopterx.bus.message import Name
 from rcopterx.fleet.reading import converted, dataclass_from, merged, replaced, table_of
 from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text
 from rcopterx.radios.limits import ArbiterLimits
+from rcopterx.user_text import decoded
 from rcopterx.vehicles.model import Model
 
 GROUP = "rcopterx.vehicle_types"
@@ -80,7 +81,7 @@ def vehicle_type(name: str) -> VehicleType:
         if not source.is_file():
             place = next(point.value for point in entry_points(group=GROUP) if point.name == name)
             source = files(place) / file
-        table = table_of(source.read_text(encoding="utf-8"))
+        table = table_of(decoded(source.read_bytes()))
     except (OSError, ImportError, ValueError) as error:
         raise FleetError(f"type {name!r} of {place}: cannot be read: {error}") from None
     return _checked(name, table, str(source))

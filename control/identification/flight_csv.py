@@ -3,14 +3,12 @@
 https://github.com/syediu/nanobench-iros2026: seconds, metres, quaternions, degrees, thrust, volts.
 """
 
-import csv
 import gzip
-import math
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, TextIO
+from typing import Final
 
 import numpy as np
 
@@ -21,6 +19,7 @@ from rcopterx.control.identification.recording import (
     interpolated,
 )
 from rcopterx.control.interfaces import Measurement
+from rcopterx.user_text import Row, TextError, decoded, number_in, rows_of
 from rcopterx.vehicles.state import Array
 
 SUFFIXES: Final = (".csv", ".csv.gz")
@@ -54,43 +53,33 @@ def read_flight(path: Path, kind: str, full: CommandScale) -> FlightRecording:
     Raises `RecordingError`, which names file and line: nothing flies, values or poses are missing or wrong.
     """
     try:
-        with _opened(path) as file:
-            rows = np.array(list(_numbers(csv.reader(file))))
+        rows = np.array(list(_numbers(rows_of(decoded(_content(path))))))
         return _recording(rows, kind, full)
-    except (OSError, EOFError, UnicodeDecodeError, csv.Error, zlib.error, RecordingError) as error:
+    except (OSError, EOFError, zlib.error, TextError, RecordingError) as error:
         raise RecordingError(f"{path}: {error}") from None
 
 
-def _opened(path: Path) -> TextIO:
-    if path.name.endswith(".gz"):
-        return gzip.open(path, "rt", encoding="utf-8", newline="")
-    return path.open(encoding="utf-8", newline="")
+def _content(path: Path) -> bytes:
+    content = path.read_bytes()
+    return gzip.decompress(content) if path.name.endswith(".gz") else content
 
 
-def _numbers(lines: Iterator[list[str]]) -> Iterator[list[float]]:
-    """Numbers of `COLUMNS` of every line."""
-    header = next(lines, [])
+def _numbers(rows: Iterator[Row]) -> Iterator[list[float]]:
+    """Line and numbers of `COLUMNS` of every row."""
+    header = next(rows, Row(0, [])).cells
     missing = [name for name in COLUMNS if name not in header]
     if missing:
         raise RecordingError(f"no column {', '.join(missing)}")
     places = [header.index(name) for name in COLUMNS]
-    for number, line in enumerate(lines, 2):
-        if len(line) != len(header):
-            raise RecordingError(f"line {number}: {len(line)} values instead of {len(header)}")
-        yield [_number(line[place], number, name) for place, name in zip(places, COLUMNS, strict=True)]
+    for line, cells in rows:
+        if len(cells) != len(header):
+            raise RecordingError(f"line {line}: {len(cells)} values instead of {len(header)}")
+        named = zip(places, COLUMNS, strict=True)
+        yield [line, *(number_in(cells[place], f"line {line}, column {name}") for place, name in named)]
 
 
-def _number(text: str, line: int, column: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise RecordingError(f"line {line}, column {column}: {text!r} is not a number")
-    return value
-
-
-def _recording(rows: Array, kind: str, full: CommandScale) -> FlightRecording:
+def _recording(numbers: Array, kind: str, full: CommandScale) -> FlightRecording:
+    lines, rows = (numbers[:, 0], numbers[:, 1:]) if len(numbers) else (numbers, numbers)
     height_m = rows[:, 1 + POSE.index("pz")] if len(rows) else np.zeros(1)
     flying = np.flatnonzero(height_m > height_m.min() + AIRBORNE_M)
     if len(flying) < 2:
@@ -101,8 +90,8 @@ def _recording(rows: Array, kind: str, full: CommandScale) -> FlightRecording:
     for wrong, why in flaws:
         if wrong.any():
             at = int(np.argmax(wrong))
-            line = flying[0] + at + 3
-            raise RecordingError(f"line {line}: {why}, {steps_s[at]:.3f} s since the line before")
+            line = lines[flying[0] + at + 1]
+            raise RecordingError(f"line {line:.0f}: {why}, {steps_s[at]:.3f} s since the line before")
     period_s = max(round(float(np.median(steps_s)), 4), PERIOD_S)
     regular_s = np.arange(time_s[0], time_s[-1], period_s)
     flown = rows[flying[0] : flying[-1] + 1]

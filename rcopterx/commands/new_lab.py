@@ -157,11 +157,14 @@ def crazyswarm2(
     from rcopterx.deploy.crazyswarm import read_tracker, read_vehicles
     from rcopterx.deploy.new_laboratory import NewLaboratory, name_of, write_fleet_file
 
-    vehicles = read_vehicles(source)
-    brand, address = read_tracker(motion_capture or source.with_name(MOTION_CAPTURE))
+    remarks: list[str] = []
+    vehicles = read_vehicles(source, remarks)
+    brand, address = read_tracker(motion_capture or source.with_name(MOTION_CAPTURE), remarks)
     name, corners = name_of(file.stem), (three(volume_min), three(volume_max))
     laboratory = NewLaboratory(name, address, *corners, None, "crazyflie", vehicles, brand, rate_hz)
     write_fleet_file(file, laboratory)
+    for remark in remarks:
+        typer.echo(f"remark: {remark}", err=True)
     typer.echo(f"{file}: {', '.join(one.name for one in vehicles)}; its first lines list the next steps")
 
 

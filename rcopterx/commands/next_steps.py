@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from rcopterx.user_text import text_of
+
 if TYPE_CHECKING:
     from rcopterx.deploy.hosts.running import RunningFleet
 
@@ -31,7 +33,7 @@ def fleet_files(directory: Path) -> list[str]:
 
 def _has_vehicles(path: Path) -> bool:
     try:
-        return "vehicles" in tomllib.loads(path.read_text(encoding="utf-8"))
+        return "vehicles" in tomllib.loads(text_of(path))
     except (OSError, ValueError):
         return False
 

@@ -1,6 +1,5 @@
 """Flying trajectories from the command line: circles, figure eights, spirals, waypoints from a file."""
 
-import csv
 import math
 from functools import partial
 from pathlib import Path
@@ -12,10 +11,12 @@ from rcopterx.commands.fleet_option import RunningFleetOption, running_fleet
 from rcopterx.commands.output import PlotOption, write_plot
 from rcopterx.commands.parsing import check_known, three
 from rcopterx.commands.steer import Vehicle
+from rcopterx.user_text import Row, TextError, number_in, rows_of, text_of
 
 if TYPE_CHECKING:
     from rcopterx.control.references.paths import FlightPath
 
+COLUMNS = ["t", "x", "y", "z", "yaw"]
 SHAPES = ("circle", "figure-eight", "spiral", "waypoints")
 
 
@@ -78,24 +79,19 @@ def _waypoints(file: Path | None) -> list[list[float]]:
     if file is None:
         raise typer.BadParameter("waypoints need a CSV file with columns t,x,y,z,yaw", param_hint="FILE")
     try:
-        with file.open(newline="", encoding="utf-8") as lines:
-            rows = list(csv.reader(lines))
+        return [_waypoint(row) for row in rows_of(text_of(file)) if row.cells != COLUMNS]
     except OSError as error:
         raise typer.BadParameter(f"{file}: {error.strerror}", param_hint="FILE") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise typer.BadParameter(f"{file}: no CSV file: {error}", param_hint="FILE") from None
-    if rows and rows[0] == ["t", "x", "y", "z", "yaw"]:
-        rows = rows[1:]
-    table = []
-    for number, row in enumerate(rows, start=1):
-        try:
-            t, x, y, z, yaw = (float(value) for value in row)
-        except ValueError:
-            raise typer.BadParameter(
-                f"{file}, row {number}: {','.join(row)!r} is not t,x,y,z,yaw", param_hint="FILE"
-            ) from None
-        table.append([t, x, y, z, math.radians(yaw)])
-    return table
+    except TextError as error:
+        raise typer.BadParameter(f"{file}, {error}", param_hint="FILE") from None
+
+
+def _waypoint(row: Row) -> list[float]:
+    if len(row.cells) != len(COLUMNS):
+        words = f"{','.join(row.cells)!r} is not {','.join(COLUMNS)}"
+        raise TextError(f"line {row.line}: {words}; decimals have a point")
+    t, x, y, z, yaw = (number_in(cell, f"line {row.line}") for cell in row.cells)
+    return [t, x, y, z, math.radians(yaw)]
 
 
 def _draw(path: "FlightPath", figure: Any) -> None:

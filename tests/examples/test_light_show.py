@@ -87,8 +87,8 @@ def test_a_zip_of_csv_files_is_read(tmp_path: Path) -> None:
         ({"show.json": {"swarm": {}}}, "'drones'"),
         ({"show.json": show({"$ref": "./x#"})}, "x is missing"),
         ({"show.json": show({"version": 2})}, "version 2"),
-        ({"a.csv": "t,x,y,z\n0,1,two,3\n"}, "a.csv: could not convert"),
-        ({"a.csv": "t,x,y\n0,1,2\n"}, "a.csv: needs the columns"),
+        ({"a.csv": "t,x,y,z\n0,1,two,3\n"}, "a.csv: line 2: 'two' is not a number"),
+        ({"a.csv": "t,x,y\n0,1,2\n"}, "a.csv: line 2: needs the columns"),
         ({"a.csv": "t,x,y,z\n5,0,0,0\n5,1,1,1\n"}, "a.csv: times must increase"),
     ],
 )

@@ -290,3 +290,18 @@ def test_errors_of_a_file_begin_with_its_path(tmp_path: Path) -> None:
 )
 def test_router_listens_for_others_only_if_there_are_others(text: str, listens: bool) -> None:
     assert parse_fleet(text).listens("main") is listens
+
+
+def test_a_fleet_file_reads_the_same_whatever_program_has_written_it(tmp_path: Path) -> None:
+    marked = Path(__file__).parents[1] / "fixtures" / "text_files" / "bom.toml"
+    plain, windows = tmp_path / "plain.toml", tmp_path / "windows.toml"
+    plain.write_bytes(marked.read_bytes().removeprefix(b"\xef\xbb\xbf"))
+    windows.write_bytes(marked.read_bytes().replace(b"\n", b"\r\n"))
+    assert load_fleet(marked) == load_fleet(plain) == load_fleet(windows)
+
+
+def test_a_decimal_comma_is_named_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_bytes(b'\xef\xbb\xbfname = "lab"\r\n\r\n[simulator]\r\nrate_hz = 0,5\r\n')
+    with pytest.raises(FleetError, match=r"at line 4, column .*; numbers have a decimal point"):
+        load_fleet(path)

@@ -200,6 +200,22 @@ def test_a_waypoint_file_that_is_none_is_a_usage_error(content: bytes | None, tm
     assert "tour.csv" in plain(result)
 
 
+TABLES = Path(__file__).parents[1] / "fixtures" / "text_files"
+
+
+@pytest.mark.parametrize("name", ["bom.csv", "blank_tail.csv"])
+def test_a_waypoint_file_reads_the_same_whatever_program_has_written_it(name: str, tmp_path: Path) -> None:
+    result = run("trajectory", "h1", "waypoints", str(TABLES / name), "--plot", str(tmp_path / "tour.svg"))
+    assert result.exit_code == 0, result.output
+    assert "7.0 s" in result.stdout
+
+
+def test_decimal_commas_of_a_waypoint_file_are_refused_with_their_line() -> None:
+    result = run("trajectory", "h1", "waypoints", str(TABLES / "german.csv"))
+    assert result.exit_code == 2
+    assert "line 3: '0,4' has a decimal comma, write 0.4" in plain(result)
+
+
 def test_negative_coordinates_need_no_dashes_and_misspelt_options_are_still_refused(
     up: str, vehicles: Vehicles
 ) -> None:

@@ -10,8 +10,10 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from rcopterx.command_line import app
+from rcopterx.deploy.skybrush import read_show
 from rcopterx.fleet.reading import load_fleet
 
+FIXTURES = Path(__file__).parents[1] / "fixtures"
 CRAZYFLIES = """
 robots:
   C04: {enabled: false, uri: "radio://0/80/1M/E7E7E7E704", initial_position: [1, 0, 0], type: C10X}
@@ -107,8 +109,19 @@ def test_existing_fleet_file_is_kept(source: Path) -> None:
     ("name", "text", "words"),
     [
         ("crazyflies.yaml", "robots: [", "crazyflies.yaml"),
-        ("crazyflies.yaml", "robots: {C1: {enabled: true}}", "uri"),
-        ("crazyflies.yaml", "robots: {C1: {uri: 5}}", "Expected `str`, got `int` - at `$.robots"),
+        (
+            "crazyflies.yaml",
+            "robots: {C1: {enabled: true}}",
+            "robots.C1: object missing required field `uri`",
+        ),
+        ("crazyflies.yaml", "robots: {C1: 5}", "robots.C1: expected `object`, got `int`"),
+        (
+            "crazyflies.yaml",
+            "robots: {C1: {uri: x, initial_position: [0,4, 0, 0]}}",
+            "robots.C1.initial_position",
+        ),
+        ("crazyflies.yaml", "crazyflies: [{id: 1, channel: 80}]", "a file of Crazyswarm 1"),
+        ("crazyflies.yaml", "robots: {C1: {uri: 5}}", "robots.C1.uri: expected `str`, got `int`"),
         ("crazyflies.yaml", "robots: {C1: {uri: x, enabled: false}}", "no robot is enabled"),
         ("crazyflies.yaml", "robots: {C1: {uri: x}, c1: {uri: y}}", "differ only in capital letters"),
         ("crazyflies.yaml", "robots: {C1: {uri: radio}}", "vehicles.c1.transmitter"),
@@ -129,6 +142,47 @@ def test_what_cannot_be_used_is_named(source: Path, name: str, text: str | None,
     assert words in result.stderr
     assert len(result.stderr.splitlines()) == 1
     assert not path.exists()
+
+
+REMARKS = {
+    "tracking_points": "robots.cf1: tracking 'librigidbodytracker', from single markers, is not taken over",
+    "big_quad": "robots.cf1: big_quad is not taken over",
+    "dup_key": "crazyflies.yaml: robots.cf1 is there twice, in lines 3 and 8: only the last one",
+    "mc_port": "motion_capture.yaml: hostname '192.0.2.7:801' gives the port already: 801 is used",
+    "pos_nan": "robots.cf2.initial_position: is not finite",
+}
+
+
+@pytest.mark.parametrize("case", REMARKS)
+def test_everything_that_is_not_taken_over_is_a_remark_that_names_the_robot(
+    case: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "lab.toml"
+    result = imported(FIXTURES / "import_crazyswarm2" / case / "crazyflies.yaml", path)
+    assert result.exit_code == 0, result.stderr
+    assert f"remark: {REMARKS[case]}" in result.stderr
+    assert load_fleet(path).tracker.address == "192.0.2.7:801"
+
+
+@pytest.mark.parametrize(
+    ("case", "words"),
+    [
+        ("enabled_str", "robots.cf1.enabled: expected `bool`, got `str`"),
+        ("crazyswarm1", "a file of Crazyswarm 1"),
+    ],
+)
+def test_robots_that_cannot_be_used_are_named(case: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "lab.toml"
+    result = imported(FIXTURES / "import_crazyswarm2" / case / "crazyflies.yaml", path)
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert not path.exists()
+
+
+def test_keys_that_no_fleet_file_has_are_remarks(source: Path) -> None:
+    result = imported(source, source.with_name("lab.toml"))
+    assert "remark: robots.C23: role not taken over" in result.stderr
+    assert "remark: all: firmware_params not taken over" in result.stderr
 
 
 def show(path: Path, *names: str) -> Path:
@@ -164,6 +218,59 @@ def test_show_that_cannot_be_used_is_refused(tmp_path: Path, names: tuple[str, .
 
 
 @pytest.mark.parametrize(
+    ("name", "vehicle"),
+    [("poly4d.skyc", "cf1"), ("skyc_in_folder.skyc", "drone_1"), ("csv_mac.zip", "drone_1_csv"),
+     ("csv_blank_end.zip", "drone_1_csv")],
+)  # fmt: skip
+def test_shows_as_programs_write_them_are_read(name: str, vehicle: str, tmp_path: Path) -> None:
+    path = tmp_path / "show.toml"
+    result = imported(FIXTURES / "import_skybrush" / name, path, of="skybrush")
+    assert result.exit_code == 0, result.stderr
+    assert [*load_fleet(path).vehicles] == [vehicle]
+
+
+def test_a_straight_line_of_degree_seven_is_flown_straight() -> None:
+    (drone,) = read_show(FIXTURES / "import_skybrush" / "poly4d.skyc")
+    assert np.allclose(drone.positions_m[:, 2], 0.5 * drone.times_s / 3.0)
+    assert drone.times_s[-1] == 3.0
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_tables_of_a_show_may_have_other_separators_marks_and_line_ends(
+    separator: str, tmp_path: Path
+) -> None:
+    text = "\ufefft,x,y,z\r\n\r\n0,0,0.5,1\r\n8000,2,0.5,1\r\n\r\n".replace(",", separator)
+    with zipfile.ZipFile(tmp_path / "show.zip", "w") as archive:
+        archive.writestr("show\\a.csv", text)
+        archive.writestr(".DS_Store", "x")
+    (drone,) = read_show(tmp_path / "show.zip")
+    assert drone.positions_m.tolist() == [[0.0, 0.5, 1.0], [2.0, 0.5, 1.0]]
+    assert drone.name == "a.csv"
+
+
+def test_decimal_commas_of_a_show_are_refused_with_their_line(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "show.zip", "w") as archive:
+        archive.writestr("a.csv", "t;x;y;z\n0;0;0;1\n\n8000;0,4;0;1\n")
+    result = imported(tmp_path / "show.zip", tmp_path / "show.toml", of="skybrush")
+    assert "a.csv: line 4: '0,4' has a decimal comma, write 0.4" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [("a.skyb", b"skyb\x01", "a .skyb file"), ("show.json", b'{"version": 1}', "a JSON file"),
+     ("a.csv", b"t,x,y,z\n", "the CSV file of one drone")],
+)  # fmt: skip
+def test_other_files_of_a_show_are_refused_with_what_to_export(
+    name: str, content: bytes, words: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    result = imported(tmp_path / name, tmp_path / "show.toml", of="skybrush")
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert "export the whole show as .skyc" in result.stderr
+
+
+@pytest.mark.parametrize(
     ("offset", "value"),
     [(6, 1), (8, 99), (40, 0x55)],  # encrypted, compressed by an unknown method, with damaged content
 )
@@ -187,4 +294,4 @@ def test_table_with_a_field_that_is_too_long_is_an_error_line(tmp_path: Path) ->
         archive.writestr("a.csv", "t,x,y,z\n0," + 200_000 * "1")
     result = imported(source, tmp_path / "show.toml", of="skybrush")
     assert result.exit_code == 2, result.output
-    assert result.stderr.startswith(f"error: {source}: field larger than field limit")
+    assert result.stderr.startswith(f"error: {source}: a.csv: line 2: field larger than field limit")

@@ -94,7 +94,7 @@ def test_files_with_flaws_are_refused(tmp_path: Path, spoil: Callable[[Rows], Ro
     [
         (b"t,px\n1,2\n", "no column py, pz, qx"),
         (b"", "no column t, px"),
-        (b"\xff\xfe", "can't decode"),
+        (b"t,px\n\xff", "not UTF-8 text"),
         (b"not compressed", "Not a gzipped file"),
     ],
 )

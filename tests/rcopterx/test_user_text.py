@@ -1,0 +1,65 @@
+"""Promises of texts of users: they read the same, whatever program has written them."""
+
+import codecs
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rcopterx.user_text import Row, TextError, decoded, number_in, rows_of
+
+TABLE = "t,x\n0,1.5\n3,ü\n"
+ROWS = [Row(1, ["t", "x"]), Row(2, ["0", "1.5"]), Row(3, ["3", "ü"])]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        TABLE.encode(),
+        codecs.BOM_UTF8 + TABLE.encode(),
+        TABLE.replace("\n", "\r\n").encode(),
+        TABLE.replace("\n", "\r").encode(),
+        TABLE.encode("utf-16"),
+        codecs.BOM_UTF16_BE + TABLE.encode("utf-16-be"),
+        TABLE.replace(",", ";").encode(),
+        TABLE.replace(",", "\t").encode(),
+        TABLE.replace(",", " , ").encode(),
+        (TABLE + "\n \n;;\n").replace(";;", ",").encode(),
+        TABLE.rstrip("\n").encode(),
+        TABLE.replace("1.5", '"1.5"').encode(),
+    ],
+)
+def test_a_table_reads_the_same_whatever_program_has_written_it(data: bytes) -> None:
+    assert list(rows_of(decoded(data))) == ROWS
+
+
+def test_lines_count_as_in_an_editor() -> None:
+    text = 'a,b\r\n\r\n1,"two\r\nlines"\r\n\r\n5,6'
+    assert [row.line for row in rows_of(decoded(text.encode()))] == [1, 3, 6]
+
+
+def test_what_is_no_text_is_refused_with_its_line() -> None:
+    with pytest.raises(TextError, match=r"not UTF-8 text: .* at byte 4, line 2"):
+        decoded(b"a,b\n\xfc,1\n")
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [("0,4", "decimal comma, write 0.4"), ("-,5", "decimal comma"), ("x", "not a number"),
+     ("", "not a number"), ("nan", "not a number"), ("inf", "not a number")],
+)  # fmt: skip
+def test_what_is_no_number_is_refused_with_its_line(cell: str, words: str) -> None:
+    with pytest.raises(TextError, match=rf"line 7: .*{words}"):
+        number_in(cell, "line 7")
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_numbers_survive(value: float) -> None:
+    assert number_in(f" {value!r} ", "line 1") == value
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_table_or_a_clear_error(data: bytes) -> None:
+    with suppress(TextError):
+        assert all(any(row.cells) for row in rows_of(decoded(data)))
