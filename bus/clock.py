@@ -11,7 +11,7 @@ from pathlib import Path
 from time import monotonic, time
 from typing import Final
 
-from rcopterx.bus.lockstep_page import opened_page
+from rcopterx.bus.lockstep.page import opened_page
 from rcopterx.bus.rounding import TIME_BITS
 
 NANO: Final = 1_000_000_000

@@ -13,15 +13,19 @@ import zenoh
 from zenoh.handlers import Callback
 
 from rcopterx.bus import channels
+from rcopterx.bus.attachments import attached, number_of, sent_at
 from rcopterx.bus.channels import Channel
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.codec import RejectedError, decode, encode, prepare
-from rcopterx.bus.conductor import Conductor
 from rcopterx.bus.endpoints import Credentials, client_config, open_session, reason_of
-from rcopterx.bus.lockstep_page import opened_page
+from rcopterx.bus.lockstep.inbox import LockstepInbox
+from rcopterx.bus.lockstep.page import opened_page
+from rcopterx.bus.lockstep.participant import Participant
+from rcopterx.bus.lockstep.scheduler import Scheduler
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
-from rcopterx.bus.publishing import number_of, publisher_of
+from rcopterx.bus.processes import SIMULATOR
+from rcopterx.bus.publishing import publisher_of
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.subscription import (
     Deliver,
@@ -32,7 +36,6 @@ from rcopterx.bus.subscription import (
     Waking,
     callback_of,
 )
-from rcopterx.bus.turns import CONDUCTOR, Reception, Turns, attached, sent_at
 
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Reply)
@@ -154,10 +157,10 @@ class Session:
         self._zenoh = opened(address, timeout_s)
         # An open session would keep the interpreter from ending: it waits for callbacks.
         self._close = weakref.finalize(self, self._zenoh.close)
-        self.turns: Turns | None = None
+        self.turns: Participant | None = None
         """The turns of this process in lockstep; None if it takes none."""
         if address.clock.page is not None and address.process:
-            kind = Conductor if address.process == CONDUCTOR else Turns
+            kind = Scheduler if address.process == SIMULATOR else Participant
             self.turns = kind(opened_page(address.clock.page), address.process, self.await_subscriptions)
             self.wake = self.turns.wake
             if begin:
@@ -232,7 +235,7 @@ class Session:
 
         return arrived
 
-    def _reception(self, key: str, waking: Waking) -> Reception | None:
+    def _reception(self, key: str, waking: Waking) -> LockstepInbox | None:
         """Return what holds messages of a key back in lockstep."""
         return None if self.turns is None else self.turns.receive(key, waking=waking is not False)
 
@@ -333,7 +336,7 @@ class Session:
             (time.sleep if self.turns is None else self.turns.wait)(RETRY_S)
 
     def _request_in_turns(
-        self, turns: Turns, key: str, payload: bytes, timeout_s: float
+        self, turns: Participant, key: str, payload: bytes, timeout_s: float
     ) -> list[zenoh.Reply]:
         """Send a request in lockstep, and take turns until the reply counts; none after the time-out."""
         replies: list[zenoh.Reply] = []

@@ -12,8 +12,8 @@ from zenoh.handlers import Callback
 
 from rcopterx.bus.channels import CHANNELS, Channel
 from rcopterx.bus.codec import RejectedError, decode
+from rcopterx.bus.lockstep.inbox import LockstepInbox
 from rcopterx.bus.message import Message
-from rcopterx.bus.turns import Reception
 
 M = TypeVar("M", bound=Message)
 
@@ -130,7 +130,7 @@ Deliver = Callable[[Inbox[Any], bytes, float], None]
 OnArrival = Callable[[Inbox[Any], bytes], None]  # called on the receive thread with a payload and inbox
 
 
-def callback_of(on_arrival: Callable[[Any], None], reception: Reception | None) -> "Callback[Any]":
+def callback_of(on_arrival: Callable[[Any], None], reception: LockstepInbox | None) -> "Callback[Any]":
     """Return what Zenoh calls with a sample or a query; in lockstep it waits for its turn."""
     called = on_arrival if reception is None else partial(reception.hold, on_arrival)
     return Callback(called, indirect=False)
@@ -147,7 +147,7 @@ class Subscription(Inbox[M]):
         on_arrival: OnArrival,
         depth: int = 1,
         origin: zenoh.Locality = zenoh.Locality.ANY,
-        reception: Reception | None = None,
+        reception: LockstepInbox | None = None,
     ) -> None:
         super().__init__(channel, depth, full_key.split("/")[-2])
         self._on_arrival = on_arrival
@@ -182,7 +182,7 @@ class UnitSubscriptions(Generic[M]):
         on_arrival: OnArrival,
         depth: int = 1,
         units: frozenset[str] = frozenset(),
-        reception: Reception | None = None,
+        reception: LockstepInbox | None = None,
     ) -> None:
         self._on_arrival = on_arrival
         self._units = units

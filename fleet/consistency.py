@@ -5,8 +5,8 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 
 from rcopterx.bus.channels import EVERY_FLEET, FIXED_UNITS
+from rcopterx.bus.processes import RESERVED_PROCESSES
 from rcopterx.fleet.schema import (
-    RESERVED_PROCESSES,
     FleetError,
     FleetFile,
     check_known,

@@ -19,10 +19,6 @@ ProtocolName = Literal["multi", "dsm2_serial", "dsmp", "ppm", "crazyflie", "mavl
 
 DEFAULT_HOST = "main"
 ROUTER_PORT = 7447
-RESERVED_PROCESSES = (
-    "router", "simulator", "tracker", "recorder", "spare", "membership", "recall", "script",
-)  # fmt: skip
-"""Names of processes other than transmitter gateways, and of services that take turns in lockstep."""
 
 
 class FleetError(ValueError):

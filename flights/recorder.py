@@ -11,11 +11,11 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import CHANNELS
 from rcopterx.bus.clock import NANO
 from rcopterx.bus.heartbeat import own_heartbeat
-from rcopterx.bus.lockstep_page import opened_page
+from rcopterx.bus.lockstep.page import opened_page
+from rcopterx.bus.lockstep.participant import join_without_turns
 from rcopterx.bus.log_messages import RecorderStatus
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.session import BusAddress, RawMessage, Session
-from rcopterx.bus.turns import join_without_turns
 from rcopterx.flights.flight_writing import FlightSettings, FlightWriter
 from rcopterx.flights.mcap_writing import LoggedMessage
 

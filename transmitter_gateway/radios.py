@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.heartbeat import Heartbeat
-from rcopterx.bus.turns import Turns
+from rcopterx.bus.lockstep.participant import Participant
 from rcopterx.radios.crazyradio import UsbDevice
 from rcopterx.radios.crtp import RADIO, RadioAddress
 from rcopterx.radios.set_points import SetPointRadio
@@ -47,7 +47,7 @@ class Wakeup:
 
     def __init__(self, clock: Clock = REAL_TIME) -> None:
         self._real_s = clock.real_s
-        self.turns: Turns | None = None  # those of this process in lockstep
+        self.turns: Participant | None = None  # those of this process in lockstep
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
 
     def notify(self) -> None:

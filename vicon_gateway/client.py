@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple, Self
 
 from msgspec.structs import replace
 
-from rcopterx.bus.turns import Turns
+from rcopterx.bus.lockstep.participant import Participant
 from rcopterx.vicon_gateway.datastream import DataStreamSession, StreamCounters
 from rcopterx.vicon_gateway.frame import CapturedFrame
 from rcopterx.vicon_gateway.recording import RawEvent, RawRecorder
@@ -163,7 +163,7 @@ class DataStreamClient(FrameClient):
         self._unsent = b""
         self._tries = 0
 
-    def turn(self, turns: Turns, timeout_s: float) -> CapturedFrame | None:
+    def turn(self, turns: Participant, timeout_s: float) -> CapturedFrame | None:
         """Wait for a frame as `next_frame`, in lockstep: connections are made within a turn."""
         turns.wait(timeout_s, [] if self._socket is None else [self._socket.fileno()])
         frame = self.next_frame(0.0)

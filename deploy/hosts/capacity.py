@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Final
 
 from rcopterx.agents.load.overload import Relief
+from rcopterx.bus.processes import AGENT
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 from rcopterx.deploy.watchdog.processor_time import Threads, threads_of
 
 MODULE: Final = "rcopterx.deploy.hosts.control_time"
-AGENT: Final = "agent"
 USABLE: Final = 0.65  # share of the processors beyond which control periods are missed
 USABLE_AT_MOST: Final = 0.75  # beyond, at the lowest control rate, serial lines starve
 SURE: Final = 1.5  # vehicles for each processor that any computer can fly

@@ -13,13 +13,13 @@ from typing import Final, TypeVar
 from msgspec.structs import replace
 
 from rcopterx.bus.clock import Clock
-from rcopterx.bus.lockstep_page import create_page, opened_page, remove_page
+from rcopterx.bus.lockstep.page import create_page, opened_page, remove_page
+from rcopterx.bus.processes import AGENT, RECORDER, ROLES, ROUTER, SERVICES, SIMULATOR
 from rcopterx.bus.realtime import request_realtime, share_interpreter
 from rcopterx.bus.session import BusUnreachableError
-from rcopterx.bus.turns import CONDUCTOR, MEMBERSHIP, RECALL
 from rcopterx.compiling.cache import compile_all
 from rcopterx.deploy.fleet_check import check_in_process
-from rcopterx.deploy.hosts.capacity import AGENT, CapacityMeasurement, may_be_crowded
+from rcopterx.deploy.hosts.capacity import CapacityMeasurement, may_be_crowded
 from rcopterx.deploy.hosts.guarding import Guard
 from rcopterx.deploy.hosts.membership import MembershipService
 from rcopterx.deploy.hosts.recall import RecallService
@@ -38,7 +38,7 @@ from rcopterx.deploy.processes.forking import URGENT_NICE, ForkServer
 from rcopterx.deploy.processes.preloading import modules_of
 from rcopterx.deploy.processes.process_log import LauncherLog
 from rcopterx.deploy.processes.supervisor import Supervisor
-from rcopterx.deploy.processes.table import RECORDER, ROUTER, ProcessSpec, agent_process, processes_of
+from rcopterx.deploy.processes.table import ProcessSpec, agent_process, processes_of
 from rcopterx.deploy.roles.addresses import bus_address, clock_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.deploy.spares.spares import SPARES, Spares, spare_command
@@ -52,9 +52,6 @@ WATCH_S: Final = 0.02  # between two checks of all processes for progress
 MEASURE_S: Final = 0.1  # between two steps of the measurement of how many vehicles this computer flies
 FLOOR_S: Final = 0.25  # between two searches for vehicles on the floor whose host has died
 EVENTS_KEPT: Final = 200
-IN_LOCKSTEP: Final = (RECORDER, "tracker", "transmitters", AGENT)  # roles without which no time passes
-SPARE_ROLES: Final = (AGENT, ROUTER, "tracker", "transmitters")
-"""Roles that vehicles in the air need, and that spares can take over."""
 
 
 def call_in_realtime(priority: int, function: Callable[[], T]) -> T:
@@ -150,7 +147,7 @@ class Launcher(AbstractContextManager["Launcher"]):
         return CapacityMeasurement(self._snapshot, vehicle, period_s, self._forks, self._roles)
 
     def _make_spares(self, specs: Sequence[ProcessSpec], count: int) -> Spares:
-        jobs = [(spec.role, spec.unit) for spec in specs if spec.role in SPARE_ROLES]
+        jobs = [(spec.role, spec.unit) for spec in specs if ROLES[spec.role].spare]
         command = spare_command(self._snapshot, self._host, jobs)
         priority = Priority.GATEWAY.of(self._fleet)
         return Spares(self._forks, jobs, command, self._logs / "spare.log", count, priority)
@@ -166,9 +163,10 @@ class Launcher(AbstractContextManager["Launcher"]):
             raise
         if self._clock.page is not None:
             children = self.supervisor.children.values()
-            awaited = (each.spec.name for each in children if each.wanted and each.spec.role in IN_LOCKSTEP)
-            services = (MEMBERSHIP, RECALL, *filter(None, [self._script]))
-            create_page(self._clock.page, [CONDUCTOR, *awaited, *services])
+            awaited = (each.spec for each in children if each.wanted)
+            in_lockstep = (spec.name for spec in awaited if ROLES[spec.role].in_lockstep)
+            others = (*SERVICES, *filter(None, [self._script]))
+            create_page(self._clock.page, [SIMULATOR, *in_lockstep, *others])
         write_snapshot(self._fleet, self._snapshot)
         # The supervisor runs in the interpreter of this program and waits for its other threads.
         share_interpreter()

@@ -11,18 +11,17 @@ from typing import Final
 from rcopterx.agents.load.overload import LATE_SHARE
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus
-from rcopterx.bus.lockstep_page import opened_page
+from rcopterx.bus.lockstep.page import opened_page
 from rcopterx.bus.log_messages import LauncherEvent
 from rcopterx.bus.messages import AgentStatus
+from rcopterx.bus.processes import AGENT, MEMBERSHIP, ROUTER
 from rcopterx.bus.requests import ReadLogs, Reply, StartHost, StartVehicle, StopHost, StopVehicle, TakeVehicle
 from rcopterx.bus.session import BusAddress, Incoming
-from rcopterx.bus.turns import MEMBERSHIP
-from rcopterx.deploy.hosts.capacity import AGENT, may_be_crowded
+from rcopterx.deploy.hosts.capacity import may_be_crowded
 from rcopterx.deploy.hosts.serving import Service
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.log_reading import read_page
 from rcopterx.deploy.processes.supervisor import Child, Supervisor
-from rcopterx.deploy.processes.table import ROUTER
 from rcopterx.vehicles.phases import AIRBORNE
 
 REPORT_PERIOD_S = 0.5

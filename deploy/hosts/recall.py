@@ -8,10 +8,10 @@ from rcopterx.bus.channels import Channel
 from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.message import Message
 from rcopterx.bus.messages import Applied
+from rcopterx.bus.processes import RECALL
 from rcopterx.bus.requests import Recall, RecallReply
 from rcopterx.bus.session import BusAddress
 from rcopterx.bus.subscription import Inbox, Received
-from rcopterx.bus.turns import RECALL
 from rcopterx.deploy.hosts.guarding import FLYING, OnFloor, Runners
 from rcopterx.deploy.hosts.serving import Service
 

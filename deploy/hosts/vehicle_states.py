@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from rcopterx.bus.lockstep_page import remove_page
+from rcopterx.bus.lockstep.page import remove_page
 from rcopterx.deploy.hosts.run_directory import LOCKSTEP, states_directories, states_directory
 from rcopterx.fleet.schema import FleetError
 from rcopterx.transmitter_gateway.state_page import StatePage, begin_page, open_page

@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Final
 
 from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.processes import ROLES, SPARE, TRANSMITTERS, Duty
 from rcopterx.deploy.processes.attempts import Attempts
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
-from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, RECORDER, TRANSMITTERS, ProcessSpec
+from rcopterx.deploy.processes.table import EXIT_ELSEWHERE, ProcessSpec
 from rcopterx.deploy.spares.spares import Spares
 from rcopterx.deploy.watchdog.liveness import Liveness, Watched
-from rcopterx.deploy.watchdog.watchdog import Duty, Hung, Watchdog
+from rcopterx.deploy.watchdog.watchdog import Hung, Watchdog
 from rcopterx.fleet.schema import WatchdogConfig
 
 STABLE_AFTER_S = 2.0
@@ -26,9 +27,6 @@ SETTLED_S: Final = 0.2  # after the last start of a process; until then no spare
 START_RETRY_S: Final = 0.2
 SPARE_RETRY_S: Final = 1.0
 SPARE_SILENCE_S: Final = 0.15  # a spare that has shown no progress for so long does not take over
-DUTIES: Final = {TRANSMITTERS: Duty.RADIO, "simulator": Duty.BACKGROUND, RECORDER: Duty.BACKGROUND}
-"""Duties of processes by role; those of others are `Duty.FLIGHT`."""
-KNOWING_ROLES: Final = ("agent", TRANSMITTERS)  # processes of these roles know whether vehicles fly
 NO_LIMITS: Final = WatchdogConfig(enabled=False)
 STOP_TURN_S: Final = 0.05
 STOP_LIMIT_S = 12.0  # without the time in which transmitter gateways land their vehicles
@@ -96,7 +94,7 @@ class Supervisor:
         self._prepare_at_s = self._spare_at_s = 0.0
         self.turns = 0  # number of turns of the loop that calls `watch`
         self.spares_hung = 0
-        blind = not any(spec.role in KNOWING_ROLES for spec in specs)
+        blind = not any(ROLES[spec.role].knows_flying for spec in specs)
         self.watchdog = Watchdog(watchdog, blind)
         self.watchdog_on = watchdog.enabled  # whether processes that make no progress are killed
         self.liveness = Liveness(self.watchdog)
@@ -197,7 +195,7 @@ class Supervisor:
         if not self.watchdog_on:
             return []
         processes = self.spares.processes
-        watched = {pid: Watched("spare", spare.page, Duty.STANDBY) for pid, spare in processes.items()}
+        watched = {pid: Watched(SPARE, spare.page, Duty.STANDBY) for pid, spare in processes.items()}
         children = {}
         for name, process in self._processes().items():
             child = self.children[name]
@@ -205,8 +203,7 @@ class Supervisor:
                 process.leave_realtime()
             if child.wanted:
                 children[process.pid], processes[process.pid] = child, process
-                duty = DUTIES.get(child.spec.role, Duty.FLIGHT)
-                watched[process.pid] = Watched(name, process.page, duty)
+                watched[process.pid] = Watched(name, process.page, ROLES[child.spec.role].duty)
         lines = []
         for hung in self.liveness.check(self._clock(), watched):
             processes[hung.process].kill()

@@ -1,17 +1,15 @@
-"""The processes of a fleet, as data."""
+"""The processes of a fleet on its hosts."""
 
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from rcopterx.bus.processes import AGENT, RECORDER, ROLES, ROUTER, SIMULATOR, TRACKER, TRANSMITTERS
 from rcopterx.fleet.schema import FleetFile, check_known
 
-ROUTER: Final = "router"  # name and role of the router
 EXIT_ELSEWHERE: Final = 4  # of an agent whose vehicle another one flies, and which is not restarted
 TAKE_OVER: Final = "--take-over"  # option of an agent that takes over from another one
-TRANSMITTERS: Final = "transmitters"  # role of transmitter gateways
-RECORDER: Final = "recorder"  # name and role of the recorder of the flight log
 
 
 @dataclass(frozen=True)
@@ -19,11 +17,15 @@ class ProcessSpec:
     """One process to keep running."""
 
     name: str  # unique on its host; also the name of its log file
-    role: str  # `router`, `recorder`, `simulator`, `tracker`, `transmitters` or `agent`
+    role: str  # one of `ROLES`
     unit: str  # host, gateway or vehicle that the process serves
-    stop_order: int  # processes with lower numbers are stopped first
     host: str = ""  # host of an agent; empty for that of the fleet file
     landing_s: float = 0.0  # how much longer it may take to end, because it lands vehicles, in real time
+
+    @property
+    def stop_order(self) -> int:
+        """See `Role`."""
+        return ROLES[self.role].stop_order
 
     def command(self, snapshot: Path, *, take_over: bool = False) -> list[str]:
         """Return the command line of the process; with `take_over` an agent takes over from another one."""
@@ -37,22 +39,19 @@ def processes_of(fleet: FleetFile, host: str) -> list[ProcessSpec]:
     # Routers import this module and start without the limits of vehicles.
     from rcopterx.fleet.vehicle_models import longest_shutdown_s
 
-    specs = [ProcessSpec(ROUTER, ROUTER, host, 5)]
+    specs = [ProcessSpec(ROUTER, ROUTER, host)]
     if host == (fleet.log.host or next(iter(fleet.hosts))):
-        # Started before the processes whose first messages it records, stopped after them.
-        specs.append(ProcessSpec(RECORDER, RECORDER, host, 4))
+        specs.append(ProcessSpec(RECORDER, RECORDER, host))
     if fleet.simulator is not None and fleet.simulator.host == host:
-        specs.append(ProcessSpec("simulator", "simulator", host, 3))
+        specs.append(ProcessSpec(SIMULATOR, SIMULATOR, host))
     if fleet.tracker.host == host:
-        specs.append(ProcessSpec("tracker", "tracker", host, 2))
+        specs.append(ProcessSpec(TRACKER, TRACKER, host))
     specs += [
-        ProcessSpec(
-            name, TRANSMITTERS, name, 1, landing_s=fleet.clock.real_s(longest_shutdown_s(fleet, host))
-        )
+        ProcessSpec(name, TRANSMITTERS, name, landing_s=fleet.clock.real_s(longest_shutdown_s(fleet, host)))
         for name, gateway in fleet.gateways.items()
         if gateway.host == host and fleet.served_by(name)
     ]
-    specs += [ProcessSpec(agent_process(name), "agent", name, 0, host) for name in fleet.agents_on(host)]
+    specs += [ProcessSpec(agent_process(name), AGENT, name, host) for name in fleet.agents_on(host)]
     return specs
 
 

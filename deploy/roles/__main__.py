@@ -3,8 +3,9 @@
 import sys
 from pathlib import Path
 
+from rcopterx.bus.processes import ROLES
 from rcopterx.deploy.processes.table import TAKE_OVER
-from rcopterx.deploy.roles.run import ROLES, end_with_parent, run_reporting, run_role
+from rcopterx.deploy.roles.run import end_with_parent, run_reporting, run_role
 from rcopterx.fleet.reading import load_fleet
 
 

@@ -10,13 +10,13 @@ from collections.abc import Callable, Mapping
 
 from setproctitle import setproctitle, setthreadtitle
 
+from rcopterx.bus.processes import AGENT, ROLES, TRANSMITTERS
 from rcopterx.bus.session import BusUnreachableError
 from rcopterx.deploy.processes.process_log import set_up
 from rcopterx.deploy.roles.outliving import PR_SET_PDEATHSIG, outlive_launcher
 from rcopterx.fleet.schema import FleetError, FleetFile, check_known
 
 _LOG = logging.getLogger(__name__)
-ROLES = ("router", "recorder", "simulator", "tracker", "transmitters", "agent")
 EXIT_USAGE = 2
 EXIT_UNREACHABLE = 3
 
@@ -48,7 +48,7 @@ def run_role(
     """
     check_unit(fleet, role, unit)
     begin_role(role, unit)
-    if role == "agent":
+    if role == AGENT:
         from rcopterx.deploy.roles.agent import fly, ready_pilot
 
         fly(*ready_pilot(fleet, unit, host), take_over=take_over)
@@ -71,18 +71,19 @@ def name_process(*words: str) -> None:
 
 def check_unit(fleet: FleetFile, role: str, unit: str) -> None:
     """Refuse unknown roles and units that the file does not name; `FleetError` names what is allowed."""
-    known: dict[str, Mapping[str, object]] = {
-        "router": fleet.hosts, "recorder": fleet.hosts, "simulator": fleet.hosts, "tracker": fleet.hosts,
-        "transmitters": fleet.gateways, "agent": fleet.vehicles,
-    }  # fmt: skip
-    check_known("role", "role", role, known)
-    check_known(role, "unit", unit, known[role])
+    check_known("role", "role", role, ROLES)
+    units: dict[str, Mapping[str, object]] = {
+        "host": fleet.hosts,
+        "gateway": fleet.gateways,
+        "vehicle": fleet.vehicles,
+    }
+    check_known(role, "unit", unit, units[ROLES[role].unit])
 
 
 def runner(role: str) -> Callable[[FleetFile, str], None]:
     """Return `run` of a role other than `agent`; no other is imported: restarts in flight must be fast."""
     run: Callable[[FleetFile, str], None] = importlib.import_module(f"rcopterx.deploy.roles.{role}").run
-    if role == "transmitters":
+    if role == TRANSMITTERS:
         return run
 
     def run_beyond_launcher(fleet: FleetFile, host: str) -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rcopterx.bus.message import Four
-from rcopterx.bus.turns import CONDUCTOR
+from rcopterx.bus.processes import SIMULATOR
 from rcopterx.deploy.hosts.run_directory import run_directory
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.ports import laboratory_of, port_of
@@ -57,7 +57,7 @@ def simulator_settings(fleet: FleetFile, directory: Path) -> SimulatorSettings:
     places = {name: place.tolist() for name, place in formation_places(fleet).items()}
     starts = {name: (x, y, 0.0, yaw_rad) for name, (x, y, _, yaw_rad) in places.items()} | simulator.start
     return SimulatorSettings(
-        bus=bus_address(fleet, simulator.host, CONDUCTOR),
+        bus=bus_address(fleet, simulator.host, SIMULATOR),
         tracker_host=host,
         tracker_port=port,
         profile=simulator.profile,

@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.processes import ROLES
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 
 Job = tuple[str, str]  # role and unit of a process
-SPARES: Final = 3  # deaths in a row after which a warm successor is ready (`NEEDED_BY_ALL`: always)
-NEEDED_BY_ALL: Final = ("router", "tracker", "transmitters")
-"""Roles that the last spare is kept for: without them the whole fleet loses poses or commands, while a
-vehicle without its agent is held and landed in a closed loop."""
+SPARES: Final = 3  # deaths in a row after which a warm successor is ready (`Role.needed_by_all`: always)
 WARMING_LIMIT_S: Final = 5.0  # one that takes longer, perhaps stopped, does not delay the next one
 
 
@@ -86,7 +84,7 @@ class Spares:
         if (role, unit) not in self._jobs:
             return None
         ready = [spare for spare in self._spares if spare.ready() and usable(spare.process.pid)]
-        if len(ready) == 1 and role not in NEEDED_BY_ALL:
+        if len(ready) == 1 and not ROLES[role].needed_by_all:
             return None
         order = {"role": role, "unit": unit, "log": str(log), "take_over": take_over}
         for spare in ready:

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from rcopterx.bus.heartbeat import HeartbeatPage
+from rcopterx.bus.processes import Duty
 from rcopterx.deploy.watchdog.processor_time import Threads, excuse_of, pressure_s, threads_of
-from rcopterx.deploy.watchdog.watchdog import Duty, Hung, Observation, Watchdog
+from rcopterx.deploy.watchdog.watchdog import Hung, Observation, Watchdog
 
 
 class Watched(NamedTuple):

@@ -9,10 +9,10 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum, auto
 from typing import Final, NamedTuple
 
 from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.processes import Duty
 from rcopterx.fleet.schema import WatchdogConfig
 
 TIMELY_S: Final = 0.03  # longest time between checks in time; beyond, the supervisor is late
@@ -23,15 +23,6 @@ PRESSED_SHARE: Final = 0.5  # of time spent waiting for processors that excuses 
 CROWD_LIMITS: Final = 4.0  # limits after which a process hangs although most others are silent as well
 APART_S: Final = 0.5  # time after any kill in which no transmitter gateway is killed
 AGAIN_S: Final = 5.0  # time after the kill of a transmitter gateway in which its successor is not killed
-
-
-class Duty(Enum):
-    """Purpose of a process, on which its limit depends."""
-
-    RADIO = auto()  # vehicles in the air fall without it: a transmitter gateway
-    FLIGHT = auto()  # vehicles in the air need it
-    STANDBY = auto()  # a spare process
-    BACKGROUND = auto()  # vehicles in the air do not need it, or not a new one (recorder, simulator)
 
 
 class Excuse(NamedTuple):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from rcopterx.bus.clock import NANO
+from rcopterx.bus.processes import ROUTER
 from rcopterx.bus.session import BusAddress, Session
 from rcopterx.deploy.hosts.resources import check_router
 from rcopterx.deploy.hosts.run_directory import run_directory, snapshot_path
@@ -46,7 +47,7 @@ def router_up(fleet: FleetFile) -> Iterator[BusAddress]:
     directory = run_directory(fleet.name, fleet.bus.namespace)
     snapshot = snapshot_path(host, directory)
     write_snapshot(fleet, snapshot)
-    router = ProcessSpec("router", "router", host, 0)
+    router = ProcessSpec(ROUTER, ROUTER, host)
     supervisor = Supervisor([router], snapshot, directory / "log", ForkServer())
     supervisor.start_all()
     try:

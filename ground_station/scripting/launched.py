@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from rcopterx.bus.turns import SCRIPT
+from rcopterx.bus.processes import SCRIPT
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.fleet.reading import at_speed, fleet_path, load_fleet
 from rcopterx.fleet.schema import FleetError, FleetFile

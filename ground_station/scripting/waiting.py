@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Protocol
 
-from rcopterx.bus.turns import Turns
+from rcopterx.bus.lockstep.participant import Participant
 
 LOCKSTEP_START_S = 180.0  # real time in which the processes of a fleet in lockstep start
 LONGEST_NAP_S = 0.1  # conditions that depend on the passing of time are checked this often
@@ -21,7 +21,7 @@ class StoppedError(NotReachedError):
     """A wait ended early because a stop was requested; see `stopped_by`."""
 
 
-def begin_turns(turns: Turns) -> None:
+def begin_turns(turns: Participant) -> None:
     """Take turns once all other processes of the fleet are there; `NotReachedError` if some do not start."""
     try:
         turns.await_others(LOCKSTEP_START_S)

@@ -50,7 +50,7 @@ class FlightOptions:
 @contextmanager
 def flown_fleet(options: FlightOptions, path: str) -> Iterator[tuple["Fleet", Interrupts]]:
     """Join the fleet that is up, or start that of a file, which lands and stops at the end."""
-    from rcopterx.bus.turns import SCRIPT
+    from rcopterx.bus.processes import SCRIPT
 
     if options.start:
         file = fleet_file(path, options.speed, options.lockstep)

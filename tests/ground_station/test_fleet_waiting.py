@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from rcopterx.bus.lockstep_page import create_page, opened_page
-from rcopterx.bus.turns import CONDUCTOR, SCRIPT, Turns
+from rcopterx.bus.lockstep.page import create_page, opened_page
+from rcopterx.bus.lockstep.participant import Participant
+from rcopterx.bus.processes import SCRIPT, SIMULATOR
 from rcopterx.ground_station.scripting.waiting import (
     Notifier,
     NotReachedError,
@@ -72,7 +73,7 @@ def test_a_fleet_in_lockstep_that_does_not_start_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rcopterx.ground_station.scripting.waiting.LOCKSTEP_START_S", 0.1)
-    create_page(tmp_path / "lockstep", [CONDUCTOR, "agent-h2", SCRIPT])
+    create_page(tmp_path / "lockstep", [SIMULATOR, "agent-h2", SCRIPT])
     page = opened_page(tmp_path / "lockstep")
-    with pytest.raises(NotReachedError, match=f"did not start: missing after 0.1 s: {CONDUCTOR}, agent-h2"):
-        begin_turns(Turns(page, SCRIPT, lambda: None))
+    with pytest.raises(NotReachedError, match=f"did not start: missing after 0.1 s: {SIMULATOR}, agent-h2"):
+        begin_turns(Participant(page, SCRIPT, lambda: None))

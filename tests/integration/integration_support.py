@@ -16,9 +16,9 @@ from support.bus import free_port
 
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LaboratoryVehicle
-from rcopterx.bus.lockstep_page import opened_page
+from rcopterx.bus.lockstep.page import opened_page
+from rcopterx.bus.processes import SCRIPT
 from rcopterx.bus.session import RequestFailedError
-from rcopterx.bus.turns import SCRIPT
 from rcopterx.deploy.hosts.launcher import Launcher
 from rcopterx.fleet.reading import at_speed, load_fleet
 from rcopterx.ground_station.report.promises import NEEDED, broken_promises

@@ -145,5 +145,5 @@ class SupervisedHost:
         return process
 
 
-def spec(name: str, role: str = "agent", stop_order: int = 0, landing_s: float = 0.0) -> ProcessSpec:
-    return ProcessSpec(name, role, "h1" if role == "agent" else "radio", stop_order, landing_s=landing_s)
+def spec(name: str, role: str = "agent", landing_s: float = 0.0) -> ProcessSpec:
+    return ProcessSpec(name, role, "h1" if role == "agent" else "radio", landing_s=landing_s)

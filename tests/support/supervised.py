@@ -47,11 +47,11 @@ class Fake(ProcessSpec):
 
 def beating(name: str, *words: str) -> Fake:
     shell = "exec " + shlex.join([sys.executable, "-S", "-c", BEATS, *words])
-    return Fake(name, "helper", "main", 0, shell=shell)
+    return Fake(name, "tracker", "main", shell=shell)
 
 
 def fake(name: str, shell: str = SLEEPS) -> Fake:
-    return Fake(name, "simulator", "main", 0, shell=shell)
+    return Fake(name, "simulator", "main", shell=shell)
 
 
 Supervise = Callable[..., Supervisor]

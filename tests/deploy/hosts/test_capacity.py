@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from support.fleets import PAIR
 from support.waiting import wait_for
 
+from rcopterx.bus.processes import AGENT
 from rcopterx.deploy.hosts import capacity
-from rcopterx.deploy.hosts.capacity import AGENT, CapacityMeasurement, may_be_crowded, vehicles_flown
+from rcopterx.deploy.hosts.capacity import CapacityMeasurement, may_be_crowded, vehicles_flown
 from rcopterx.deploy.processes.forking import ForkServer
 from rcopterx.deploy.watchdog.processor_time import ThreadTime
 from rcopterx.fleet.reading import parse_fleet, write_snapshot

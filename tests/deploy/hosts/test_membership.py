@@ -43,8 +43,8 @@ class Sleeping(ProcessSpec):
 
 @pytest.fixture
 def supervisor(tmp_path: Path) -> Supervisor:
-    specs = [ProcessSpec("router", "router", "main", 4)]
-    specs += [ProcessSpec(f"agent-{name}", "agent", name, 0) for name in ("h1", "h2")]
+    specs = [ProcessSpec("router", "router", "main")]
+    specs += [ProcessSpec(f"agent-{name}", "agent", name) for name in ("h1", "h2")]
     supervisor = Supervisor(specs, tmp_path / "lab.toml", tmp_path, ForkServer())
     supervisor.children["agent-h2"].wanted = False
     return supervisor

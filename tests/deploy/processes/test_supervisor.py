@@ -167,10 +167,16 @@ def test_processes_that_become_wanted_together_are_all_reported(tmp_path: Path) 
 
 
 def test_processes_are_stopped_group_by_group(tmp_path: Path) -> None:
-    orders = {"router": 4, "tracker": 2, "agent_a": 0, "gateway": 1, "agent_b": 0}
-    host = SupervisedHost(tmp_path, *(spec(name, stop_order=order) for name, order in orders.items()))
+    roles = {
+        "router": "router",
+        "tracker": "tracker",
+        "agent_a": "agent",
+        "gateway": "transmitters",
+        "agent_b": "agent",
+    }
+    host = SupervisedHost(tmp_path, *(spec(name, role) for name, role in roles.items()))
     host.start()
-    processes = {name: host[name] for name in orders}
+    processes = {name: host[name] for name in roles}
     gateway = processes["gateway"]
     gateway.deaf = True
     for child in host.supervisor.children.values():
@@ -186,16 +192,16 @@ def test_processes_are_stopped_group_by_group(tmp_path: Path) -> None:
     gateway.end(0)
     assert signalled() == {"agent_a", "agent_b", "gateway"}
     assert signalled() == {"agent_a", "agent_b", "gateway", "tracker"}
-    assert signalled() == set(orders)
+    assert signalled() == set(roles)
     assert host.supervisor.running() == []
 
 
 def test_processes_that_stay_or_do_not_run_keep_nothing_from_leaving(tmp_path: Path) -> None:
     host = SupervisedHost(
         tmp_path,
-        spec("stays", stop_order=0),
-        spec("away", stop_order=1),
-        spec("leaves", stop_order=2),
+        spec("stays", "agent"),
+        spec("away", "transmitters"),
+        spec("leaves", "tracker"),
         without=["away"],
     )
     host.start()
@@ -242,7 +248,7 @@ def test_a_process_that_comes_again_can_be_stopped_again(tmp_path: Path) -> None
 
 
 def test_stopping_ends_everything_and_restarts_nothing(tmp_path: Path) -> None:
-    host = SupervisedHost(tmp_path, spec("one"), spec("two", stop_order=1), spares=1)
+    host = SupervisedHost(tmp_path, spec("one"), spec("two", "transmitters"), spares=1)
     host.start()
     host.turn(1.0)
     spare = host.forks.started[-1]

@@ -11,11 +11,11 @@ from support.records import replace
 from support.watched import DEAF, LIMITS, OTHER, STEP_S, THIRD, Host, seen
 
 from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.processes import Duty
 from rcopterx.deploy.watchdog.watchdog import (
     CROWD_LIMITS,
     LATE_S,
     TIMELY_S,
-    Duty,
     Excuse,
     Hung,
     Watchdog,

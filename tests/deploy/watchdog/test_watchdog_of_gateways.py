@@ -7,10 +7,10 @@ from support.records import replace
 from support.watched import DEAF, LIMITS, OTHER, STEP_S, Host, seen
 
 from rcopterx.bus.heartbeat import Phase
+from rcopterx.bus.processes import Duty
 from rcopterx.deploy.watchdog.watchdog import (
     AGAIN_S,
     APART_S,
-    Duty,
     Excuse,
 )
 

@@ -14,9 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.waiting import wait_for
 
-from rcopterx.bus.conductor import RETURN_S, STEP_S, Conductor
-from rcopterx.bus.lockstep_page import FIRST_S, LockstepPage, create_page, opened_page, remove_page
-from rcopterx.bus.turns import CONDUCTOR, STAMP, Reception, Turns, join_without_turns
+from rcopterx.bus.attachments import STAMP
+from rcopterx.bus.lockstep.inbox import LockstepInbox
+from rcopterx.bus.lockstep.page import FIRST_S, LockstepPage, create_page, opened_page, remove_page
+from rcopterx.bus.lockstep.participant import Participant, join_without_turns
+from rcopterx.bus.lockstep.scheduler import RETURN_S, STEP_S, Scheduler
+from rcopterx.bus.processes import SIMULATOR
 
 
 class Bytes(bytes):
@@ -54,11 +57,11 @@ class Script:
 
     name: str
     waits_s: list[float]
-    turns: Turns | None = None
+    turns: Participant | None = None
     times_s: list[float] = field(default_factory=list)
 
     def run(self, page: LockstepPage) -> None:
-        self.turns = Turns(page, self.name, no_fence)
+        self.turns = Participant(page, self.name, no_fence)
         self.turns.begin()
         for seconds in self.waits_s:
             self.turns.wait(seconds)
@@ -69,7 +72,7 @@ class Script:
 @contextmanager
 def page_of(directory: Path, names: list[str]) -> Iterator[LockstepPage]:
     path = directory / "lockstep"
-    create_page(path, [CONDUCTOR, *names])
+    create_page(path, [SIMULATOR, *names])
     yield opened_page(path)
     remove_page(path)
     assert not list(directory.iterdir())
@@ -82,11 +85,11 @@ def page(tmp_path: Path) -> Iterator[LockstepPage]:
 
 
 def conduct(page: LockstepPage, until: Callable[[], bool], period_s: float = 0.02) -> None:
-    conductor = Conductor(page, CONDUCTOR, no_fence)
-    conductor.begin()
+    scheduler = Scheduler(page, SIMULATOR, no_fence)
+    scheduler.begin()
     while not until():
-        conductor.wait(period_s)
-    conductor.leave()
+        scheduler.wait(period_s)
+    scheduler.leave()
 
 
 def started(*scripts: Script, page: LockstepPage) -> list[threading.Thread]:
@@ -117,8 +120,8 @@ def test_every_process_wakes_exactly_when_its_wait_is_over(
 def test_waiting_for_other_processes_ends_with_the_names_of_those_that_do_not_start(
     page: LockstepPage,
 ) -> None:
-    script = Turns(page, "script", no_fence)
-    join_without_turns(page, CONDUCTOR)
+    script = Participant(page, "script", no_fence)
+    join_without_turns(page, SIMULATOR)
     join_without_turns(page, "a")
     with pytest.raises(TimeoutError, match=r"missing after 0\.2 s: b$"):
         script.await_others(0.2)
@@ -141,7 +144,7 @@ def test_a_process_takes_the_turn_after_one_in_which_something_is_sent_to_it(pag
     sends_s = [0.003, 0.007]
 
     def receive() -> None:
-        turns = Turns(page, "b", no_fence)
+        turns = Participant(page, "b", no_fence)
         turns.begin()
         reception = turns.receive("key")
         receivers.append((turns, reception))
@@ -154,7 +157,7 @@ def test_a_process_takes_the_turn_after_one_in_which_something_is_sent_to_it(pag
         receivers[0][0].wake()
 
     def send() -> None:
-        turns = Turns(page, "a", no_fence)
+        turns = Participant(page, "a", no_fence)
         turns.begin()
         for at_s in sends_s:
             turns.wait(FIRST_S + at_s - page.now())
@@ -162,7 +165,7 @@ def test_a_process_takes_the_turn_after_one_in_which_something_is_sent_to_it(pag
         turns.wait(0.1)
         turns.leave()
 
-    receivers: list[tuple[Turns, Reception]] = []
+    receivers: list[tuple[Participant, LockstepInbox]] = []
     threads = [threading.Thread(target=work, daemon=True) for work in (receive, send)]
     for thread in threads:
         thread.start()
@@ -176,14 +179,14 @@ def test_what_is_sent_without_waking_counts_in_the_next_turn_that_a_process_has_
     arrived_s: list[float] = []
 
     def receive() -> None:
-        turns = Turns(page, "b", no_fence)
+        turns = Participant(page, "b", no_fence)
         turns.begin()
         receptions.append(turns.receive("key", waking=False))
         turns.wait(0.05)
         turns.leave()
 
     def send() -> None:
-        turns = Turns(page, "a", no_fence)
+        turns = Participant(page, "a", no_fence)
         turns.begin()
         for _ in range(3):
             turns.wait(0.003)
@@ -192,7 +195,7 @@ def test_what_is_sent_without_waking_counts_in_the_next_turn_that_a_process_has_
         turns.wait(0.1)
         turns.leave()
 
-    receptions: list[Reception] = []
+    receptions: list[LockstepInbox] = []
     threads = [threading.Thread(target=work, daemon=True) for work in (receive, send)]
     for thread in threads:
         thread.start()
@@ -223,7 +226,7 @@ def test_time_stands_still_while_a_process_computes(page: LockstepPage) -> None:
     computing, ready = threading.Event(), threading.Event()
 
     def compute() -> None:
-        turns = Turns(page, "a", no_fence)
+        turns = Participant(page, "a", no_fence)
         turns.begin()
         turns.wait(0.01)
         ready.set()
@@ -249,17 +252,17 @@ def test_messages_count_in_the_same_order_however_they_arrive(
     tmp_path_factory: pytest.TempPathFactory, arrivals: list[str]
 ) -> None:
     with page_of(tmp_path_factory.mktemp("page"), []) as page:
-        conductor = Conductor(page, CONDUCTOR, no_fence)
-        conductor.begin()
+        scheduler = Scheduler(page, SIMULATOR, no_fence)
+        scheduler.begin()
         seen: list[Sample] = []
-        reception = conductor.receive("fleet/*/pose")
-        conductor.wait(0.01)
+        reception = scheduler.receive("fleet/*/pose")
+        scheduler.wait(0.01)
         counters = {name: page.counter(f"fleet/{name}/pose", page.index_of(name)) for name in "ab"}
         for name in arrivals:
             page.counters[counters[name]].count += 1
             reception.hold(seen.append, sample_of(page, counters[name]))
         assert not seen
-        conductor.wait(0.01)
+        scheduler.wait(0.01)
         keys = [sample.key_expr for sample in seen]
         assert keys == sorted(f"fleet/{name}/pose" for name in arrivals)
         for key in set(keys):
@@ -273,7 +276,7 @@ def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: Lo
     arrived: list[str] = []
 
     def receive() -> None:
-        turns = Turns(page, "a", no_fence)
+        turns = Participant(page, "a", no_fence)
         turns.begin()
         reception = turns.receive("key")
         turns.wait(0.001)
@@ -298,23 +301,23 @@ def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: Lo
 
 
 def test_what_was_sent_before_a_subscription_does_not_count(page: LockstepPage) -> None:
-    conductor = Conductor(page, CONDUCTOR, no_fence)
-    conductor.begin()
+    scheduler = Scheduler(page, SIMULATOR, no_fence)
+    scheduler.begin()
     join_without_turns(page, "a")
     join_without_turns(page, "b")
     counter = page.counter("key", page.index_of("a"))
     page.counters[counter].count = 7
-    conductor.receive("key")
-    conductor.wait(0.01)
-    conductor.wait(0.01)
+    scheduler.receive("key")
+    scheduler.wait(0.01)
+    scheduler.wait(0.01)
 
 
 PLAYER = """
 import sys
 from pathlib import Path
-from rcopterx.bus.lockstep_page import opened_page
-from rcopterx.bus.turns import Turns
-turns = Turns(opened_page(Path(sys.argv[1])), "a", lambda: None)
+from rcopterx.bus.lockstep.page import opened_page
+from rcopterx.bus.lockstep.participant import Participant
+turns = Participant(opened_page(Path(sys.argv[1])), "a", lambda: None)
 turns.begin()
 while True:
     turns.wait(0.05)

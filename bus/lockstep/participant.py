@@ -1,4 +1,4 @@
-"""Turns of the processes of a fleet in lockstep: its time stands still until all of them have finished.
+"""A process of a fleet in lockstep, which takes turns: the time stands still until all of them have finished.
 
 In a turn at time t a process uses exactly what was sent before t, in the order of time of sending, key, and
 number on the key. So nothing depends on how long a process computes, or a message travels.
@@ -11,84 +11,21 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection
 from contextlib import suppress
-from functools import partial
 from itertools import count
 from math import inf
 from operator import itemgetter
-from struct import Struct
-from typing import Any, Final
+from typing import Final
 
-from zenoh import ZBytes
+from rcopterx.bus.attachments import STAMP
+from rcopterx.bus.lockstep.inbox import POLL_S, Held, LockstepInbox
+from rcopterx.bus.lockstep.page import LockstepPage, ParticipantState, SentCounter
+from rcopterx.bus.processes import MEMBERSHIP, RECALL, SCRIPT
 
-from rcopterx.bus.lockstep_page import Counter, LockstepPage, Participant
-
-POLL_S: Final = 0.1  # real time between two checks for what wakes no process
 LOST_S: Final = 1.0  # real time after which messages are lost, once a router has died with some of them
-CONDUCTOR: Final = "simulator"  # process that advances the time; its index is 0
-SCRIPT: Final = "script"  # program that started the fleet, if time stands still while it does not wait
-RECALL: Final = "recall"  # service of the launcher
-MEMBERSHIP: Final = "membership"  # service of the launcher
 NOT_STARTED_AGAIN: Final = frozenset(name.encode() for name in (SCRIPT, RECALL, MEMBERSHIP))
-STAMP: Final = Struct("<IIId")  # number on this key, counter, index of the sender, time of sending [s]
-Held = tuple[float, str, int, int, Callable[[], object]]
-"""What has arrived: time of sending [s], key, number, number of the reception; delivers it in its turn."""
 
 
-class Reception:
-    """What a process receives under a key, in which `*` is any unit; a `waking` one gives it turns."""
-
-    def __init__(self, turns: "Turns", number: int, key: str, *, waking: bool) -> None:
-        self._turns, self._number, self._since_s = turns, number, turns.page.now()
-        self._waking = waking
-        self._before, self._any, self._after = key.partition("*")
-        self._slashes = key.count("/")
-        self._received: dict[int, int] = {}
-        self._counters: dict[int, Counter] = {}
-        self._awaited = -1  # index of the counter that this process waits for
-
-    def hold(self, on_arrival: Callable[[Any], object], arrived: Any) -> None:
-        """Keep a sample or query for its turn, the next one if its sender takes no turns; any thread."""
-        attachment, key = attached(arrived.attachment), str(arrived.key_expr)
-        stamped = len(attachment) == STAMP.size
-        number, counter, _, sent_s = STAMP.unpack(attachment) if stamped else (0, -1, 0, -inf)
-        if not -inf < sent_s <= self._since_s:
-            self._turns.held.append((sent_s, key, number, self._number, partial(on_arrival, arrived)))
-        self._received[counter] = number
-        if counter == self._awaited:
-            self._turns.arrived.set()
-        if not stamped:
-            self._turns.call()
-
-    def await_counter(self, index: int, counter: Counter, *, beyond: bool) -> None:
-        """Wait for what another process sends, only beyond what it has sent if so requested."""
-        name, before, after = counter.name.decode(), self._before, self._after
-        matches = name == before
-        if self._any:
-            matches = name.startswith(before) and name.endswith(after) and name.count("/") == self._slashes
-        if matches and counter.owner != self._turns.index:
-            self._received.setdefault(index, counter.count if beyond else 0)
-            self._counters[index] = counter
-            if self._waking:
-                self._turns.read(index)
-
-    def await_all(self, give_up_s: float) -> None:
-        """Wait until everything has arrived that was sent, or a router has lost it; real time."""
-        # The newest first: when it is there, most of the others are.
-        for index, counter in reversed(self._counters.items()):
-            self._awaited = index
-            while self._received[index] < counter.count:
-                if self._turns.page.lost_routers and time.monotonic() > give_up_s:
-                    self._received[index] = counter.count
-                else:
-                    self._turns.arrived.wait(POLL_S)
-                    self._turns.arrived.clear()
-
-    def end(self) -> None:
-        """Receive no more."""
-        self._turns.end(self)
-
-
-class Turns:
+class Participant:
     """The turns of this process, or of one of its threads; the first one has begun when `begin` returns."""
 
     def __init__(
@@ -99,18 +36,20 @@ class Turns:
     ) -> None:
         self.page, self.index = page, page.index_of(name)
         self._own, self._await_subscriptions = page.participants[self.index], await_subscriptions
-        self._pipe, self._conductor = (
+        self._pipe, self._scheduler = (
             os.open(page.pipe(index), os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC) for index in (self.index, 0)
         )
         self.arrived = threading.Event()
         self.interrupted: Callable[[], bool] = lambda: False  # whether to end instead of waiting for a turn
         self.held: deque[Held] = deque()
-        self._counters: dict[str, tuple[int, Counter]] = {}
-        self._readers: dict[int, tuple[int, list[Participant]]] = {}  # by counter, with the turn they are of
+        self._counters: dict[str, tuple[int, SentCounter]] = {}
+        self._readers: dict[
+            int, tuple[int, list[ParticipantState]]
+        ] = {}  # by counter, with the turn they are of
         self._woken = False
         self._numbers = count()
-        self._receptions: list[Reception] = []
-        self._new_receptions: list[Reception] = []  # of which the router may not have taken notice yet
+        self._inboxes: list[LockstepInbox] = []
+        self._new_inboxes: list[LockstepInbox] = []  # of which the router may not have taken notice yet
         self._found = 0
         self.replies = self.receive(f"reply {self.index}")  # to requests of this process
         self._taken = 0
@@ -143,7 +82,7 @@ class Turns:
         """Take no further turns."""
         self._own.wanted = 0
         self.page.release(self.index)
-        self._notify(self._conductor)
+        self._notify(self._scheduler)
 
     def stamp(self, key: str) -> bytes:
         """Count what is about to be sent on a key, and return its attachment."""
@@ -158,7 +97,7 @@ class Turns:
             participant.mail_turn = turn
         return STAMP.pack(counter.count, index, self.index, page.time_s)
 
-    def _readers_of(self, counter: int) -> list[Participant]:
+    def _readers_of(self, counter: int) -> list[ParticipantState]:
         """Return the processes that have begun before this turn to receive what is counted."""
         turn, readers = self._readers.get(counter, (0, []))
         if turn <= self.page.reading_turn:
@@ -176,22 +115,22 @@ class Turns:
         """Return the attachment of the reply to a request with this attachment."""
         return self.stamp(f"reply {STAMP.unpack(request)[2]}") if len(request) == STAMP.size else None
 
-    def receive(self, key: str, *, waking: bool = True) -> Reception:
+    def receive(self, key: str, *, waking: bool = True) -> LockstepInbox:
         """Wait from now on for what is sent on a key, in which `*` is any unit.
 
         What is sent on a `waking` one gives this process a turn; the rest counts in its next one.
         """
-        reception = Reception(self, next(self._numbers), key, waking=waking)
-        self._new_receptions.append(reception)
-        return reception
+        inbox = LockstepInbox(self, next(self._numbers), key, waking=waking)
+        self._new_inboxes.append(inbox)
+        return inbox
 
-    def end(self, reception: Reception) -> None:
+    def end(self, inbox: LockstepInbox) -> None:
         """Wait no longer for what is sent on a key."""
-        for receptions in (self._receptions, self._new_receptions):
-            if reception in receptions:
-                receptions.remove(reception)
+        for inboxs in (self._inboxes, self._new_inboxes):
+            if inbox in inboxs:
+                inboxs.remove(inbox)
 
-    def serve(self, key: str) -> Reception:
+    def serve(self, key: str) -> LockstepInbox:
         """Answer requests on a key from now on."""
         self.stamp(f"serve {key}")
         return self.receive(key)
@@ -201,7 +140,7 @@ class Turns:
         return self.page.counts(f"serve {key}")
 
     def kill(self, name: str) -> None:
-        """Let the conductor kill a process after the next turn; time waits for its successor after 0.3 s."""
+        """Let the scheduler kill a process after the next turn; time waits for its successor after 0.3 s."""
         self.page.participants[self.page.index_of(name)].to_be_killed = 1
 
     def stop(self, name: str, seconds: float) -> None:
@@ -221,7 +160,7 @@ class Turns:
     def wait(self, timeout_s: float, descriptors: Collection[int] = ()) -> set[int]:
         """Finish the turn, and take others until a message, data or time-out [s]; return what is readable.
 
-        What the conductor has written to a pseudo-terminal or a socket before a turn can be read in it.
+        What the scheduler has written to a pseudo-terminal or a socket before a turn can be read in it.
         """
         due_s = self.page.now() + timeout_s
         self._own.due_s, self._own.listens = -inf if self._woken else due_s, len(descriptors)
@@ -235,19 +174,19 @@ class Turns:
 
     def _join(self) -> None:
         """Wait until new subscriptions receive all that is sent after this turn."""
-        if not self._new_receptions:
+        if not self._new_inboxes:
             return
         self._await_subscriptions()
-        for reception in self._new_receptions:
+        for inbox in self._new_inboxes:
             for index in range(self.page.used_counters):
-                reception.await_counter(index, self.page.counters[index], beyond=True)
-        self._receptions += self._new_receptions
-        self._new_receptions.clear()
+                inbox.await_counter(index, self.page.counters[index], beyond=True)
+        self._inboxes += self._new_inboxes
+        self._new_inboxes.clear()
 
     def _take_turn(self) -> bool:
         """Finish the turn and wait for the next one; return False if there is none."""
         self._own.finished = self._taken
-        self._notify(self._conductor)
+        self._notify(self._scheduler)
         while not (self._notified(self._pipe) and self.page.turn != self._taken):
             if self.interrupted() or not self.page.participants[0].wanted:
                 return False
@@ -259,11 +198,11 @@ class Turns:
         """Wait until everything has arrived that was sent before this turn, and deliver it in order."""
         end = self.page.used_counters
         for index in range(self._found, end):
-            for reception in self._receptions:
-                reception.await_counter(index, self.page.counters[index], beyond=False)
+            for inbox in self._inboxes:
+                inbox.await_counter(index, self.page.counters[index], beyond=False)
         self._found, give_up_s = end, time.monotonic() + LOST_S
-        for reception in self._receptions:
-            reception.await_all(give_up_s)
+        for inbox in self._inboxes:
+            inbox.await_all(give_up_s)
         now_s, held = self.page.time_s, [self.held.popleft() for _ in range(len(self.held))]
         self.held.extendleft(item for item in held if item[0] >= now_s)
         for *_, deliver in sorted((item for item in held if item[0] < now_s), key=itemgetter(0, 1, 2, 3)):
@@ -279,16 +218,6 @@ class Turns:
         if notified:
             os.read(pipe, 4096)
         return notified
-
-
-def attached(attachment: ZBytes | None) -> bytes:
-    """Return the bytes of an attachment, none without one."""
-    return b"" if attachment is None else attachment.to_bytes()
-
-
-def sent_at(attachment: bytes) -> float | None:
-    """Return when a message was sent in lockstep [s]; None for others."""
-    return STAMP.unpack(attachment)[3] if len(attachment) == STAMP.size else None
 
 
 def join_without_turns(page: LockstepPage, name: str) -> None:

@@ -19,14 +19,14 @@ PROCESSES: Final = 512
 COUNTERS: Final = 16_384
 
 
-class Participant(ctypes.Structure):
+class ParticipantState(ctypes.Structure):
     """A process that takes turns."""
 
     _fields_ = (
         ("name", c_char * 64),
         ("process", c_uint64),  # its id, 0 for none
         ("wanted", c_uint64),  # whether time waits for it while it is missing
-        ("to_be_killed", c_uint64),  # whether the conductor kills it
+        ("to_be_killed", c_uint64),  # whether the scheduler kills it
         ("finished", c_uint64),  # its last turn
         ("due_s", c_double),  # when it has something to do
         ("called", c_uint64),  # whether it has something to do in the next turn
@@ -43,7 +43,7 @@ class Participant(ctypes.Structure):
         return bool(self.wanted and not self.process and self.return_s <= time_s)
 
 
-class Counter(ctypes.Structure):
+class SentCounter(ctypes.Structure):
     """How much the process at index `owner` has sent under a name."""
 
     _fields_ = (("name", c_char * 112), ("owner", c_int64), ("count", c_uint64))
@@ -61,8 +61,8 @@ class LockstepPage(ctypes.Structure):
         ("used_participants", c_uint64),
         ("used_counters", c_uint64),
         ("lost_routers", c_uint64),  # how often the router has died
-        ("participants", Participant * PROCESSES),
-        ("counters", Counter * COUNTERS),
+        ("participants", ParticipantState * PROCESSES),
+        ("counters", SentCounter * COUNTERS),
     )
     path: Path
     used_participants: int

@@ -1,4 +1,4 @@
-"""The conductor of a fleet in lockstep: the simulated laboratory, which advances the time."""
+"""The scheduler of a fleet in lockstep: the simulated laboratory, which advances the time."""
 
 import os
 import select
@@ -8,17 +8,17 @@ from contextlib import suppress
 from math import ceil
 from typing import Final
 
-from rcopterx.bus.lockstep_page import Participant
+from rcopterx.bus.lockstep.page import ParticipantState
+from rcopterx.bus.lockstep.participant import Participant
 from rcopterx.bus.rounding import TIME_BITS
-from rcopterx.bus.turns import Turns
 
 STEP_S: Final = 2.0**-11  # least time between two turns; so long messages travel
 RETURN_S: Final = 0.3  # time from the death of a process to the first turn of its successor
 _TICKS: Final = 2.0**TIME_BITS
 
 
-class Conductor(Turns):
-    """Turns of the process that advances the time.
+class Scheduler(Participant):
+    """Participant of the process that advances the time.
 
     It takes its own turn first, and then those others theirs that have something to do. The next one follows
     after `STEP_S` if anything was sent, else when a process has something to do. A process that dies is
@@ -28,13 +28,13 @@ class Conductor(Turns):
     def begin(self) -> None:
         """Begin a turn, which no process takes yet."""
         self._pipes: list[int] = []
-        self._participants: list[Participant] = []
+        self._participants: list[ParticipantState] = []
         self._own.wanted, self._own.process = 1, os.getpid()
         # A predecessor may have died during a turn.
         self.page.turn += 1
 
     def wait(self, timeout_s: float, descriptors: Collection[int] = ()) -> set[int]:
-        """See `Turns`; processes that wait for bytes take the present turn, as some may have been written."""
+        """See `Participant`; processes that wait for bytes take the present turn: some may be there."""
         self._acted = True
         return super().wait(timeout_s, descriptors)
 
@@ -63,7 +63,7 @@ class Conductor(Turns):
         self._collect()
         return True
 
-    def _has_work(self, participant: Participant, now_s: float) -> bool:
+    def _has_work(self, participant: ParticipantState, now_s: float) -> bool:
         return bool(
             participant.due_s <= now_s
             or participant.called
@@ -82,7 +82,7 @@ class Conductor(Turns):
             missing = any(participant.missing(page.time_s) for participant in self._participants[1:])
             if self.interrupted() or not missing:
                 return
-            self._notified(self._conductor)
+            self._notified(self._scheduler)
 
     def _wait_until_finished(self, taking: list[int]) -> None:
         """Wait until processes have finished the turn, have left, or have died."""
@@ -93,7 +93,7 @@ class Conductor(Turns):
                 for index in taking
                 if participants[index].process and participants[index].finished != turn
             ]
-            if taking and not self._notified(self._conductor):
+            if taking and not self._notified(self._scheduler):
                 for index in taking:
                     try:
                         os.kill(participants[index].process, 0)

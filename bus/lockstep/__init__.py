@@ -1,0 +1,1 @@
+"""Lockstep: the time of a fleet stands still until all of its processes have finished their work."""
