@@ -20,7 +20,7 @@ help:
 	@echo "make measure   size, cost and latency of this commit, added to those of earlier ones (2 minutes, idle computer)"
 	@echo "make lint      formatting, types, allowed imports"
 	@echo "make docs      the documentation site, in build/site"
-	@echo "make wheel     source archive and wheel in dist, checked, and flown from empty environments"
+	@echo "make wheel     source archives and wheels in dist, checked, and flown from empty environments"
 	@echo "make clean     remove the virtual environment and caches"
 
 # uv installs in seconds what takes pip a minute; pip does it where uv, or a package for uv, cannot be had.
@@ -35,7 +35,7 @@ endef
 
 # What compiling needs; the other packages are installed meanwhile.
 $(VENV)/.compiler:
-	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] <= (3, 13) else "Python 3.11 to 3.13 is needed, this is %d.%d; try make PYTHON=python3.11" % sys.version_info[:2])'
+	@$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] <= (3, 13) else "Python 3.11 to 3.13 is needed, this is %d.%d; try make PYTHON=python3.11" % sys.version_info[:2])'
 	@$(PYTHON) -m venv --without-pip $(VENV)
 	@$(UV) --version > /dev/null 2>&1 \
 	|| $(PYTHON) -m pip --python $(BIN)/python install --quiet --disable-pip-version-check uv 2> /dev/null \
@@ -95,11 +95,12 @@ docs: $(VENV)/.docs
 	@echo "open build/site/index.html"
 
 wheel: $(VENV)/.package
-	rm -rf build/lib dist
+	rm -rf build/lib studies/build dist
 	$(BIN)/python -m build
+	$(BIN)/python -m build --outdir dist studies
 	$(BIN)/twine check --strict dist/*
 	$(BIN)/check-wheel-contents dist/*.whl
 	$(BIN)/python -m pytest tests/packaging
 
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info build dist
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info studies/*.egg-info build studies/build dist

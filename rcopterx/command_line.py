@@ -24,7 +24,7 @@ from rcopterx.commands import (
     vehicles,
     watch,
 )
-from rcopterx.commands.extensions import STUDIES, added, added_commands
+from rcopterx.commands.extensions import STUDIES, added_command, added_commands
 from rcopterx.commands.fleet_option import user_errors
 
 
@@ -42,8 +42,7 @@ class Commands(TyperGroup):
         """See `Group.get_command`."""
         found = super().get_command(ctx, cmd_name)
         if found is None and (cmd_name in STUDIES or cmd_name in added_commands()):
-            found = typer.main.get_command(added(cmd_name, cmd_name))
-            found.name = cmd_name
+            found = added_command(cmd_name)
         return found
 
     def invoke(self, ctx: Any) -> Any:

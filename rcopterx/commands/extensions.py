@@ -7,10 +7,13 @@ what `fly --faults` and `fly chaos` do.
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final
 
+import typer
+from typer.core import TyperCommand
+
 from rcopterx.commands.fleet_option import EXIT_USAGE, failure
 
 GROUP: Final = "rcopterx.commands"
-STUDIES: Final = ("arena", "bench", "experiment", "fly --faults")
+STUDIES: Final = ("arena", "bench", "experiment")
 """Commands of `rcopterx-studies`, which need not be installed to fly."""
 
 
@@ -19,11 +22,31 @@ def added_commands() -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
-def added(name: str, command: str) -> Any:
-    """Import what an entry point names; without it end with the package that has the command."""
+def added(name: str, words: str) -> Any:
+    """Import what an entry point names; without it end with the package that has the command `words`."""
     point = added_commands().get(name)
     if point is None:
-        raise failure(
-            f"rcopterx {command}: part of rcopterx-studies: pip install rcopterx-studies", code=EXIT_USAGE
-        )
-    return point.load()
+        where = "part of rcopterx-studies: pip install rcopterx-studies"
+        raise failure(f"rcopterx {words}: {where}", code=EXIT_USAGE)
+    try:
+        return point.load()
+    except Exception as error:  # a package may raise anything
+        reason = f"{type(error).__name__}: {error}"
+        raise failure(f"rcopterx {words} ({point.value}) cannot be imported: {reason}") from error
+
+
+def added_command(name: str) -> Any:
+    """Import a command; one that cannot be imported fails when it is run, not in the list of commands."""
+    try:
+        found: Any = typer.main.get_command(added(name, name))
+    except typer.Exit as ended:
+        if name not in added_commands():
+            raise
+        code = ended.exit_code
+
+        def run() -> None:
+            raise typer.Exit(code)
+
+        found = TyperCommand(name, callback=run, help="Cannot be imported.")
+    found.name = name
+    return found

@@ -1,4 +1,4 @@
-"""Archive and wheel are built once, whichever process of pytest asks first."""
+"""Archives and wheels are built once, whichever process of pytest asks first."""
 
 import fcntl
 import os
@@ -17,6 +17,10 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not directory.exists():
             build_all(directory)
-    (archive,) = directory.glob("*.tar.gz")
-    (wheel,) = directory.glob("*.whl")
-    return Built(archive, wheel)
+    found = [
+        file
+        for project in ("rcopterx", "rcopterx_studies")
+        for ending in (".tar.gz", ".whl")
+        for file in directory.glob(f"{project}-*{ending}")
+    ]
+    return Built(*found)

@@ -1,4 +1,4 @@
-"""Source archive and wheel, built from a copy of the tree."""
+"""Source archives and wheels of both distributions, built from a copy of the tree."""
 
 import os
 import shutil
@@ -15,19 +15,28 @@ BUILD_S = 300.0
 
 @dataclass(frozen=True)
 class Built:
-    """What `python -m build` makes: the wheel is built from the source archive, as on any other computer."""
+    """What `python -m build` makes: wheels are built from source archives, as on any other computer."""
 
     archive: Path
     wheel: Path
+    studies_archive: Path
+    studies_wheel: Path
+
+    @property
+    def files(self) -> list[Path]:
+        return [self.archive, self.wheel, self.studies_archive, self.studies_wheel]
 
 
 def build_all(directory: Path) -> None:
     """Build a copy of the tree into a new directory; no file of an earlier build gets into the wheel."""
     source = directory / "source"
     shutil.copytree(ROOT, source, symlinks=True, ignore=shutil.ignore_patterns(*NOT_PACKAGED))
-    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(directory), str(source)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=BUILD_S, env=outside_environment())
-    assert done.returncode == 0, done.stdout + done.stderr
+    for project in (source, source / "studies"):
+        done = subprocess.run(
+            [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(directory), str(project)],
+            capture_output=True, text=True, timeout=BUILD_S, env=outside_environment(),
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 def outside_environment() -> dict[str, str]:

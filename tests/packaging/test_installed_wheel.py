@@ -1,8 +1,9 @@
-"""Promises of an installation from the wheel alone, without this tree; run by `make wheel`."""
+"""Promises of an installation from the wheels alone, without this tree; run by `make wheel`."""
 
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -44,3 +45,25 @@ def test_the_demonstration_flies_from_an_installed_wheel(version: str, built: Bu
     assert f"Python {version}" in run(scripts / "rcopterx", "--version", directory=tmp_path)
     flown = run(scripts / "rcopterx", "demo", "--no-browser", "--seconds", "15", directory=tmp_path)
     assert "flown for 15 s" in flown, flown
+
+
+@pytest.mark.integration
+def test_studies_are_installed_beside_the_product_that_flies_without_them(
+    built: Built, tmp_path: Path
+) -> None:
+    run(sys.executable, "-m", "venv", "environment", directory=tmp_path)
+    scripts = tmp_path / "environment" / "bin"
+    pip = (scripts / "pip", "install", "--quiet", "--disable-pip-version-check")
+    run(*pip, built.wheel, directory=tmp_path)
+    missing = subprocess.run(
+        [scripts / "rcopterx", "arena", "--list"], cwd=tmp_path, env=outside_environment(),
+        capture_output=True, text=True, timeout=100,
+    )  # fmt: skip
+    assert missing.returncode == 2
+    assert missing.stderr == "error: rcopterx arena: part of rcopterx-studies: pip install rcopterx-studies\n"
+    run(*pip, built.studies_wheel, directory=tmp_path)
+    assert "consensus" in run(scripts / "rcopterx", "arena", "--list", directory=tmp_path)
+    task = ("arena", "--quick", "--tasks", "three", "--schemes", "consensus", "--json")
+    assert '"digest"' in run(scripts / "rcopterx", *task, directory=tmp_path)
+    flown = run(scripts / "rcopterx", "fly", "--faults", "leader-killed", "--up", directory=tmp_path)
+    assert flown.startswith("passed"), flown
