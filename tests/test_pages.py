@@ -5,11 +5,15 @@ import io
 import re
 import tokenize
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from site_search import on_page_markdown
+
 ROOT = Path(__file__).parents[1]
 GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 FOLDERS = ["rcopterx", *sorted(path.name for path in (ROOT / "rcopterx").iterdir() if path.is_symlink())]
 """Folders of the product; those beside `rcopterx` are packages in it by symbolic links."""
@@ -116,6 +120,34 @@ def test_the_documentation_site_has_every_page_once() -> None:
     named = re.findall(r"^ +- .*?([\w-]+(?:/[\w-]+)*\.md)$", settings, re.MULTILINE)
     pages = [page.relative_to(ROOT / "docs").as_posix() for page in PAGES if page.parent != DECISIONS]
     assert sorted(named) == sorted([*pages, "decisions/index.md"])
+
+
+def title_of(page: Path) -> str:
+    return page.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
+
+
+def test_the_navigation_shows_the_titles_of_the_pages() -> None:
+    settings = (ROOT / "packaging" / "mkdocs.yml").read_text(encoding="utf-8")
+    assert re.findall(r"^ +- .+: .+\.md$", settings, re.MULTILINE) == []
+
+
+def test_the_readme_names_the_pages_to_read_next_by_their_titles() -> None:
+    section = README.partition("## Where to go next\n")[2].partition("\n\nThe ")[0]
+    named = re.findall(r"\[([^\]]+)\]\(([^)]+)\)", section)
+    assert 8 < len(named) <= 16
+    assert [text for text, path in named if text != title_of(ROOT / path)] == []
+
+
+def test_search_ranks_pages_for_users_above_decisions() -> None:
+    def boost(path: str, *sections: str) -> float:
+        ancestors = [SimpleNamespace(title=title) for title in reversed(sections)]
+        page = SimpleNamespace(file=SimpleNamespace(src_uri=path), ancestors=ancestors, meta={})
+        assert on_page_markdown("# Text", page=page) == "# Text"
+        return float(page.meta["search"]["boost"])
+
+    user = boost("crazyflie.md", "How to", "Set up hardware")
+    assert user > boost("architecture.md", "Explanation") > boost("decisions/one.md")
+    assert boost("decisions/index.md", "For those who change it") == boost("decisions/one.md")
 
 
 DECISIONS = ROOT / "docs" / "decisions"

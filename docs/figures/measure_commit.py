@@ -19,9 +19,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from imported_lines import flight_lines
 from matplotlib.figure import Figure
 
+from imported_lines import flight_lines
 from rcopterx_studies.benchmarks.cost import TRIALS, measured
 
 ROOT = Path(__file__).parents[2]
