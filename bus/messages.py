@@ -336,6 +336,17 @@ class AgentStatus(Message, frozen=True, kw_only=True):
     diagnostics: Diagnostics
 
 
+class Battery(Struct, frozen=True, kw_only=True):
+    """A vehicle's battery as its radio reports it."""
+
+    voltage_v: Annotated[float, Meta(ge=0)]
+    """Newest voltage of the whole battery [V]."""
+    share: Annotated[float, Meta(ge=0, le=1)] | None = None
+    """Place of the voltage between that at which the vehicle lands and that of a full battery, if given."""
+    low: bool = False
+    """Below the voltage that a take-off needs."""
+
+
 class TransmitterStatus(Message, frozen=True, kw_only=True):
     """State of one transmitter and of its arbiter."""
 
@@ -348,6 +359,8 @@ class TransmitterStatus(Message, frozen=True, kw_only=True):
     ready: bool
     armed: bool | None = None
     """Whether the vehicle's firmware reports that it is armed; absent where it does not report it."""
+    battery: Battery | None = None
+    """Absent while its voltage is unknown."""
     lease: Count = 0
     """Control lease whose commands count; 0 before the first command."""
     command_age_s: Seconds | None = None

@@ -6,10 +6,10 @@ Both readers append a sentence to `remarks` for everything that the fleet file c
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from rcopterx.deploy.new_laboratory import NewVehicle, PlacedVehicle, formation_of
 from rcopterx.deploy.roles.tracker import USUAL_PORTS
@@ -23,6 +23,13 @@ MOTION_CAPTURE_NODE: Final = "/motion_capture_tracking"
 SINGLE_MARKERS: Final = "librigidbodytracker"
 USED: Final = ("uri", "enabled", "initial_position", "type")
 """Keys of robots that are read, or that every robot has."""
+
+
+class RobotBattery(Struct, frozen=True):
+    """Voltages of a type of vehicles [V]."""
+
+    voltage_warning: Annotated[float, Meta(gt=0)] | None = None
+    voltage_critical: Annotated[float, Meta(gt=0)] | None = None
 
 
 class Robot(Struct, frozen=True):
@@ -75,18 +82,33 @@ def read_vehicles(path: Path, remarks: list[str]) -> list[NewVehicle]:
         if not all(map(math.isfinite, position_m)):
             remarks.append(f"robots.{name}.initial_position: is not finite, (0, 0, 0) is used; set offset_m")
             position_m = (0.0, 0.0, 0.0)
-        placed.append(PlacedVehicle(name, robot.uri, position_m))
+        placed.append(PlacedVehicle(name, robot.uri, position_m, _battery(path, raw, file.robot_types)))
     if not placed:
         raise FleetError(f"{path}: no robot is enabled")
     return formation_of(path, placed, "cf")
 
 
+def _type_of(robot: dict[str, Any], types: dict[Any, Any]) -> dict[str, Any]:
+    """Return the table of a robot's type; empty without one."""
+    kind = {str(name): table for name, table in types.items()}.get(str(robot.get("type")))
+    return kind if isinstance(kind, dict) else {}
+
+
+def _battery(path: Path, robot: dict[str, Any], types: dict[Any, Any]) -> dict[str, float]:
+    """Return the voltages of a robot's type in the words of a fleet file; or raise `FleetError`."""
+    where = f"robot_types.{robot.get('type')}.battery"
+    try:
+        battery = converted(_type_of(robot, types).get("battery") or {}, RobotBattery, where)
+    except FleetError as error:
+        raise FleetError(f"{path}: {error}") from None
+    voltages = {"warn_v": battery.voltage_warning, "land_v": battery.voltage_critical}
+    return {name: value for name, value in voltages.items() if value is not None}
+
+
 def _losses(robot: dict[str, Any], types: dict[Any, Any]) -> Iterator[str]:
     """Yield what a fleet file does not say of a robot."""
-    named = {str(name): table for name, table in types.items()}
-    kind = named.get(str(robot.get("type")), {})
-    kind = kind if isinstance(kind, dict) else {}
-    if robot.get("type") is not None and str(robot["type"]) not in named:
+    kind = _type_of(robot, types)
+    if robot.get("type") is not None and str(robot["type"]) not in map(str, types):
         yield f"its type {robot['type']!r} is not in robot_types"
     capture = kind.get("motion_capture")
     tracking = capture.get("tracking") if isinstance(capture, dict) else None
@@ -100,7 +122,7 @@ def _losses(robot: dict[str, Any], types: dict[Any, Any]) -> Iterator[str]:
     if kind.get("big_quad"):
         yield "big_quad is not taken over: model and limits are those of a Crazyflie, give a type of its own"
     for owner, table in (("", robot), ("its type: ", kind)):
-        known = USED if table is robot else ("motion_capture", "big_quad")
+        known = USED if table is robot else ("motion_capture", "big_quad", "battery")
         others = [str(key) for key, value in table.items() if key not in known and value not in (None, {})]
         if others:
             yield f"{owner}{', '.join(others)} not taken over"

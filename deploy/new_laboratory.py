@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,6 +29,8 @@ class NewVehicle(NamedTuple):
     port: str  # serial device, or address of a radio
     offset_m: tuple[float, float, float] | None = None
     """Offset to the first vehicle in formation; None for a place in rows behind it."""
+    battery: Mapping[str, float] = {}
+    """Its table `battery`; empty for that of the type."""
 
 
 class PlacedVehicle(NamedTuple):
@@ -37,6 +39,7 @@ class PlacedVehicle(NamedTuple):
     name: str  # which is its name in the Tracker, too
     port: str | None  # address of its radio; None for a simulated radio
     position_m: Sequence[float]
+    battery: Mapping[str, float] = {}  # its table in a fleet file
 
 
 def formation_of(source: Path, placed: Sequence[PlacedVehicle], prefix: str) -> list[NewVehicle]:
@@ -46,14 +49,14 @@ def formation_of(source: Path, placed: Sequence[PlacedVehicle], prefix: str) -> 
     the same then.
     """
     vehicles = []
-    for name, port, position_m in placed:
+    for name, port, position_m, battery in placed:
         short = name_of(name)
         short = short if short[:1].isalpha() else f"{prefix}{short}"
         x, y, z = (
             round(float(own - of_first), 4)
             for own, of_first in zip(position_m, placed[0].position_m, strict=True)
         )
-        vehicles.append(NewVehicle(short, name, port or f"radio-{short}", (x, y, z)))
+        vehicles.append(NewVehicle(short, name, port or f"radio-{short}", (x, y, z), battery))
     if len({vehicle.name for vehicle in vehicles}) < len(vehicles):
         raise FleetError(f"{source}: names of vehicles differ only in capital letters or signs")
     return vehicles
@@ -189,6 +192,12 @@ def _vehicle_text(vehicle: NewVehicle, number: int, laboratory: NewLaboratory) -
         lines += [
             f"model_match = {number + 1}    # binds the receiver to this transmitter: one for every vehicle",
             "# low_power = true    # often enough indoors",
+        ]
+    if vehicle.battery:
+        lines += [
+            "",
+            f"[vehicles.{key}.battery]",
+            *(f"{name} = {v:g}" for name, v in vehicle.battery.items()),
         ]
     lines.append("")
     return "\n".join(lines)

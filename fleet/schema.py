@@ -196,8 +196,25 @@ class LeaderLostConfig(Table, frozen=True, kw_only=True):
     """Time for which it first keeps its place and waits for its leaders."""
 
 
-class BatteryConfig(Table, frozen=True, kw_only=True):
-    """When a battery counts as empty, judged by the thrust that the vehicle needs to hover."""
+Volts = Annotated[float, Meta(ge=0, le=100)]
+
+
+class VoltageConfig(Table, frozen=True, kw_only=True, omit_defaults=True):
+    """What the voltage of a battery permits, where the radio reports it; 0 for no such limit."""
+
+    warn_v: Volts | None = None
+    """Voltage of the whole battery below which the vehicle does not take off; a warning in flight [V]."""
+    land_v: Volts | None = None
+    """Voltage below which it lands, after 5 s [V]."""
+    full_v: Volts | None = None
+    """Voltage of a full battery, where the bar ends that shows it [V]."""
+
+
+class BatteryConfig(VoltageConfig, frozen=True, kw_only=True):
+    """When a battery counts as empty: by its voltage, and by the thrust that the vehicle needs to hover.
+
+    Voltages that are not given are those of the type.
+    """
 
     warn_at_thrust: Annotated[float, Meta(gt=0, le=1)] = 0.8
     """Share of the largest thrust above which a warning is shown."""

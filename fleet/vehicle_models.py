@@ -5,7 +5,8 @@ from typing import Final
 
 from rcopterx.fleet.reading import merged, replaced
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.vehicle_types import type_of
+from rcopterx.fleet.vehicle_types import battery_limits, type_of
+from rcopterx.radios.battery import BatteryLimits
 from rcopterx.radios.limits import (
     ArbiterLimits,
     Fence,
@@ -58,6 +59,12 @@ def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
     descent_s = SLOWER * (ceiling_m - floor_m) / law.descent_m_s
     law = replace(law, longest_s=max(law.longest_s, law.braking_s + descent_s))
     return replace(limits, landing=law)
+
+
+def battery_of(fleet: FleetFile, name: str) -> BatteryLimits:
+    """Return the voltages that limit the flights of a vehicle; `FleetError` if they contradict each other."""
+    own = fleet.vehicles[name].battery
+    return battery_limits(own, f"vehicles.{name}.battery", type_of(fleet, name).file.battery)
 
 
 def longest_shutdown_s(fleet: FleetFile, host: str) -> float:

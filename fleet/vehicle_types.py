@@ -15,7 +15,8 @@ from msgspec import Meta, Struct, field
 
 from rcopterx.bus.message import Name
 from rcopterx.fleet.reading import converted, dataclass_from, merged, replaced, table_of
-from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text
+from rcopterx.fleet.schema import FleetError, FleetFile, ProtocolName, Table, Text, VoltageConfig
+from rcopterx.radios.battery import BatteryLimits, BatteryLimitsError
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.user_text import decoded
 from rcopterx.vehicles.model import Model
@@ -47,6 +48,8 @@ class TypeFile(Table, frozen=True, kw_only=True):
     """All parameters of the model that have no default."""
     transmitter: TypeTransmitter = field(default_factory=TypeTransmitter)
     """Radio and calibration."""
+    battery: VoltageConfig = field(default_factory=VoltageConfig)
+    """What the voltage of its battery permits."""
     safety: dict[str, Any] = field(default_factory=dict)
     """Limits of the arbiter that differ from the defaults, as in `safety.settings` of a fleet file."""
     lowest_ceiling_m: Annotated[float, Meta(ge=0, le=20)] = 0.0
@@ -111,6 +114,21 @@ def _checked(name: str, table: dict[str, Any], source: str) -> VehicleType:
             raise FleetError("model.kind: it is the name of the type, leave it out")
         model = dataclass_from(Model, {"kind": name, **file.model}, "model")
         replaced(ArbiterLimits(), file.safety, "safety")
+        battery_limits(file.battery, "battery")
     except FleetError as error:
         raise FleetError(f"{source}: {error}") from None
     return VehicleType(name, file, model, source)
+
+
+def battery_limits(config: VoltageConfig, where: str, default: VoltageConfig | None = None) -> BatteryLimits:
+    """Return voltages of a table, and of `default` where it has none; `FleetError` if they contradict."""
+    others = default or config
+    warn_v = others.warn_v if config.warn_v is None else config.warn_v
+    land_v = others.land_v if config.land_v is None else config.land_v
+    full_v = config.full_v
+    if full_v is None and (others.full_v or 0.0) > max(warn_v or 0.0, land_v or 0.0):
+        full_v = others.full_v  # not of a battery with more cells than that of the type
+    try:
+        return BatteryLimits(warn_v, land_v, full_v)
+    except BatteryLimitsError as error:
+        raise FleetError(f"{where}.{error}") from None

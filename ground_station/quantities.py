@@ -9,6 +9,7 @@ from rcopterx.ground_station.report.latency import STAGES, TOTAL
 from rcopterx.ground_station.scripting.state import VehicleState
 
 Text = Callable[[VehicleState], str]
+BAR = 8  # characters of a bar
 
 
 class Quantity(NamedTuple):
@@ -66,6 +67,20 @@ def _hover(values: Diagnostics) -> str:
     return "" if values.hover_thrust is None else f"hovers at {100 * values.hover_thrust:.0f} % of the thrust"
 
 
+def _voltage(status: TransmitterStatus) -> str:
+    battery = status.battery
+    if battery is None:
+        return ""
+    full = 0 if battery.share is None else round(BAR * battery.share)
+    bar = "" if battery.share is None else f"{full * '█'}{(BAR - full) * '░'} "
+    return f"{bar}{battery.voltage_v:.2f} V"
+
+
+def _battery_low(state: VehicleState) -> bool:
+    battery = None if state.transmitter is None else state.transmitter.battery
+    return battery is not None and battery.low
+
+
 def _wind(values: Diagnostics) -> str:
     return "" if values.wind_m_s2 is None else f"{math.hypot(*values.wind_m_s2):.2f} m/s²"
 
@@ -112,6 +127,7 @@ QUANTITIES = (
         _diagnostics(lambda values: f"{values.solve_ms_p50:.2f} / {values.solve_ms_p99:.2f} ms"),
         16,
     ),
+    Quantity("voltage", _transmitter(_voltage), 16, _battery_low),
     Quantity("radio", _transmitter(lambda status: f"{status.link}, {status.module}"), 14),
     *(Quantity(f"latency {stage}, p50 / p99 / max", _latency(stage), 20) for stage in (TOTAL, *STAGES)),
     Quantity("estimator", _diagnostics(lambda values: values.estimator)),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from rcopterx.radios import crtp
-from rcopterx.radios.crazyflie_battery import LOG, BatteryLog
+from rcopterx.radios.crazyflie_battery import DATA_CHANNEL, LOG, BatteryLog
 from rcopterx.radios.protocol import FrameDecodeError, ModuleStatus, SerialLine
 from rcopterx.radios.set_points import FullStick, SetPoint, SetPointRadio
 
@@ -119,7 +119,8 @@ class CrazyflieProtocol(SetPointRadio):
     def _take(self, packet: crtp.Packet, now_s: float) -> None:
         if packet.port == LOG:
             self._battery.take(packet)
-            self.voltage_v = self._battery.voltage_v
+            if packet.channel == DATA_CHANNEL:
+                self._report_voltage(self._battery.voltage_v, now_s)
         elif (state := crtp.SupervisorState.of(packet)) is not None:
             self._state, self._answered_s = state, now_s
             if self._answers:

@@ -202,9 +202,10 @@ class MavlinkProtocol(SetPointRadio):
                 self.remark = f"; refused: {complaint}" if complaint else ""
             else:
                 self._state.take(packet, now_s)
+                if packet.get_type() == "SYS_STATUS":
+                    self._report_voltage(self._state.voltage_v, now_s)
         except FrameDecodeError as error:
             self.counters[str(error)] += 1
-        self.voltage_v = self._state.voltage_v
 
     def _problem(self, now_s: float) -> str | None:
         state = self._state

@@ -173,6 +173,10 @@ class RadioProtocol(ABC):
     def status(self, now_s: float) -> ModuleStatus:
         """State of the module at `now_s` from its answers."""
 
+    def voltage_v(self, now_s: float) -> float | None:  # noqa: ARG002 - few radios report it
+        """Return the voltage of the vehicle's battery at `now_s`, None if it is unknown."""
+        return None
+
     def check(self, pulses_us: Sequence[float]) -> list[float]:
         """Check pulse widths [us] and complete them to `channel_count`; raises `PulseRangeError`."""
         if len(pulses_us) > self.channel_count:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
@@ -13,6 +14,7 @@ from msgspec import Struct
 from rcopterx.radios import protocol as base
 
 FULL_STICK_US = 400.0
+VOLTAGE_KEPT_S = 10.0  # vehicles report it once a second
 LOW_US = base.CENTER_US - FULL_STICK_US
 
 
@@ -80,7 +82,8 @@ class SetPointRadio(base.RadioProtocol):
         # A little above the command period.
         self.keepalive_s = 0.025
         self.counters: Counter[str] = Counter()
-        self.voltage_v: float | None = None  # newest voltage of the battery, None before the first one
+        self._voltage_v: float | None = None
+        self._voltage_s = -math.inf
         self.remark = ""  # further words of the status while it is ready
         self._opened = False
         self._answers: deque[bool] = deque(maxlen=remembered)
@@ -109,7 +112,7 @@ class SetPointRadio(base.RadioProtocol):
     def link_opened(self, now_s: float) -> None:  # noqa: ARG002 - the interface gives the time
         """Wait for a new state."""
         self._opened = True
-        self.voltage_v, self.remark = None, ""
+        self._voltage_v, self.remark = None, ""
         self._answers.clear()
 
     def status(self, now_s: float) -> base.ModuleStatus:
@@ -120,8 +123,17 @@ class SetPointRadio(base.RadioProtocol):
         # The answer to the newest request may be on its way.
         judged = [*self._answers][:-1] or [True]
         link = f"link {100 * sum(judged) / len(judged):.0f} %"
-        battery = "" if self.voltage_v is None else f"{self.voltage_v:.2f} V, "
+        voltage_v = self.voltage_v(now_s)
+        battery = "" if voltage_v is None else f"{voltage_v:.2f} V, "
         return base.ModuleStatus(True, False, f"ready, {battery}{link}{self.remark}")
+
+    def voltage_v(self, now_s: float) -> float | None:
+        """See `RadioProtocol`; unknown when the last report is old."""
+        return self._voltage_v if now_s - self._voltage_s <= VOLTAGE_KEPT_S else None
+
+    def _report_voltage(self, voltage_v: float | None, now_s: float) -> None:
+        """Keep a voltage that the vehicle has reported now."""
+        self._voltage_v, self._voltage_s = voltage_v, now_s
 
     @abstractmethod
     def _problem(self, now_s: float) -> str | None:

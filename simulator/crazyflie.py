@@ -16,7 +16,7 @@ from rcopterx.radios.crazyflie_battery import LOG
 from rcopterx.radios.crtp import LONGEST_DATA, Packet
 from rcopterx.radios.protocol import FrameDecodeError
 from rcopterx.radios.set_points import SetPoint
-from rcopterx.simulator.crazyflie_log import CrazyflieLog
+from rcopterx.simulator.crazyflie_log import ENDURANCE_S, CrazyflieLog
 from rcopterx.simulator.radio_module import FRAME_LOG_LENGTH, SerialFrame
 from rcopterx.simulator.vehicle_udp import UdpVehicle
 
@@ -67,6 +67,7 @@ class Crazyflie(UdpVehicle):
     `state`: what the supervisor reports. `motors_run`: whether the motors get thrust. `rejected`: packets
     that the firmware ignored, by reason. `settings`: how set points become the pulse widths that the
     simulated vehicle gets. `arms_itself`: as brushed vehicles do; brushless ones wait for a request.
+    `flown_s`: for how long the motors have run with this battery, which then ends.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class Crazyflie(UdpVehicle):
         """Start anew with a full battery, which ends every stop."""
         self.powered = True
         self._log = CrazyflieLog()
-        self._flown_s = 0.0
+        self.flown_s = 0.0
         self.state = crtp.SupervisorState(
             can_be_armed=True, armed=self._arms_itself, arms_itself=self._arms_itself
         )
@@ -112,7 +113,7 @@ class Crazyflie(UdpVehicle):
             self.rejected[str(error)] += 1
             return []
         self._note(now_s)
-        answers += self._log.due(now_s, self._flown_s)
+        answers += self._log.due(now_s, self.flown_s)
         return [answer.to_bytes() for answer in answers]
 
     def _obey(self, packet: crtp.Packet, now_s: float) -> list[crtp.Packet]:
@@ -147,9 +148,9 @@ class Crazyflie(UdpVehicle):
         """Restart with the second of two packets; the battery keeps its charge."""
         begun, self._restarts = self._restarts, packet == crtp.RESTART[0]
         if begun and packet == crtp.RESTART[1]:
-            flown_s = self._flown_s
+            flown_s = self.flown_s
             self.power_cycle(now_s)
-            self._flown_s, self._running_s = flown_s, now_s + BOOT_S
+            self.flown_s, self._running_s = flown_s, now_s + BOOT_S
 
     def crash(self, *, tumbled: bool) -> None:
         """Stop the motors as after a crash; `tumbled`: it lies on its side."""
@@ -184,8 +185,10 @@ class Crazyflie(UdpVehicle):
         for due_s, act in sorted(timers, key=lambda timer: timer[0]):
             if self.powered and self._advanced_s < due_s <= now_s:
                 act(due_s)
-        self._flown_s += self.motors_run * max(now_s - self._advanced_s, 0.0)
+        self.flown_s += self.motors_run * max(now_s - self._advanced_s, 0.0)
         self._advanced_s = max(self._advanced_s, now_s)
+        if self.powered and self.flown_s >= ENDURANCE_S:
+            self.switch_off()
 
     def _stop(self, now_s: float) -> None:
         """Lock a vehicle that flies without commands; any other waits for thrust 0."""

@@ -11,7 +11,7 @@ from rcopterx.radios import crazyflie_battery as log
 from rcopterx.radios.crtp import Packet
 
 FULL_V: Final = 4.2
-EMPTY_V: Final = 3.0
+EMPTY_V: Final = 2.6  # the firmware compensates until then, and the vehicle falls
 ENDURANCE_S: Final = 420.0
 TABLE: Final = (b"stabilizer\0roll\0", log.VARIABLE, b"stabilizer\0yaw\0")
 RESET: Final = 5
@@ -19,7 +19,7 @@ NO_SUCH: Final = 2
 
 
 class CrazyflieLog:
-    """Blocks are lost when the vehicle starts anew; the battery is empty after seven minutes of flight."""
+    """Blocks are lost when the vehicle starts anew; the voltage falls with the time flown."""
 
     def __init__(self) -> None:
         self._blocks: dict[int, int] = {}

@@ -341,7 +341,8 @@ class Arbiter:
             self._low_since_s = now_s
 
     def _enter(self, row: Transition, now_s: float) -> None:
-        details = [self._details[c] for c in row.needs if c in self._details]
+        causes = row.needs | (row.unless & {Condition.READY})
+        details = [self._details[c] for c in causes if c in self._details]
         self.reason = ": ".join([row.reason, *details])
         if row.target is State.ARMED and self.state not in FLYING:
             self.commanded = True

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rcopterx.bus.session import BusAddress
+from rcopterx.radios.battery import NO_LIMITS, BatteryLimits
 from rcopterx.radios.calibration import Calibration
 from rcopterx.radios.crazyradio import UsbDevice
 from rcopterx.radios.limits import ArbiterLimits
@@ -21,6 +22,7 @@ class TransmitterSettings:
     protocol: RadioProtocol
     calibration: Calibration
     limits: ArbiterLimits
+    battery: BatteryLimits = NO_LIMITS
     low_power: bool = False
 
 

@@ -148,6 +148,7 @@ class Station:
                 module=transmitter.module_text(now_s)[:400],
                 ready=link is LinkState.READY,
                 armed=transmitter.protocol.status(now_s).armed,
+                battery=transmitter.battery.status,
                 lease=arbiter.leases.commanding,
                 command_age_s=None if accepted is None else max(0.0, now_s - accepted.arrived_s),
                 pose_age_s=None if track is None else max(0.0, now_s - track.arrived_s),

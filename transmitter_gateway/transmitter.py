@@ -14,6 +14,7 @@ from msgspec import structs
 
 from rcopterx.radios.protocol import FrameFlags, ModuleStatus, ProtocolError
 from rcopterx.transmitter_gateway.arbiter import Arbiter
+from rcopterx.transmitter_gateway.battery import BatteryWatch
 from rcopterx.transmitter_gateway.binding import Binding
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
@@ -63,6 +64,7 @@ class Transmitter:
         self.output = ArbiterOutput(State.DISARMED)  # newest decision
         self._pending = self._due_now = False
         self._binding = Binding(at_power_up=protocol.binds_at_power_up)
+        self.battery = BatteryWatch(settings.battery)
         self._range_check = self._shutdown = self._ready = False
         self._low_frames = 0
         self._shown: tuple[float, ...] = ()
@@ -244,9 +246,11 @@ class Transmitter:
 
     def _link(self, module: ModuleStatus, now_s: float) -> LinkState:
         """Way to the vehicle while the port is open."""
+        flying = self.arbiter.state in FLYING
         waits = self.busy(now_s) or self._searched(now_s)
-        overloaded = self.arbiter.state not in FLYING and self.port.overload is not None
-        return LinkState.READY if module.ready and not (waits or overloaded) else LinkState.UP
+        overloaded = not flying and self.port.overload is not None
+        weak = self.battery.problem(flying=flying) is not None
+        return LinkState.READY if module.ready and not (waits or overloaded or weak) else LinkState.UP
 
     def _searched(self, now_s: float) -> bool:
         """Whether a receiver still searches: its board has to see the arming channel off."""
@@ -366,6 +370,8 @@ class Transmitter:
         module = self.protocol.status(now_s)
         self._binding.follow(module, now_s)
         state, problem = self.arbiter.state, None
+        voltage_v = self.protocol.voltage_v(now_s)
+        self.battery.observe(voltage_v, now_s, there=module.ready, flying=state in FLYING)
         if state not in FLYING:
             self._returned_s = -math.inf
         if not self.port.is_open and not (state in FLYING and now_s < self._too_late_s):
@@ -390,7 +396,8 @@ class Transmitter:
             return module.text
         if self._searched(now_s):
             return "waiting until the receiver has found the radio"
-        return self.port.overload or module.text
+        weak = self.battery.problem(flying=self.arbiter.state in FLYING)
+        return weak or self.port.overload or module.text
 
     def counters(self) -> dict[str, int]:
         """Counters of arbiter, port and protocol by name."""

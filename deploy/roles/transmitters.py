@@ -10,7 +10,7 @@ from rcopterx.deploy.roles.ports import laboratory_of, port_of
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.radios import calibration_of, protocol_of
 from rcopterx.fleet.schema import FleetError, FleetFile
-from rcopterx.fleet.vehicle_models import limits_of
+from rcopterx.fleet.vehicle_models import battery_of, limits_of
 from rcopterx.radios.crazyradio import UsbDevice
 from rcopterx.radios.protocol import ProtocolError
 from rcopterx.transmitter_gateway.crazyradio import find_dongle
@@ -43,6 +43,7 @@ def _transmitter(fleet: FleetFile, name: str, directory: Path) -> TransmitterSet
         protocol=protocol_of(fleet, name),
         calibration=calibration_of(fleet, name),
         limits=limits_of(fleet, name),
+        battery=battery_of(fleet, name),
         low_power=fleet.vehicles[name].transmitter.low_power,
     )
     try:

@@ -76,6 +76,7 @@ SECTIONS: Final = (
     Section("safety.settings.standing", StandingLimits, "See [safety.md](safety.md#before-a-take-off)."),
     Section("types.NAME", TypeFile, "See [vehicle_types.md](vehicle_types.md)."),
     Section("types.NAME.transmitter", TypeTransmitter),
+    Section("types.NAME.battery", schema.VoltageConfig, "See [safety.md](safety.md#voltage-of-the-battery)."),
     Section("log", schema.LogConfig, "See [logs.md](logs.md)."),
     Section("watchdog", schema.WatchdogConfig, "See [safety.md](safety.md#processes-that-hang)."),
     Section(VEHICLE, schema.VehicleConfig),

@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 from rcopterx.command_line import app
 from rcopterx.deploy.skybrush import read_show
 from rcopterx.fleet.reading import load_fleet
+from rcopterx.fleet.vehicle_models import battery_of
+from rcopterx.radios.battery import BatteryLimits
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 CRAZYFLIES = """
@@ -26,7 +28,7 @@ robots:
   24-b:
     uri: radio://0/80/2M/E7E7E7E718
     initial_position: [-0.3, 0.5, 0.0]
-robot_types: {C10X: {big_quad: false}}
+robot_types: {C10X: {big_quad: false, battery: {voltage_warning: 3.8, voltage_critical: 3.7}}}
 all: {firmware_params: {commander: {enHighLevel: 1}}}
 """
 TRACKER = """
@@ -66,6 +68,14 @@ def test_enabled_robots_become_a_fleet_with_the_same_radios_and_tracker(source: 
         "cf24_b": ("24-b", "crazyflie"),
     }
     assert fleet.vehicles["c23"].transmitter.port == "radio://0/80/2M/E7E7E7E717"
+
+
+def test_the_voltages_of_a_type_of_robots_limit_its_flights(source: Path) -> None:
+    path = source.with_name("lab.toml")
+    assert imported(source, path).exit_code == 0
+    fleet = load_fleet(path)
+    assert battery_of(fleet, "c23") == BatteryLimits(3.8, 3.7, 4.2)
+    assert battery_of(fleet, "cf24_b") == BatteryLimits(3.2, 3.0, 4.2), "those of the type crazyflie"
 
 
 def test_the_formation_keeps_the_distances_of_the_initial_positions(source: Path) -> None:

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 
+from rcopterx.radios.battery import NO_LIMITS, BatteryLimits
 from rcopterx.radios.calibration import ArmingChannel, Calibration
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.radios.set_points import SetPointRadio
@@ -57,8 +58,14 @@ class Air(Port):
 class FirmwareBench:
     """A vehicle that is seen at 0.8 m, and a command of 0.1 pitch and some thrust in each period."""
 
-    def __init__(self, vehicle: UdpVehicle, protocol: SetPointRadio, low_s: float = 0.1) -> None:
-        self.firmware, self._low_s = vehicle, low_s
+    def __init__(
+        self,
+        vehicle: UdpVehicle,
+        protocol: SetPointRadio,
+        low_s: float = 0.1,
+        battery: BatteryLimits = NO_LIMITS,
+    ) -> None:
+        self.firmware, self._low_s, self._battery = vehicle, low_s, battery
         self.connect(protocol)
         self.now_s = 0.0
         self.height_m = 0.8
@@ -70,7 +77,7 @@ class FirmwareBench:
         self.air = Air(self.firmware, protocol)
         calibration = Calibration(arming=ArmingChannel(4, low_s=self._low_s))
         self.transmitter = Transmitter(
-            TransmitterSettings("c1", "air", protocol, calibration, ArbiterLimits()), self.air
+            TransmitterSettings("c1", "air", protocol, calibration, ArbiterLimits(), self._battery), self.air
         )
 
     @property

@@ -67,7 +67,7 @@ def flown() -> Iterator[Flown]:
 def test_a_vehicle_of_mavsdk_changes_its_mode_is_armed_and_is_disarmed_by_force(flown: Flown) -> None:
     # Its heartbeat is that of no autopilot that is supported.
     flown.send(LOW, lambda: "does not have the mode" in flown.protocol.status(time.monotonic()).text)
-    assert flown.protocol.voltage_v == pytest.approx(15.5)
+    assert flown.protocol.voltage_v(time.monotonic()) == pytest.approx(15.5)
     assert flown.commands == []
     flown.send(IDLE, lambda: len(flown.commands) == 2)
     assert flown.commands == [FlightMode.OFFBOARD, (True, False)]

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
+from msgspec import structs
 from support.statuses import flying_status
 
-from rcopterx.bus.messages import TransmitterStatus
+from rcopterx.bus.messages import Battery, TransmitterStatus
 from rcopterx.fleet.reading import parse_fleet
 from rcopterx.ground_station.events import Event
 from rcopterx.ground_station.page.controls import banner, event_list, suggestions, vehicle_table
+from rcopterx.ground_station.quantities import QUANTITIES
 from rcopterx.ground_station.scripting.state import VehicleState
 
 ARMED = TransmitterStatus(state="armed", reason="by h1", link="open", module="<b>", ready=True)
@@ -46,6 +48,17 @@ def test_what_people_should_know_of_a_vehicle_catches_the_eye() -> None:
     warned = replace(STATE, agent=flying_status(remarks=("the battery is nearly empty",)))
     assert "h1: the battery is nearly empty" in banner("lab", [warned], [])
     assert "the battery is nearly empty" in vehicle_table(warned)
+
+
+def test_the_voltage_of_a_battery_is_a_bar_and_a_low_one_an_alarm() -> None:
+    (voltage,) = [quantity for quantity in QUANTITIES if quantity.name == "voltage"]
+    for share, low, text in ((0.5, False, "████░░░░ 3.60 V"), (None, True, "3.60 V")):
+        battery = Battery(voltage_v=3.6, share=share, low=low)
+        state = replace(STATE, transmitter=structs.replace(ARMED, battery=battery))
+        assert voltage.text(state) == text
+        assert voltage.alarming(state) is low
+        assert text in vehicle_table(state)
+    assert voltage.text(STATE) == ""
 
 
 def test_events_are_listed_newest_first() -> None:

@@ -1,0 +1,126 @@
+"""Promises of the battery's voltage: no take-off with a weak battery, and a landing before it is empty."""
+
+import pytest
+from firmware_bench import FirmwareBench
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rcopterx.radios.battery import BatteryLimits, BatteryLimitsError
+from rcopterx.radios.crazyflie import CrazyflieProtocol, CrazyflieSettings
+from rcopterx.simulator.crazyflie import Crazyflie
+from rcopterx.simulator.crazyflie_log import EMPTY_V, ENDURANCE_S, FULL_V
+from rcopterx.transmitter_gateway.battery import PATIENCE_S, BatteryWatch
+from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
+
+LIMITS = BatteryLimits(warn_v=3.2, land_v=3.0, full_v=4.2)
+
+
+class Bench(FirmwareBench):
+    """A Crazyflie with a battery."""
+
+    def __init__(self, limits: BatteryLimits = LIMITS) -> None:
+        self.vehicle = Crazyflie(CrazyflieSettings())
+        super().__init__(self.vehicle, CrazyflieProtocol(CrazyflieSettings()), battery=limits)
+
+    @property
+    def motors_run(self) -> bool:
+        return self.vehicle.motors_run
+
+    def discharge(self, voltage_v: float) -> None:
+        """Use so much of the battery that it has this voltage."""
+        self.vehicle.flown_s = (FULL_V - voltage_v) / (FULL_V - EMPTY_V) * ENDURANCE_S
+
+    def arm(self) -> str:
+        self.run(3.0, 0.0)
+        answer = self.transmitter.request(ActionRequest(Action.ARM, "operator"), self.now_s)
+        return "" if answer.accepted else answer.reason
+
+
+def test_a_vehicle_with_a_weak_battery_is_not_armed_and_the_reason_is_the_voltage() -> None:
+    bench = Bench()
+    bench.discharge(3.1)
+    assert "battery at 3.10 V, take-off needs 3.2 V: charge it" in bench.arm()
+    assert bench.module == "battery at 3.10 V, take-off needs 3.2 V: charge it"
+    bench.vehicle.power_cycle(bench.now_s)
+    bench.run(6.0, 0.0)
+    assert bench.arm() == ""
+
+
+def test_a_vehicle_lands_some_seconds_after_its_battery_is_empty_and_before_it_falls() -> None:
+    bench = Bench()
+    assert bench.arm() == ""
+    bench.run(2.0)
+    bench.discharge(3.1)
+    bench.run(PATIENCE_S + 3.0)
+    assert bench.state is State.ARMED
+    bench.discharge(2.99)
+    bench.run(PATIENCE_S - 1.0)
+    assert bench.state is State.ARMED
+    bench.run(3.0)
+    assert bench.state is State.LAND
+    assert "battery" in bench.transmitter.arbiter.reason
+    bench.run(5.0)
+    assert bench.state is State.CUT, "fresh commands do not end the landing"
+    assert "battery empty" in bench.arm()
+
+
+def test_without_limits_the_voltage_is_only_shown() -> None:
+    bench = Bench(BatteryLimits())
+    bench.discharge(2.7)
+    assert bench.arm() == ""
+    bench.run(PATIENCE_S + 3.0)
+    assert bench.state is State.ARMED
+
+
+def test_a_dip_of_the_voltage_ends_no_flight() -> None:
+    watch = BatteryWatch(LIMITS)
+    for now_s, voltage_v in ((0.0, 3.3), (1.0, 2.8), (5.0, 2.8), (5.5, 3.1), (6.0, 2.8), (10.0, 2.8)):
+        watch.observe(voltage_v, now_s, there=True, flying=True)
+        assert watch.problem(flying=True) is None
+
+
+def test_an_empty_battery_stays_empty_when_its_voltage_recovers_on_the_floor() -> None:
+    watch = BatteryWatch(LIMITS)
+    for now_s in (0.0, PATIENCE_S):
+        watch.observe(2.9, now_s, there=True, flying=True)
+    assert "empty" in (watch.problem(flying=True) or "")
+    watch.observe(3.6, 20.0, there=True, flying=False)
+    assert "empty" in (watch.problem(flying=False) or "")
+    watch.observe(None, 30.0, there=False, flying=False)
+    watch.observe(4.1, 40.0, there=True, flying=False)
+    assert watch.problem(flying=False) is None
+
+
+@given(st.lists(st.floats(2.0, 4.5), max_size=40), st.floats(0.1, 2.0))
+def test_a_flight_ends_only_if_every_voltage_of_the_last_seconds_was_too_low(
+    voltages: list[float], period_s: float
+) -> None:
+    watch = BatteryWatch(LIMITS)
+    low_s = None
+    for count, voltage_v in enumerate(voltages):
+        now_s = count * period_s
+        watch.observe(voltage_v, now_s, there=True, flying=True)
+        low_s = (now_s if low_s is None else low_s) if voltage_v < 3.0 else None
+        if watch.problem(flying=True) is not None:
+            assert low_s is not None
+            assert now_s - low_s >= PATIENCE_S
+            return
+        assert low_s is None or now_s - low_s < PATIENCE_S
+
+
+def test_the_status_has_voltage_share_and_warning() -> None:
+    watch = BatteryWatch(LIMITS)
+    assert watch.status is None
+    watch.observe(3.6, 0.0, there=True, flying=True)
+    assert watch.status is not None
+    assert (watch.status.voltage_v, watch.status.share, watch.status.low) == (3.6, pytest.approx(0.5), False)
+    watch.observe(3.1, 1.0, there=True, flying=True)
+    assert watch.status.low
+
+
+@pytest.mark.parametrize(
+    "limits", [(3.0, 3.2, 4.2), (4.3, 3.0, 4.2), (-1.0, None, None), (float("nan"), None, None)]
+)
+def test_limits_that_contradict_each_other_are_refused(limits: tuple[float, float, float]) -> None:
+    with pytest.raises(BatteryLimitsError):
+        BatteryLimits(*limits)

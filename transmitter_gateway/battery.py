@@ -1,0 +1,58 @@
+"""What the voltage of a vehicle's battery permits (docs/safety.md).
+
+A firmware that compensates for the battery hides it: its hover thrust stays the same until the vehicle falls.
+"""
+
+from typing import Final
+
+from rcopterx.bus.messages import Battery
+from rcopterx.radios.battery import BatteryLimits
+
+PATIENCE_S: Final = 5.0  # a manoeuvre lowers the voltage for a moment
+
+
+class BatteryWatch:
+    """Judges the voltages that a vehicle reports: `problem` blocks take-off, or ends a flight."""
+
+    def __init__(self, limits: BatteryLimits) -> None:
+        self._limits = limits
+        self._voltage_v: float | None = None
+        self._low_since_s: float | None = None
+        self._empty = False
+
+    def observe(self, voltage_v: float | None, now_s: float, *, there: bool, flying: bool) -> None:
+        """Take the newest voltage, if known; a vehicle that was not `there` may have another battery."""
+        self._voltage_v = voltage_v
+        if not there and not flying:
+            self._empty = False
+        if voltage_v is None or voltage_v >= (self._limits.land_v or 0.0):
+            self._low_since_s = None
+            return
+        if self._low_since_s is None:
+            self._low_since_s = now_s
+        # On the floor `warn_v` is the limit, which is higher.
+        self._empty = self._empty or (flying and now_s - self._low_since_s >= PATIENCE_S)
+
+    def problem(self, *, flying: bool) -> str | None:
+        """Return why the vehicle may not take off, or has to land; None if it may fly."""
+        now = "" if self._voltage_v is None else f", {self._voltage_v:.2f} V now"
+        if self._empty:
+            return f"battery empty: below {self._limits.land_v:g} V for {PATIENCE_S:g} s{now}; charge it"
+        if self._low and not flying:
+            return f"battery at {self._voltage_v:.2f} V, take-off needs {self._limits.warn_v:g} V: charge it"
+        return None
+
+    @property
+    def _low(self) -> bool:
+        return self._voltage_v is not None and self._voltage_v < (self._limits.warn_v or 0.0)
+
+    @property
+    def status(self) -> Battery | None:
+        """Return what is shown of it; None while the voltage is unknown."""
+        if self._voltage_v is None:
+            return None
+        empty_v, full_v = self._limits.land_v or 0.0, self._limits.full_v
+        share = None
+        if full_v and full_v > empty_v:
+            share = min(max((self._voltage_v - empty_v) / (full_v - empty_v), 0.0), 1.0)
+        return Battery(voltage_v=max(self._voltage_v, 0.0), share=share, low=self._low or self._empty)
