@@ -151,6 +151,13 @@ class DisplacePose(LastingFault, frozen=True, tag="displace_pose"):
     velocity_m_s: Three = (0.0, 0.0, 0.0)
 
 
+class TurnPose(LastingFault, frozen=True, tag="turn_pose"):
+    """Show a subject turned about its vertical axis: its object was created with the nose elsewhere."""
+
+    subject: Subject
+    yaw_rad: Annotated[float, Meta(ge=-math.pi, le=math.pi)] = math.pi
+
+
 class AddNoise(LastingFault, frozen=True, tag="add_noise"):
     """Add noise to all positions: white, from frame to frame."""
 
@@ -211,6 +218,8 @@ class BreakVehicle(VehicleFault, frozen=True, tag="break_vehicle"):
     """Stick without effect."""
     reversed: StickName | None = None
     """Stick that acts the wrong way round."""
+    exchanged: bool = False
+    """Whether the pitch stick rolls and the roll stick pitches."""
     stuck: StickName | None = None
     """Stick that stays where it is."""
     cyclic_factor: Annotated[float, Meta(ge=0, le=10)] = 1.0
@@ -224,7 +233,7 @@ class BreakVehicle(VehicleFault, frozen=True, tag="break_vehicle"):
 TrackerFault = (
     Close | Reset | WrongMagic | ResetFrameId | Burst | Recover | Silence | Freeze | EmptyPackets
     | IgnorePings | Dribble | Delay | UnknownObject | YUp | Millimetres | Occlude | RemoveSubject | AddSubject
-    | FreezePose | StandIn | DisplacePose | AddNoise | SkipFrames | SetQuality | RenameRootSegment
+    | FreezePose | StandIn | DisplacePose | TurnPose | AddNoise | SkipFrames | SetQuality | RenameRootSegment
     | SwapSubjects
 )  # fmt: skip
 """Faults of the emulated Tracker."""

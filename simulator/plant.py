@@ -55,9 +55,11 @@ STILL: Final = Wake()
 
 @dataclass(frozen=True, kw_only=True)
 class PlantFaults:
-    """Faults of a vehicle: gains (-1 reversed), `stuck` sticks, thrust left, trim and delay of sticks."""
+    """Faults of a vehicle: gains (-1 reversed), pitch and roll `exchanged`, `stuck` sticks, thrust left, trim
+    and delay of sticks."""
 
     stick_gain: Four = (1.0, 1.0, 1.0, 1.0)
+    exchanged: bool = False
     stuck: frozenset[int] = frozenset()
     thrust_factor: float = 1.0
     trim: Four = CALM
@@ -212,6 +214,8 @@ class Plant(ABC):
         if inputs is not None:
             gains, stuck, held = self.faults.stick_gain, self.faults.stuck, self._sticks
             trim = self.faults.trim
+            if self.faults.exchanged:
+                inputs = (inputs[1], inputs[0], *inputs[2:])
             pitch, roll, thrust, yaw = [
                 held[axis] if axis in stuck else gains[axis] * stick + trim[axis]
                 for axis, stick in enumerate(inputs)

@@ -1,5 +1,6 @@
 """Faults of the Tracker emulator (docs/motion_capture.md), on request or by a time table."""
 
+import math
 import random
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -137,6 +138,8 @@ class TrackerFaults:
                 return tuple(self._noisy(body, deviation_m) for body in bodies)
             case faults.StandIn(subject=name, deviation_m=deviation_m):
                 return _replaced(bodies, name, lambda body: self._noisy(body, deviation_m))
+            case faults.TurnPose(subject=name, yaw_rad=yaw_rad):
+                return _replaced(bodies, name, lambda body: _turned(body, yaw_rad))
             case faults.Millimetres():
                 return tuple(_scaled(body, 1000.0) for body in bodies)
             case faults.Occlude(subject=name):
@@ -201,6 +204,14 @@ def _replaced(
 def _moved(body: TrackedBody, by_m: Sequence[float]) -> TrackedBody:
     x, y, z = (place + by for place, by in zip(body.position_m, by_m, strict=True))
     return body._replace(position_m=(x, y, z))
+
+
+def _turned(body: TrackedBody, yaw_rad: float) -> TrackedBody:
+    """Turn a body about its own vertical axis."""
+    x, y, z, w = body.quaternion_xyzw
+    sine, cosine = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+    turned = (x * cosine + y * sine, y * cosine - x * sine, z * cosine + w * sine, w * cosine - z * sine)
+    return body._replace(quaternion_xyzw=turned)
 
 
 def _scaled(body: TrackedBody, factor: float) -> TrackedBody:

@@ -65,6 +65,7 @@ class VehicleFaults:
         stuck = frozenset(axis for axis, name in enumerate(_STICKS) if name == fault.stuck)
         self._plants[fault.vehicle].faults = PlantFaults(
             stick_gain=four(gains),
+            exchanged=fault.exchanged,
             stuck=stuck,
             thrust_factor=fault.thrust_factor,
             trim=fault.trim,

@@ -30,10 +30,12 @@ from rcopterx.simulator.faults import (
     StandIn,
     SwapSubjects,
     TimedFault,
+    TurnPose,
     UnknownObject,
     WrongMagic,
     YUp,
 )
+from rcopterx.simulator.plant import Pose
 from rcopterx.simulator.tracker_faults import TrackerFaults
 from rcopterx.simulator.tracker_frame import PROFILES, TrackedBody, TrackerFrame
 
@@ -231,6 +233,18 @@ def test_tracker_that_cannot_report_its_axes_may_be_y_up_all_the_same() -> None:
 def test_positions_in_millimetres_are_a_thousand_times_as_large() -> None:
     one, two = seen(Millimetres())
     assert (one.position_m, two.position_m) == ((1000.0, 0.0, 0.0), (2000.0, 0.0, 0.0))
+
+
+def test_turned_object_has_another_heading_and_the_same_tilt() -> None:
+    tilted = Pose((0.0, 0.0, 0.0), 0.3, 0.1, -0.2)
+    active = faults()
+    active.apply(TurnPose("h1", yaw_rad=1.0), 0.0)
+    body = replace(H1, quaternion_xyzw=tilted.quaternion_xyzw)
+    x, y, z, w = active.transform(TrackerFrame(1, (body, H2))).bodies[0].quaternion_xyzw
+    bx, by, bz, bw = tilted.quaternion_xyzw
+    assert math.hypot(x, y) == pytest.approx(math.hypot(bx, by))
+    yaw_rad = 2 * math.atan2(z, w) - 2 * math.atan2(bz, bw)
+    assert math.remainder(yaw_rad, math.tau) == pytest.approx(1.0)
 
 
 def test_body_that_stands_in_for_a_subject_stays_there_with_its_own_noise() -> None:

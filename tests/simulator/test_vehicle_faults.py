@@ -28,6 +28,7 @@ def plants() -> dict[str, Plant]:
         (BreakVehicle("h1", reversed="yaw"), PlantFaults(stick_gain=(1.0, 1.0, 1.0, -1.0))),
         (BreakVehicle("h1", cyclic_factor=5.0), PlantFaults(stick_gain=(5.0, 5.0, 1.0, 1.0))),
         (BreakVehicle("h1", delay_s=0.1), PlantFaults(delay_s=0.1)),
+        (BreakVehicle("h1", exchanged=True), PlantFaults(exchanged=True)),
         (BreakVehicle("h1", stuck="roll"), PlantFaults(stuck=frozenset({1}))),
         (BreakVehicle("h1", trim=(0.0, 0.1, 0.0, 0.0)), PlantFaults(trim=(0.0, 0.1, 0.0, 0.0))),
     ],
@@ -59,3 +60,13 @@ def test_a_fault_of_an_unknown_vehicle_is_refused(plants: dict[str, Plant]) -> N
     faults.check([TimedFault(0.0, Close())])
     with pytest.raises(FaultError, match="no vehicle 'h9', there are h1, h2"):
         faults.check([TimedFault(0.0, BreakVehicle("h9"))])
+
+
+def test_exchanged_sticks_pitch_by_roll_and_roll_by_pitch(plants: dict[str, Plant]) -> None:
+    plants["h1"].faults = PlantFaults(exchanged=True)
+    plants["h1"].set_input((0.2, 0.0, 0.55, 0.0))
+    plants["h2"].set_input((0.0, 0.2, 0.55, 0.0))
+    for plant in plants.values():
+        plant.advance(0.5)
+    assert plants["h1"].motion == plants["h2"].motion
+    assert abs(plants["h1"].position_m[1]) > 0.01

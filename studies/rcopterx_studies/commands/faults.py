@@ -39,26 +39,39 @@ def list_faults() -> None:
 
 
 class FleetHolder:
-    """The fleet that flies faults, started again after a loss; `path` is a copy that faults may change."""
+    """The fleet that flies faults, started again after a loss, from a copy that faults may change."""
 
-    def __init__(self, path: Path | None, options: FlightOptions) -> None:
-        self._path = path
+    def __init__(self, options: FlightOptions) -> None:
         self._options = options
         self._stack = ExitStack()
         self._range: FaultRange | None = None
+        self._own: Path | None = None
         self.interrupts = Interrupts()
 
-    def fault_range(self, say: Callable[[str], None]) -> "FaultRange":
-        """The fleet, ready to take off or in the air; `say` shows what happens from now on."""
-        from rcopterx_studies.faults.bench import Bench
+    def fault_range(self, say: Callable[[str], None], own: Path | None = None) -> "FaultRange":
+        """The fleet of a file of its `own`, or the chosen one, ready to take off or in the air.
+
+        `say` shows what happens from now on.
+        """
+        from rcopterx_studies.faults.bench import Bench, copied_fleet
         from rcopterx_studies.faults.flying import FaultRange
 
+        if own != self._own:
+            self.close()
         if self._range is None:
-            started = flown_fleet(self._options, str(self._path))
-            fleet, self.interrupts = self._stack.enter_context(started)
+            self._own, options, path = own, self._options, None
+            if options.start:
+                name = str(own or options.fleet or DEFAULT_FLEET)
+                path = self._stack.enter_context(copied_fleet(name, None if own else options.vehicles))
+            fleet, self.interrupts = self._stack.enter_context(flown_fleet(options, str(path)))
             fleet.wait_ready(timeout_s=READY_S)
-            self._range = FaultRange(Bench(fleet, say, fleet.wait, self._path))
+            self._range = FaultRange(Bench(fleet, say, fleet.wait, path))
         return self._range.saying(say)
+
+    @property
+    def starts(self) -> bool:
+        """Whether it starts its fleets."""
+        return self._options.start
 
     def close(self) -> None:
         """Land and stop the fleet if it was started here."""
@@ -69,15 +82,12 @@ class FleetHolder:
 @contextmanager
 def fleet_holder(options: FlightOptions) -> Iterator[FleetHolder]:
     """Yield a holder of a fleet; stop its last fleet at the end."""
-    from rcopterx_studies.faults.bench import copied_fleet
     from rcopterx_studies.faults.orders import obedient_processes
 
     with ExitStack() as stack:
-        path = None
         if options.start:
-            path = stack.enter_context(copied_fleet(options.fleet or DEFAULT_FLEET, options.vehicles))
             stack.enter_context(obedient_processes())
-        yield stack.enter_context(closing(FleetHolder(path, options)))
+        yield stack.enter_context(closing(FleetHolder(options)))
 
 
 def fly_faults(names: Sequence[str], runs: int, options: FlightOptions) -> None:
@@ -126,7 +136,9 @@ def _fly_row(row: "FaultFlight", holder: FleetHolder, head: str) -> dict[str, An
     from rcopterx_studies.faults.reports import not_flown
 
     say = Progress(head).say
-    place = holder.fault_range(say)
+    if row.fleet is not None and not holder.starts:
+        return not_flown(row, "it needs a fleet of its own: add --up")
+    place = holder.fault_range(say, row.fleet)
     reason = "it needs a fleet of its own: add --up" if place.fleet.launcher is None else None
     if place.fleet.file.clock.lockstep:
         reason = "it breaks processes, for which lockstep waits"

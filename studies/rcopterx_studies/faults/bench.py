@@ -118,6 +118,15 @@ class PassingFault(Injector):
 
 
 @dataclass(frozen=True)
+class TakeOff:
+    """A take-off that a fault is to end before the vehicle has risen."""
+
+    vehicle: str
+    after_s: float | None  # from the request to take off to the fault; None: it begins before
+    named: str  # pattern of the words that name the cause
+
+
+@dataclass(frozen=True)
 class FaultFlight:
     """One row of the table of fault flights."""
 
@@ -132,6 +141,8 @@ class FaultFlight:
     chaos: bool = False  # whether it may happen at any time in `rcopterx fly chaos`
     # the vehicles stand on the floor when the fault begins, and get a command to take off then
     on_floor: bool = False
+    take_off: TakeOff | None = None  # of one vehicle, while the others stand
+    fleet: Path | None = None  # file of the fleet that flies it; None for the one that is flown
 
     @property
     def on_page(self) -> tuple[str, str]:

@@ -21,6 +21,7 @@ from rcopterx_studies.faults.bench import Bench, FaultFlight
 from rcopterx_studies.faults.observation import WATCHED, broken_in, seen_of
 from rcopterx_studies.faults.promise import Promise, Seen
 from rcopterx_studies.faults.reports import Report, not_flown, report_of
+from rcopterx_studies.faults.take_offs import attempt, fit_again
 
 HOME_M: Final = (0.0, 0.0, 1.0)  # where the leader hovers
 AT_HOME_M: Final = 0.06
@@ -61,10 +62,14 @@ class FaultRange:
     def fly(self, row: FaultFlight) -> Report:
         """Fly a row; returns the report, also of one that ended early or that the laboratory refused."""
         try:
-            flown = self.observe(partial(self._fly, row), row.on_floor)
+            said: list[str] = []
+            if row.take_off is None:
+                flown = self.observe(partial(self._fly, row), row.on_floor)
+            else:
+                flown = self.observe(partial(attempt, self.bench, row, row.take_off, said), on_floor=True)
         except FaultRefusedError as error:
             return not_flown(row, str(error))
-        return report_of(row, flown.seen, flown.problem, flown.seconds, flown.broken)
+        return report_of(row, flown.seen, flown.problem, flown.seconds, flown.broken, said)
 
     def observe(self, fly: Callable[[], None], on_floor: bool = False) -> Observed:
         """Have all vehicles hover, or stand on the floor, and record while a function flies them."""
@@ -110,6 +115,8 @@ class FaultRange:
         """Whether the fleet is fit for the next row."""
         if report["verdict"] == "not flown":
             return True
+        if row.take_off is not None:
+            return fit_again(self.bench) and self.on_floor() == self._names
         return row.promise in (Promise.FLIES_ON, Promise.REFUSED) and report["verdict"] == "passed"
 
     def truth(self, name: str) -> LaboratoryVehicle:

@@ -43,6 +43,7 @@ def _seen(recording: Recording, name: str, place_m: Three, truth: list[Laborator
     silences = [1000 * (after - before) for before, after in pairwise(fresh_s)]
     away = np.array([state.position_m for state in truth]).reshape(-1, 3) - np.array(place_m)
     touchdowns = _touchdowns(truth)
+    statuses = [status for status, _ in recording.messages(channels.TRANSMITTER_STATUS, name)]
     remarks = [
         text
         for status, _ in recording.messages(channels.AGENT_STATUS, name)
@@ -57,6 +58,8 @@ def _seen(recording: Recording, name: str, place_m: Three, truth: list[Laborator
         silence_ms=round(max(silences), 1) if silences else None,
         states_of_arbiter=tuple(state for state, _ in groupby(message.state for message in applied)),
         remarks=tuple(dict.fromkeys(remarks)),
+        ended=statuses[-1].state if statuses else "",
+        highest_m=max((round(state.position_m[2], 3) for state in truth), default=0.0),
     )
 
 

@@ -1,11 +1,13 @@
 """Promises about flights with a fault, and checks of what was seen against them."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final
 
 CHECKED_AT_LEAST: Final = 10  # with fewer recorded states of a vehicle its flight is unknown
+OFF: Final = frozenset({"disarmed", "cut", "killed"})  # states of the arbiter without thrust
 REASON: Final = "it lands: "  # begins the remark of an agent that lands its vehicle by itself
 
 
@@ -17,6 +19,7 @@ class Promise(Enum):
     LANDS_AND_REPORTS = "lands and reports"
     LANDS_OPEN_LOOP = "lands open loop"
     REFUSED = "refused"
+    STAYS_DOWN = "stays on the floor"
     UNPROTECTED = "not protected"
 
 
@@ -25,13 +28,15 @@ class Limits:
     """Limits of a flight; None for no limit.
 
     For vehicles that fly on, the largest distance from their place and the longest time without a fresh
-    command; for vehicles that come down, the horizontal distance from their place and the speed.
+    command; for vehicles that come down, the horizontal distance from their place and the speed; for those
+    that stay on the floor, the true height.
     """
 
     deviation_mm: float | None = 150.0
     drift_mm: float | None = None
     touchdown_m_s: float | None = None
     silence_ms: float | None = 600.0
+    height_m: float | None = None
 
 
 LIMITS: Final = {
@@ -40,6 +45,7 @@ LIMITS: Final = {
     # It drifts before it lands, and while it does.
     Promise.LANDS_AND_REPORTS: Limits(None, drift_mm=800.0, touchdown_m_s=0.6, silence_ms=None),
     Promise.LANDS_OPEN_LOOP: Limits(deviation_mm=None, touchdown_m_s=1.7, silence_ms=None),
+    Promise.STAYS_DOWN: Limits(None, touchdown_m_s=1.0, silence_ms=None, height_m=0.15),
     Promise.REFUSED: Limits(deviation_mm=None, silence_ms=None),
     Promise.UNPROTECTED: Limits(deviation_mm=None, silence_ms=None),
 }
@@ -62,6 +68,8 @@ class Seen:
     silence_ms: float | None
     states_of_arbiter: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    highest_m: float = 0.0
+    ended: str = ""  # last state of its arbiter
 
     @property
     def down(self) -> bool:
@@ -114,6 +122,35 @@ def judged(
     return checks
 
 
+def judged_take_off(
+    seen: Mapping[str, Seen], limits: Limits, named: str, said: Sequence[str], broken: Sequence[str] = ()
+) -> list[Check]:
+    """Checks of a take-off that a fault ends: nothing rises, and what people read names the cause.
+
+    `named`: pattern of the words that do, in the lines `said`. `broken`: as in `judged`.
+    """
+    blind = [name for name, vehicle in seen.items() if vehicle.states < CHECKED_AT_LEAST]
+    heights = {name: vehicle.highest_m for name, vehicle in seen.items()}
+    speeds = {name: vehicle.touchdown_m_s or 0.0 for name, vehicle in seen.items()}
+    ended = {name: vehicle.ended for name, vehicle in seen.items()}
+    return [
+        _check("the true states of all vehicles are known", not blind, blind),
+        _check("the promises of every flight hold", not broken, list(broken)),
+        _check(f"at most {limits.height_m:g} m high", _within(heights, limits.height_m), heights),
+        _check(
+            f"at most {limits.touchdown_m_s:g} m/s at touchdown",
+            _within(speeds, limits.touchdown_m_s),
+            speeds,
+        ),
+        _check("the motors are off", set(ended.values()) <= OFF, ended),
+        _check("the cause is named", any(re.search(named, line) for line in said), list(said)),
+    ]
+
+
+def _within(figures: Mapping[str, float], limit: float | None) -> bool:
+    return limit is None or max(figures.values()) <= limit
+
+
 def _check(name: str, passed: bool, figure: object) -> Check:
     return {"name": name, "passed": passed, "figure": figure}
 
@@ -121,6 +158,8 @@ def _check(name: str, passed: bool, figure: object) -> Check:
 def outcome(promise: Promise, seen: Mapping[str, Seen]) -> str:
     """Describe a flight in words."""
     fallen = [name for name, vehicle in seen.items() if vehicle.down]
+    if promise is Promise.STAYS_DOWN:
+        return f"at most {max(vehicle.highest_m for vehicle in seen.values()):.2f} m high"
     if promise is Promise.REFUSED or not fallen:
         return promise.value if promise in (Promise.REFUSED, Promise.FLIES_ON) else "all fly on"
     closed = all("land" in seen[name].states_of_arbiter[-3:] for name in fallen)

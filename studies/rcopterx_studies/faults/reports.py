@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from rcopterx_studies.faults.bench import FaultFlight
-from rcopterx_studies.faults.promise import Seen, judged, outcome
+from rcopterx_studies.faults.promise import Check, Seen, judged, judged_take_off, outcome
 
-FIGURES: Final = ("deviation_mm", "drift_mm", "touchdown_m_s", "silence_ms")
+FIGURES: Final = ("deviation_mm", "drift_mm", "touchdown_m_s", "silence_ms", "highest_m")
 Report = dict[str, Any]
 
 
@@ -16,9 +16,17 @@ def report_of(
     problem: str | None,
     seconds: float,
     broken: Sequence[str] = (),
+    said: Sequence[str] = (),
 ) -> Report:
-    """Report of a row that was flown; `problem` is what ended it early, `broken` as in `judged`."""
-    checks = judged(row.promise, row.down, row.allowed, seen, broken) if seen else []
+    """Report of a row that was flown; `problem` is what ended it early.
+
+    `broken` as in `judged`; `said` are the lines that people read about a take-off.
+    """
+    checks: list[Check] = []
+    if seen and row.take_off is not None:
+        checks = judged_take_off(seen, row.allowed, row.take_off.named, said, broken)
+    elif seen:
+        checks = judged(row.promise, row.down, row.allowed, seen, broken)
     passed = problem is None and bool(checks) and all(check["passed"] for check in checks)
     return not_flown(row, problem) | {
         "verdict": "passed" if passed else "failed",

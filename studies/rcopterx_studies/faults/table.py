@@ -42,6 +42,7 @@ from rcopterx_studies.faults.process_injectors import (
     Stopped,
 )
 from rcopterx_studies.faults.promise import Limits, Promise
+from rcopterx_studies.faults.take_off_table import TAKE_OFF_ROWS
 
 ALL: Final = ("h1", "h2", "h3")
 BOTH: Final = ("h2", "h3")
@@ -347,6 +348,8 @@ HOST_ROWS: Final = (
     ),
 )
 
-ROWS: Final = (*PROCESS_ROWS, *PAIR_ROWS, *BUS_ROWS, *POSE_ROWS, *RADIO_ROWS, *VEHICLE_ROWS, *HOST_ROWS)
+ROWS: Final = (
+    *PROCESS_ROWS, *PAIR_ROWS, *BUS_ROWS, *POSE_ROWS, *RADIO_ROWS, *VEHICLE_ROWS, *HOST_ROWS, *TAKE_OFF_ROWS,
+)  # fmt: skip
 
 FAULT_FLIGHTS: Final = MappingProxyType({row.name: row for row in ROWS})  # every fault flight by name

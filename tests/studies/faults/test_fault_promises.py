@@ -13,7 +13,7 @@ from rcopterx.bus.messages import Applied
 from rcopterx.bus.session import RawMessage
 from rcopterx.ground_station.report.recorder import Recording
 from rcopterx_studies.faults.observation import broken_in, seen_of
-from rcopterx_studies.faults.promise import LIMITS, Limits, Promise, Seen, judged, outcome
+from rcopterx_studies.faults.promise import LIMITS, Limits, Promise, Seen, judged, judged_take_off, outcome
 
 FLEW = Seen(100, 20.0, None, None, 40.0, ("armed",))
 LANDED = Seen(100, 1000.0, 100.0, 0.4, 2000.0, ("armed", "hold", "land", "cut"))
@@ -53,6 +53,30 @@ def test_each_of_these_breaks_the_promise_to_fly_on(seen: Seen, broken: str) -> 
 def test_each_of_these_breaks_the_promise_to_land_closed_loop(seen: Seen, broken: str) -> None:
     assert failed(Promise.LANDS, ("h2",), {"h1": FLEW, "h2": LANDED}) == []
     assert broken in failed(Promise.LANDS, ("h2",), {"h1": FLEW, "h2": seen})
+
+
+STOOD = Seen(100, 2.0, None, None, 40.0, ("disarmed",), highest_m=0.01, ended="disarmed")
+LIMITS_OF_STANDING = LIMITS[Promise.STAYS_DOWN]
+
+
+@pytest.mark.parametrize(
+    ("seen", "said", "broken"),
+    [
+        (STOOD, "h1: its pose is frozen", []),
+        (replace(STOOD, touchdown_m_s=0.9, ended="cut"), "frozen", []),
+        (STOOD, "charge the battery", ["the cause is named"]),
+        (replace(STOOD, highest_m=0.16), "frozen", ["at most 0.15 m high"]),
+        (replace(STOOD, touchdown_m_s=1.1), "frozen", ["at most 1 m/s at touchdown"]),
+        (replace(STOOD, ended="armed"), "frozen", ["the motors are off"]),
+        (replace(STOOD, states=3), "frozen", ["the true states of all vehicles are known"]),
+    ],
+)
+def test_take_off_with_a_fault_ends_on_the_floor_and_names_the_cause(
+    seen: Seen, said: str, broken: list[str]
+) -> None:
+    checks = judged_take_off({"h1": seen, "h2": STOOD}, LIMITS_OF_STANDING, "frozen|repeat", ["fine", said])
+    assert [check["name"] for check in checks if not check["passed"]] == broken
+    assert outcome(Promise.STAYS_DOWN, {"h1": seen}) == f"at most {seen.highest_m:.2f} m high"
 
 
 @pytest.mark.parametrize(
@@ -109,7 +133,7 @@ def test_recording_shows_the_largest_distance_and_the_longest_time_without_a_com
     records = [truth(1, 0.0), truth(2, 0.03), truth(3, 0.01)]
     records += [written(0.0), written(0.1, "hold", fresh=False), written(0.3)]
     seen = seen_of(Recording(records), {"h1": (0.0, 0.0, 1.0)})["h1"]
-    assert seen == Seen(3, 30.0, None, None, 300.0, ("armed", "hold", "armed"))
+    assert seen == Seen(3, 30.0, None, None, 300.0, ("armed", "hold", "armed"), highest_m=1.0)
     assert not seen.down
 
 

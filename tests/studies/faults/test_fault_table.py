@@ -6,6 +6,7 @@ import pytest
 
 from rcopterx.deploy.processes.table import processes_of
 from rcopterx.fleet.reading import fleet_path, load_fleet
+from rcopterx.fleet.schema import FleetFile
 from rcopterx.ground_station.acceptance.flight import DEFAULT_FLEET
 from rcopterx.simulator.faults import FreezePose, Occlude, TimedFault, injected_faults, timed_faults
 from rcopterx_studies.faults.bench import FaultFlight
@@ -13,12 +14,32 @@ from rcopterx_studies.faults.laboratory_injectors import Inject
 from rcopterx_studies.faults.process_injectors import Pair
 from rcopterx_studies.faults.promise import LIMITS, Promise
 from rcopterx_studies.faults.table import FAULT_FLIGHTS, PROCESSES, ROWS
+from rcopterx_studies.faults.take_off_table import BESIDE, FAULTS, MOMENTS
+from rcopterx_studies.faults.take_off_table import FLEET as TYPES_FILE
 
 FLEET = load_fleet(fleet_path(DEFAULT_FLEET))
+TYPES = load_fleet(TYPES_FILE)
 ENDINGS = (
     "killed", "stopped-0.1-s", "stopped-0.5-s", "stopped-2-s", "stopped-30-s", "spins", "starved", "slow",
     "dies-at-start", "crash-loop",
 )  # fmt: skip
+
+
+def fleet_of(row: FaultFlight) -> FleetFile:
+    return FLEET if row.fleet is None else TYPES
+
+
+def test_every_fault_begins_at_every_moment_of_a_take_off_of_every_type() -> None:
+    assert {name: vehicle.type for name, vehicle in TYPES.vehicles.items()} == {name: name for name in BESIDE}
+    assert set(BESIDE) == {"coaxial", "crazyflie", "betaflight", "mavlink_quadrotor"}
+    for kind in FAULTS:
+        for moment, (_, after_s) in MOMENTS.items():
+            for name in BESIDE:
+                row = FAULT_FLIGHTS[f"take-off-{kind}-{moment}-{name}"]
+                assert row.take_off is not None
+                assert (row.take_off.vehicle, row.take_off.after_s) == (name, after_s)
+                assert (row.allowed.height_m, row.allowed.touchdown_m_s) == (0.15, 1.0)
+                assert not row.launched
 
 
 def test_there_are_at_least_sixty_faults_and_no_name_twice() -> None:
@@ -46,9 +67,10 @@ def test_the_processes_of_the_table_are_those_of_the_fleet() -> None:
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_faults_of_the_laboratory_are_ones_that_it_knows(row: FaultFlight) -> None:
-    lines = [TimedFault(0.0, fault.of(FLEET)) for fault in row.faults if isinstance(fault, Inject)]
+    fleet = fleet_of(row)
+    lines = [TimedFault(0.0, fault.of(fleet)) for fault in row.faults if isinstance(fault, Inject)]
     assert timed_faults(injected_faults(lines)) == tuple(lines)
-    subjects = {vehicle.subject for vehicle in FLEET.vehicles.values()}
+    subjects = {vehicle.subject for vehicle in fleet.vehicles.values()}
     assert {line.fault.subject for line in lines if isinstance(line.fault, Occlude | FreezePose)} <= subjects
     assert row.allowed == (row.limits or LIMITS[row.promise])
 
@@ -56,5 +78,5 @@ def test_faults_of_the_laboratory_are_ones_that_it_knows(row: FaultFlight) -> No
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_vehicles_come_down_exactly_where_that_is_promised(row: FaultFlight) -> None:
     assert set(row.down) <= set(FLEET.vehicles)
-    assert bool(row.down) == (row.promise not in (Promise.FLIES_ON, Promise.REFUSED))
+    assert bool(row.down) == (row.promise not in (Promise.FLIES_ON, Promise.REFUSED, Promise.STAYS_DOWN))
     assert not (row.chaos and row.down)

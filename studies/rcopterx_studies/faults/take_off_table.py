@@ -1,0 +1,99 @@
+"""Rows of the table of fault flights: every fault at every moment of a take-off of every type."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final
+
+from rcopterx.simulator.faults import (
+    BreakRadio,
+    BreakVehicle,
+    DisplacePose,
+    Fault,
+    Freeze,
+    FreezePose,
+    Millimetres,
+    Occlude,
+    Silence,
+    StandIn,
+    SwapSubjects,
+    TurnPose,
+    YUp,
+)
+from rcopterx_studies.faults.bench import FaultFlight, TakeOff
+from rcopterx_studies.faults.laboratory_injectors import Inject
+from rcopterx_studies.faults.promise import Promise
+
+FLEET: Final = Path(__file__).with_name("types.toml")
+BESIDE: Final = {
+    "coaxial": "crazyflie",
+    "crazyflie": "coaxial",
+    "betaflight": "mavlink_quadrotor",
+    "mavlink_quadrotor": "betaflight",
+}
+"""Types, which are the names of their vehicles, and another vehicle for each."""
+MOMENTS: Final[dict[str, tuple[str, float | None]]] = {
+    "on-floor": ("on the floor", None),
+    "at-start": ("0.2 s after take-off is requested", 0.2),
+    "lifting": ("0.8 s after take-off is requested", 0.8),
+}
+POSE: Final = "pose|position|see"
+STICK: Final = "pitch|roll|yaw|nose|stick|axis"
+FAULTS: Final[dict[str, tuple[str, Callable[[str], Fault], str]]] = {
+    "frozen": ("its pose stands still, frames go on", FreezePose, "frozen|repeat"),
+    "stand-in": ("its subject is another body, which stands", StandIn, "subject|radio"),
+    "swapped": (
+        "it and another vehicle are taken for one another",
+        lambda name: SwapSubjects(name, other=BESIDE[name]),
+        "subject|radio",
+    ),
+    "jumped": ("it is shown 0.5 m beside its place", lambda n: DisplacePose(n, (0.5, 0.0, 0.0)), POSE),
+    "raised": ("it is shown 0.1 m higher", lambda n: DisplacePose(n, (0.0, 0.0, 0.1)), POSE),
+    "y-up": ("the stream has Y up and does not say so", lambda _: YUp(), "Y up|pose"),
+    "millimetres": ("the stream is in millimetres", lambda _: Millimetres(), "millimetres|pose"),
+    "occluded": ("it is not seen", Occlude, POSE),
+    "tracker-frozen": ("the Tracker repeats a frame", lambda _: Freeze(), POSE + "|Tracker"),
+    "tracker-silent": ("the Tracker is silent", lambda _: Silence(), POSE + "|Tracker"),
+    "radio-cable": ("the cable of its radio is pulled", BreakRadio, "radio|transmitter|link|port"),
+    "radio-power": ("its radio has no power", lambda n: BreakRadio(n, "off"), "radio|transmitter|link|port"),
+    "pitch-reversed": (
+        "its pitch stick acts the wrong way",
+        lambda n: BreakVehicle(n, reversed="pitch"),
+        STICK,
+    ),
+    "roll-reversed": ("its roll stick acts the wrong way", lambda n: BreakVehicle(n, reversed="roll"), STICK),
+    "yaw-reversed": ("its yaw stick acts the wrong way", lambda n: BreakVehicle(n, reversed="yaw"), STICK),
+    "exchanged": (
+        "its pitch and roll sticks are exchanged",
+        lambda n: BreakVehicle(n, exchanged=True),
+        STICK,
+    ),
+    "nose-backwards": ("its object has the nose backwards", TurnPose, STICK),
+    "trim": ("its roll trim is off by 0.5", lambda n: BreakVehicle(n, trim=(0.0, 0.5, 0.0, 0.0)), "."),
+    "weak": (
+        "it has three tenths of its thrust",
+        lambda n: BreakVehicle(n, thrust_factor=0.3),
+        "lift|battery",
+    ),
+}
+"""What is wrong: in words, as a fault of a vehicle, and a pattern of the words that have to name it."""
+
+
+def _rows() -> Iterator[FaultFlight]:
+    for kind, (title, fault, named) in FAULTS.items():
+        for moment, (when, after_s) in MOMENTS.items():
+            for vehicle in BESIDE:
+                yield FaultFlight(
+                    f"take-off-{kind}-{moment}-{vehicle}",
+                    f"Take-off of {vehicle}: {title}, {when}",
+                    (Inject(fault(vehicle)),),
+                    Promise.STAYS_DOWN,
+                    page_row=(
+                        f"take-off-{kind}-*",
+                        f"Take-off of each type: {title}, from the floor on or later",
+                    ),
+                    take_off=TakeOff(vehicle, after_s, named),
+                    fleet=FLEET,
+                )
+
+
+TAKE_OFF_ROWS: Final = tuple(_rows())
