@@ -4,6 +4,7 @@ import ast
 import io
 import re
 import tokenize
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -39,17 +40,52 @@ def test_no_term_is_explained_twice() -> None:
 
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"`([a-z_]+/[a-z_/]*(?:\.py)?)`", ARCHITECTURE))))
 def test_what_the_architecture_names_is_there(path: str) -> None:
-    assert (ROOT / path).exists() or (ROOT / "agents" / path).exists()
+    folders = (ROOT, ROOT / "agents", ROOT / "studies" / "rcopterx_studies")
+    assert any((folder / path).exists() for folder in folders)
 
 
-def test_the_architecture_names_every_folder_and_every_part_of_an_agent() -> None:
-    for folder in FOLDERS:
-        assert f"`{folder}/`" in ARCHITECTURE
-    for part in (ROOT / "agents").iterdir():
-        if part.is_dir() and (part / "__init__.py").exists():
-            assert f"`{part.name}/`" in ARCHITECTURE
-        elif part.suffix == ".py" and part.stem != "__init__":
-            assert f"`{part.stem}`" in ARCHITECTURE
+def rows_of(table: str) -> dict[str, str]:
+    """Second cells by the names of the first ones, of the table whose first heading this is."""
+    body = ARCHITECTURE.split(f"| {table} |", 1)[1].split("\n\n", 1)[0]
+    cells = [line.strip("| ").split(" | ") for line in body.splitlines()[2:]]
+    return {name.strip("/"): row[1] for row in cells for name in re.findall(r"`([^`]+)`", row[0])}
+
+
+def packages_in(folder: Path) -> set[str]:
+    return {path.parent.name for path in folder.glob("*/__init__.py")}
+
+
+PRODUCT = {
+    name: content
+    for table in ("ground floor: pure, or data", "processes", "the fleet as a whole")
+    for name, content in rows_of(table).items()
+}
+
+
+def test_the_architecture_names_the_folders_of_the_product_and_no_others() -> None:
+    beside_links = {"rcopterx/compiling", "rcopterx/user_text.py"}
+    assert set(PRODUCT) == {*FOLDERS} | beside_links
+
+
+@pytest.mark.parametrize("folder", [name for name in FOLDERS if name != "agents"])
+def test_the_architecture_names_the_packages_of_a_folder(folder: str) -> None:
+    packages = packages_in(ROOT / folder) - set(FOLDERS) - {"compiling"}
+    named = set(re.findall(r"`([^`]+)`", PRODUCT[folder]))
+    assert packages <= named
+    assert all((ROOT / folder / name).is_dir() or (ROOT / folder / f"{name}.py").is_file() for name in named)
+
+
+def test_the_architecture_names_the_parts_of_studies_and_no_others() -> None:
+    named = rows_of("part of `studies/rcopterx_studies/`")
+    assert set(named) == packages_in(ROOT / "studies" / "rcopterx_studies")
+
+
+def test_the_parts_of_an_agent_are_those_of_its_import_contract() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+    (layers,) = [
+        row["layers"] for row in contracts["contracts"] if row.get("containers") == ["rcopterx.agents"]
+    ]
+    assert sorted(rows_of("part")) == sorted(name for layer in layers for name in layer.split(" | "))
 
 
 @pytest.mark.parametrize(

@@ -32,4 +32,4 @@ def new_plugin(
     written = write_package(kind, name, Path())
     for path in written:
         typer.echo(path)
-    typer.echo(f"next:\n    pip install -e {name} pytest\n    pytest {name}\n    {USED_BY[kind]} {name}")
+    typer.echo(f"next:\n    pip install -e '{name}[test]'\n    pytest {name}\n    {USED_BY[kind]} {name}")

@@ -32,7 +32,7 @@ NOT_TYPED = {
     'pip install "rcopterx-studies[bench]"': (INSTALLS, "tests/packaging/test_extras.py"),
     "pip install jupyterlab": (INSTALLS, "tests/examples/test_exercise_sheet.py"),
     "pip install pycdr2": (INSTALLS, "tests/examples/test_ros2_bridge.py"),
-    "docker build -t rcopterx .": (DAEMON, IMAGE),
+    "docker build -t rcopterx -f packaging/Dockerfile .": (DAEMON, IMAGE),
     "docker run --rm -it --cap-add SYS_NICE --ulimit rtprio=40 rcopterx": (DAEMON, IMAGE),
     f"{DOCKER} rcopterx demo": (DAEMON, IMAGE),
     f"{DOCKER} --stop-timeout 60 --group-add 20 --device /dev/ttyUSB0 "
@@ -126,8 +126,8 @@ NOT_TYPED = {
 }
 """Lines of pages that are not typed here: why, and what shows them instead or says that nothing does."""
 
-INSTALLATION = re.compile(r"pip install -e (mine|examples/\w+)( pytest)?")
-INTO_THE_COPY = r"pip install --quiet --no-deps --no-build-isolation --target plugins ./\1"
+INSTALLATION = re.compile(r"pip install -e (?:'(mine)\[test\]'|(examples/\w+))")
+INTO_THE_COPY = r"pip install --quiet --no-deps --no-build-isolation --target plugins ./\1\2"
 UP, TAKE_OFF = "rcopterx up trio", "rcopterx takeoff"
 FLEETS = "deploy/fleets"
 LAB = f"cp {FLEETS}/trio.toml lab.toml"

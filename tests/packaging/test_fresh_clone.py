@@ -41,7 +41,7 @@ def test_make_demo_flies_from_a_fresh_clone(clone: Path) -> None:
 
 def test_an_own_controller_is_written_and_flies_in_a_fresh_clone(clone: Path) -> None:
     written = ". .venv/bin/activate && rcopterx new-plugin controller mine"
-    typed(f"make kernels && {written} && pip install -e mine pytest && pytest mine", clone)
+    typed(f"make kernels && {written} && pip install -e 'mine[test]' && pytest mine", clone)
 
 
 @pytest.fixture(scope="module")

@@ -50,7 +50,7 @@ def test_a_new_package_is_found_by_its_entry_point_and_its_test_flies_it(
     name = f"own_{kind.replace('-', '_')}"
     result = new_plugin(kind, name)
     assert result.exit_code == 0, result.stderr
-    assert f"pip install -e {name}" in result.stdout
+    assert f"pip install -e '{name}[test]'" in result.stdout
     install(directory / name, monkeypatch)
     assert name in {*CONTROLLERS.available(), *ESTIMATORS.available(), *type_names()}
     runpy.run_path(f"{name}/test_{name}.py")["test_it_hovers"]()
