@@ -10,15 +10,14 @@ from rcopterx.agents.following.leader_changes import LeaderChanges
 from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, followed_leader
 from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.following.traffic import Traffic
-from rcopterx.agents.load.load_relief import LoadRelief
-from rcopterx.agents.load.pacing import Pacing
+from rcopterx.agents.load import Pacing
 from rcopterx.agents.observation import Observation
 from rcopterx.agents.pilot import Pilot
+from rcopterx.agents.relief import LoadRelief
 from rcopterx.agents.requests.external_control import ExternalControl
 from rcopterx.agents.requests.request_handler import RequestHandler
 from rcopterx.agents.settings import AgentSettings
-from rcopterx.agents.takeover.handover import Handover
-from rcopterx.agents.takeover.lease import ControlLease
+from rcopterx.agents.takeover import ControlLease, Handover
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.guard import OscillationGuard
 from rcopterx.bus import channels

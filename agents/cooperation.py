@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
-from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.flight.timeline import FleetClock
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.control.interfaces import Controller, Estimate
 from rcopterx.control.plugins import all_finite

@@ -11,12 +11,10 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rcopterx.agents.flight.fleet_clock import FleetClock
-from rcopterx.agents.flight.inputs import InputHistory
+from rcopterx.agents.flight.timeline import FleetClock, InputHistory
 from rcopterx.agents.guards.time_limit import GuardedCall
 from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Estimator, Measurement
-from rcopterx.control.models.finite import flaw_of
-from rcopterx.control.models.prediction import predict
+from rcopterx.control.models.prediction import flaw_of, predict
 from rcopterx.control.references.trajectory import nearest_heading
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, MOTION_SIZE, YAW, Array, body_motion

@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 
 from rcopterx.agents.estimation import StampedMeasurement
-from rcopterx.agents.load.pacing import Pacing
+from rcopterx.agents.load import Pacing
 from rcopterx.agents.pilot import Pilot
-from rcopterx.agents.takeover.lease import ControlLease
+from rcopterx.agents.takeover import ControlLease
 from rcopterx.bus.messages import Applied, Pose
 from rcopterx.bus.subscription import Inbox, Received
 from rcopterx.control.interfaces import Measurement

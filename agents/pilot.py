@@ -16,10 +16,9 @@ from msgspec import Struct
 
 from rcopterx.agents.cooperation import Cooperation, Sent, Unpacked
 from rcopterx.agents.estimation import EstimatorGuard, StampedMeasurement, StateEstimation
-from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance, resting
-from rcopterx.agents.flight.inputs import BumplessTransfer, InputHistory, as_sent
 from rcopterx.agents.flight.lift_off import LiftOff
+from rcopterx.agents.flight.timeline import BumplessTransfer, FleetClock, InputHistory, as_sent
 from rcopterx.agents.flight.vehicle_watch import DEFAULT_LIMITS, HoverThrustLimits, VehicleWatch
 from rcopterx.agents.guards.step_guard import BRIDGED_S, StepGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
@@ -249,8 +248,10 @@ class Pilot:
             self._flown_by_controller = True
         if not self.avoidance.update(neighbours, self.plan, guidance.followable, delay_s):
             self.fallbacks["cannot_avoid"] += 1
-        self.cooperation.begin_period(estimate, reference)
-        sent = self.cooperation.exchange(received)
+        sent = None
+        if self.cooperation.scheme is not None:
+            self.cooperation.begin_period(estimate, reference)
+            sent = self.cooperation.exchange(received)
         step = self.step_guard.step(estimate, reference, last_input)
         if step.fallback is not None:
             self.fallbacks[step.fallback] += 1

@@ -73,6 +73,7 @@ class Agent:
         self._limit.begin_step()
         begun_s = self._stopwatch()
         estimate = None
+        plans.receive()
         self._update()
         if not self.lost:
             self._decide()

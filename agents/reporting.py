@@ -3,7 +3,6 @@
 import logging
 import math
 import os
-from collections import Counter
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from rcopterx.agents.assembly import AgentParts
 from rcopterx.agents.following.leader_plans import LeaderPlans, link_message, target_link
-from rcopterx.agents.load.overload import Relief
+from rcopterx.agents.load import Relief
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.agents.tuning.guard import effort_factors
@@ -232,10 +231,11 @@ def diagnostics_of(
 
 
 def _summed(*counts: Mapping[str, int]) -> dict[str, int]:
-    total: Counter[str] = Counter()
+    total: dict[str, int] = {}
     for each in counts:
-        total.update(each)
-    return dict(total)
+        for kind, count in each.items():
+            total[kind] = total.get(kind, 0) + count
+    return total
 
 
 def _rejected(inbox: Inbox[Any]) -> dict[str, int]:

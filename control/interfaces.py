@@ -58,7 +58,7 @@ NO_TILT: Final = TiltEstimate(*4 * [np.empty(0)])
 class Estimate(NamedTuple):
     """Estimated state of a vehicle at one instant, in arrays of 64-bit floats.
 
-    Kernels take it as one argument of the type `rcopterx.control.models.finite.ESTIMATE`.
+    Kernels take it as one argument of the type `rcopterx.control.models.prediction.ESTIMATE`.
     """
 
     motion: Array

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.flight.timeline import FleetClock
+from rcopterx.bus import channels
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan
-from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.subscription import Inbox, Received
 from rcopterx.control.references.trajectory import Trajectory
 from rcopterx.formation.law import FollowedLeader, FormationOffset, LeaderPlan
 from rcopterx.vehicles.state import three
@@ -32,6 +33,7 @@ class LeaderPlans:
         self._vehicle = vehicle
         self._subscribe = subscribe
         self._inboxes: dict[str, Inbox[Plan]] = {}
+        self._newest: dict[str, Received[Plan]] = {}
         self.awaited = True  # whether the agent waits for plans; they need not wake it otherwise
 
     def subscribe_to(self, names: Iterable[str]) -> None:
@@ -40,33 +42,41 @@ class LeaderPlans:
         for name in wanted - self._inboxes.keys():
             self._inboxes[name] = self._subscribe(name)
         for name in self._inboxes.keys() - wanted:
+            self._newest.pop(name, None)
             inbox = self._inboxes.pop(name)
             self._rejected.update({f"plan.{kind}": count for kind, count in inbox.rejected.items()})
             inbox.close()
 
+    def receive(self) -> None:
+        """Read the newest plans, which all other methods use, once in a step."""
+        for name, inbox in self._inboxes.items():
+            received = inbox.latest()
+            if received is not None:
+                self._newest[name] = received
+
     def newest(self, name: str) -> Plan | None:
         """Newest plan of a leader, None before the first."""
-        inbox = self._inboxes.get(name)
-        received = None if inbox is None else inbox.latest()
+        received = self._newest.get(name)
         return None if received is None else received.message
 
     def fresh(self, name: str, now_s: float) -> Plan | None:
         """Newest plan of a leader; None before the first, and if the leader is silent."""
-        inbox = self._inboxes.get(name)
-        return self.newest(name) if inbox is not None and inbox.alive(now_s) else None
+        received = self._newest.get(name)
+        silent = received is None or now_s - received.arrived_s > channels.PLAN.stale_after_s
+        return None if silent else self.newest(name)
 
     def complete(self, epoch: int, frame: int, names: Iterable[str]) -> bool:
         """Return whether the plans of these leaders belong to this frame of this epoch, or to later ones."""
-        newest = [self.newest(name) for name in names]
-        return all(plan is not None and (plan.epoch, plan.frame) >= (epoch, frame) for plan in newest)
+        for name in names:
+            received = self._newest.get(name)
+            if received is None or (received.message.epoch, received.message.frame) < (epoch, frame):
+                return False
+        return True
 
     def plans(self, clock: FleetClock, cycles_from: tuple[int, int] = (0, 0)) -> Mapping[str, LeaderPlan]:
         """Return plans on this vehicle's clock; ancestors in those before `cycles_from` may be outdated."""
         found = {}
-        for name, inbox in self._inboxes.items():
-            received = inbox.latest()
-            if received is None:
-                continue
+        for name, received in self._newest.items():
             plan = received.message
             if plan.epoch != clock.epoch:
                 self._rejected["plan.epoch"] += 1
@@ -111,10 +121,9 @@ class LeaderPlans:
 
     def plan_age_s(self, now_s: float, names: Iterable[str]) -> float | None:
         """Age of the oldest of these leaders' newest plans; None if one is missing, or without leaders."""
-        inboxes = [self._inboxes.get(name) for name in names]
-        ages = [None if inbox is None else inbox.age_s(now_s) for inbox in inboxes]
-        known = [age_s for age_s in ages if age_s is not None]
-        return max(known) if known and len(known) == len(ages) else None
+        newest = [self._newest.get(name) for name in names]
+        ages = [max(0.0, now_s - received.arrived_s) for received in newest if received is not None]
+        return max(ages) if ages and len(ages) == len(newest) else None
 
 
 @dataclass

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.flight.timeline import FleetClock
 from rcopterx.agents.following.leader_plans import leader_plan
 from rcopterx.agents.separation.avoidance import Neighbour, SeparationEllipsoid
 from rcopterx.bus.messages import AgentStatus, Plan

@@ -24,7 +24,7 @@ from rcopterx.control.interfaces import (
     NoSolutionError,
     Obstacle,
 )
-from rcopterx.control.models.finite import is_finite
+from rcopterx.control.models.prediction import is_finite
 from rcopterx.control.models.roll_out import predict
 from rcopterx.control.plugins import is_built_in
 from rcopterx.control.references.trajectory import COLUMNS, POSITION, Trajectory, hold

@@ -27,24 +27,14 @@ class BaseController(ABC):
 
     def __init__(self, model: Model, period_s: float, horizon: int, limits: Limits) -> None:
         self._model = model
-        self._period_s = period_s
-        self._horizon = horizon
+        self.period_s = period_s  # control period T_s
+        self.horizon = horizon  # number of stages N of references it expects and plans it returns
         self._limits = limits
         position, velocity = np.diff(limits.position, axis=0)[0], np.diff(limits.velocity, axis=0)[0]
         reach = np.concatenate((position, 10 * velocity, np.full(4, 100.0)))
         low, high = np.hstack((limits.position, np.zeros((2, 8))))
         self._reference_min, self._reference_max = low - reach, high + reach
         self._last_plan: Trajectory | None = None
-
-    @property
-    def horizon(self) -> int:
-        """Number of stages N of references it expects and plans it returns."""
-        return self._horizon
-
-    @property
-    def period_s(self) -> float:
-        """Control period T_s."""
-        return self._period_s
 
     def reset(self, estimate: Estimate, last_input: Array) -> None:
         """Start from a flying vehicle, without anything of an earlier flight."""
@@ -59,11 +49,11 @@ class BaseController(ABC):
         expired: Callable[[], bool] = never,
     ) -> ControlStep:
         """Compute one control step (`rcopterx.control.interfaces.Controller.step`)."""
-        if len(reference.samples) != self._horizon or abs(reference.period_s - self._period_s) > 1e-9:
-            reference = reference.resampled(0.0, self._period_s, self._horizon)
+        if len(reference.samples) != self.horizon or abs(reference.period_s - self.period_s) > 1e-9:
+            reference = reference.resampled(0.0, self.period_s, self.horizon)
         low, high, yaw_rad = self._reference_min, self._reference_max, estimate.motion[YAW]
         low[YAW], high[YAW] = yaw_rad - REFERENCE_YAW_CAP_RAD, yaw_rad + REFERENCE_YAW_CAP_RAD
-        reference = Trajectory(np.clip(reference.samples, low, high), self._period_s)
+        reference = Trajectory(np.clip(reference.samples, low, high), self.period_s)
         step = self._compute(estimate, reference, expired)
         self._last_plan = step.plan
         return replace(step, inputs=np.clip(step.inputs, self._limits.input_min, self._limits.input_max))

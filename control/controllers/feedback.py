@@ -67,20 +67,20 @@ class FeedbackController(BaseController):
     ) -> ControlStep:
         inputs = self._closed_loop(estimate, reference)
         self._trim = self._integrated(self._trim, estimate.motion, reference.samples[0], inputs[0])
-        return ControlStep(inputs, predict(self._model, estimate, inputs, self._period_s), None, 0)
+        return ControlStep(inputs, predict(self._model, estimate, inputs, self.period_s), None, 0)
 
     def _closed_loop(self, estimate: Estimate, reference: Trajectory) -> Array:
         """Inputs of law and model over the horizon, shape (N - 1, 4)."""
         model, motion, actuator = self._model.motion_model, estimate.motion, estimate.actuator
         trim = self._trim
-        inputs = np.empty((self._horizon - 1, 4))
+        inputs = np.empty((self.horizon - 1, 4))
         for command, sample in zip(inputs, reference.samples, strict=False):
             command[:] = self._law(motion, sample, trim)
             trim = self._integrated(trim, motion, sample, command)
             rates = derivative(model, motion, actuator, estimate.disturbance)
             followed = behind_gyro(model, command, actuator, motion[YAW_RATE])
             actuator = self._pole * actuator + (1.0 - self._pole) * followed
-            motion = motion + self._period_s * rates
+            motion = motion + self.period_s * rates
         return inputs
 
     def _law(self, motion: Array, sample: Array, trim: Array) -> Array:
@@ -94,7 +94,7 @@ class FeedbackController(BaseController):
         low = (command <= self._limits.input_min)[:3] & (rate < 0)
         high = (command >= self._limits.input_max)[:3] & (rate > 0)
         rate[low | high] = 0.0
-        moved = trim + self._period_s * turned_about_z(rate, float(motion[YAW]))
+        moved = trim + self.period_s * turned_about_z(rate, float(motion[YAW]))
         return np.asarray(np.clip(moved, -TRIM_CAP, TRIM_CAP))
 
     def _error(self, motion: Array, sample: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Exact prediction of one vehicle under known inputs."""
+"""Exact prediction of one vehicle under known inputs, and checks of the estimates that it starts from."""
 
 import math
 from typing import Any, Final
@@ -6,11 +6,49 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.compiling.compiled import ANY_VECTOR, COUNT, NUMBER, VECTOR, compiled, part, record
-from rcopterx.control.interfaces import Estimate
+from rcopterx.control.interfaces import Estimate, TiltEstimate
 from rcopterx.control.models.lateral import POSITION, VELOCITY, lateral_system, predict_lateral
 from rcopterx.control.models.linear import PERIOD_DIGITS
 from rcopterx.vehicles.model import Model, MotionModel
-from rcopterx.vehicles.state import U_THRUST, U_YAW, XD_BODY, YAW, YAW_RATE, YD_BODY, Array, turned_about_z
+from rcopterx.vehicles.state import (
+    INPUT_SIZE,
+    MOTION_SIZE,
+    U_THRUST,
+    U_YAW,
+    XD_BODY,
+    YAW,
+    YAW_RATE,
+    YD_BODY,
+    Array,
+    turned_about_z,
+)
+
+TILT_ESTIMATE: Final[Any] = record(TiltEstimate, *4 * [ANY_VECTOR])
+ESTIMATE: Final[Any] = record(Estimate, *3 * [ANY_VECTOR], TILT_ESTIMATE)
+
+
+@compiled(ESTIMATE)
+def is_finite(estimate: Estimate) -> bool:
+    """Whether all numbers of an estimate are finite."""
+    motion, actuator, disturbance, tilt = estimate
+    core, servo, wind, trim = tilt
+    for numbers in (motion, actuator, disturbance, core, servo, wind, trim):
+        for number in numbers:
+            if not math.isfinite(number):
+                return False
+    return True
+
+
+def flaw_of(estimate: Estimate) -> str | None:
+    """Return why an estimate is unusable; None if it is usable."""
+    try:
+        sizes = *map(len, estimate[:3]), *map(len, estimate.tilt[1:])
+        if sizes == (MOTION_SIZE, INPUT_SIZE, INPUT_SIZE, *3 * [2 if estimate.has_tilt else 0]):
+            return None if is_finite(estimate) else "the estimate is not finite"
+    except TypeError:  # no vectors, or vectors of other numbers
+        pass
+    return "the estimate has another shape than a vehicle's, or other numbers than 64-bit floats"
+
 
 LONGEST_STEP_S: Final = 0.0201  # longer periods are split, which keeps positions exact to micrometres
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, NUMBER, compiled
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.finite import ESTIMATE
 from rcopterx.control.models.prediction import (
+    ESTIMATE,
     MOTION_MODEL,
     behind_gyro,
     derivative,

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from rcopterx.agents.load.overload import Relief
+from rcopterx.agents.load import Relief
 from rcopterx.bus.processes import AGENT
 from rcopterx.deploy.processes.forking import ForkedProcess, ForkServer
 from rcopterx.deploy.watchdog.processor_time import Threads, threads_of

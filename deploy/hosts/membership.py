@@ -8,7 +8,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Final
 
-from rcopterx.agents.load.overload import LATE_SHARE
+from rcopterx.agents.load import LATE_SHARE
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.lockstep.page import opened_page

@@ -44,7 +44,7 @@ class OwnMpc(BaseController):
         """Nothing to set."""
 
     def _compute(self, estimate, reference, expired):
-        inputs = np.tile(self._model.hover_input, (self._horizon - 1, 1))
+        inputs = np.tile(self._model.hover_input, (self.horizon - 1, 1))
         accelerations = self._first_steps(estimate, reference)
         for row, wanted in zip(inputs, accelerations, strict=True):
             body = turned_about_z(wanted, -float(estimate.motion[3]))
@@ -53,13 +53,13 @@ class OwnMpc(BaseController):
             row += body / self._model.b
         low, high = self._limits.input_min, self._limits.input_max
         inputs = np.clip(inputs, low, high)
-        return ControlStep(inputs, predict(self._model, estimate, inputs, self._period_s), None, 0)
+        return ControlStep(inputs, predict(self._model, estimate, inputs, self.period_s), None, 0)
 
     def _first_steps(self, estimate, reference):
         """Accelerations of all stages, inertial frame, shape (N - 1, 4)."""
         motion, samples = estimate.motion, reference.samples[1:]
         velocity = turned_about_z(motion[4:], float(motion[3]))
-        times_s = self._period_s * np.arange(1, self._horizon)[:, None]
+        times_s = self.period_s * np.arange(1, self.horizon)[:, None]
         errors = samples[:, :4] - motion[:4] - times_s * velocity, samples[:, 4:8] - velocity
         together = np.concatenate(errors)
         return np.transpose([law @ together[:, axis] for axis, law in enumerate(self._laws)])

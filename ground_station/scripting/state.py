@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from rcopterx.agents.load.overload import LATE_SHARE
+from rcopterx.agents.load import LATE_SHARE
 from rcopterx.bus.messages import AgentStatus, LeaderLink, Plan, TransmitterStatus
 from rcopterx.ground_station.report.latency import Percentiles
 from rcopterx.vehicles.phases import AIRBORNE

@@ -31,7 +31,6 @@ MODULES: Final = (
     "simulator.disturbance",
     "control.references.sampling",
     "control.models.roll_out",
-    "control.models.finite",
     "control.models.lateral",
     "control.controllers.cascade.axis",
     "control.controllers.cascade.lateral",

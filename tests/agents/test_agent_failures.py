@@ -5,7 +5,7 @@ from agent_bench import HOVER, Bench, Join
 from support.failing import FailingController
 from support.flight import ExactEstimator, NotedController
 
-from rcopterx.agents.flight.inputs import INPUT_UNIT
+from rcopterx.agents.flight.timeline import INPUT_UNIT
 from rcopterx.bus.session import BusAddress
 from rcopterx.control.interfaces import Measurement
 

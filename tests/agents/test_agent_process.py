@@ -11,7 +11,7 @@ from support.vehicle_types import COAXIAL_LAG
 from support.waiting import DEADLINE_S
 
 from rcopterx.agents.estimation import BLIND_LIMIT_S
-from rcopterx.agents.flight.inputs import INPUT_UNIT
+from rcopterx.agents.flight.timeline import INPUT_UNIT
 from rcopterx.agents.process import Agent
 from rcopterx.agents.reporting import status_message
 from rcopterx.bus import channels

@@ -9,8 +9,8 @@ from pilot_bench import HOVER, airborne, real
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.cooperation import MOST_EXCHANGES, SILENT_S, Cooperation, Unpacked
-from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance
+from rcopterx.agents.flight.timeline import FleetClock
 from rcopterx.agents.following.leader_plans import followed_leader
 from rcopterx.agents.guards.step_guard import StepGuard
 from rcopterx.agents.scheme_messages import LaterExchanges, scheme_message, unpacked

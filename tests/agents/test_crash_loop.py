@@ -11,8 +11,7 @@ from pilot_bench import seen
 
 from rcopterx.agents.assembly import build_pilot
 from rcopterx.agents.pilot import Pilot
-from rcopterx.agents.takeover.handover import Handover
-from rcopterx.agents.takeover.lease import ControlLease
+from rcopterx.agents.takeover import ControlLease, Handover
 from rcopterx.agents.tuning.changes import Tuning
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.codec import decode, encode

@@ -13,7 +13,7 @@ from support.vehicle_types import COAXIAL_LAG
 from rcopterx.agents.estimation import FIRST_CALLS, EstimatorGuard
 from rcopterx.agents.guards.time_limit import TimeLimit
 from rcopterx.control.interfaces import Estimate, Measurement, TiltEstimate
-from rcopterx.control.models.finite import is_finite
+from rcopterx.control.models.prediction import is_finite
 from rcopterx.vehicles.state import Array
 
 PLACE = Measurement(np.array([0.1, 0.2, 1.0]), 0.3)

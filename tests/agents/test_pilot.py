@@ -9,8 +9,8 @@ from support.flight import ExactEstimator, NotedController
 from support.vehicle_types import COAXIAL_LAG
 
 from rcopterx.agents.flight.guidance import Guidance
-from rcopterx.agents.flight.inputs import INPUT_UNIT
 from rcopterx.agents.flight.lift_off import SPOOL_UP_S, SPOOL_UP_SHARE
+from rcopterx.agents.flight.timeline import INPUT_UNIT
 from rcopterx.agents.guards.step_guard import BRIDGED_S
 from rcopterx.agents.pilot import Pilot
 from rcopterx.bus.message import SHORTEST_PERIOD_S

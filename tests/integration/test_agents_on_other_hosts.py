@@ -12,7 +12,7 @@ from hosts_support import NEAR_S, Obeyed, kill_host, trio_in_flight
 from integration_support import NAMES, Flying, Truth
 from typer.testing import CliRunner
 
-from rcopterx.agents.takeover.lease import WARM_S
+from rcopterx.agents.takeover import WARM_S
 from rcopterx.command_line import app
 from rcopterx_studies.benchmarks.namespaces import Network
 

@@ -1,5 +1,7 @@
 """Plans as messages, and subscriptions without a bus."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from rcopterx.bus import channels
@@ -30,6 +32,8 @@ class PlanBus:
 
     def __init__(self) -> None:
         self.opened: list[PlanInbox] = []
+        self.delivered: Callable[[], None] = lambda: None
+        """What reads the plans after a delivery, as at the beginning of a step."""
 
     def subscribe(self, name: str) -> PlanInbox:
         self.opened.append(PlanInbox(name))
@@ -39,6 +43,7 @@ class PlanBus:
         for inbox in self.opened:
             if inbox.name == plan.source and not inbox.closed:
                 inbox.arrive(plan, arrived_s)
+        self.delivered()
 
     def open_names(self) -> list[str]:
         return sorted(inbox.name for inbox in self.opened if not inbox.closed)

@@ -67,6 +67,7 @@ class HandlerBench:
         controller = NotedController(np.zeros((1, 4)))
         self.pilot = Pilot(COAXIAL_LAG, controller, ExactEstimator(), Guidance())
         self.leaders = LeaderPlans("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
+        self.plan_bus.delivered = self.leaders.receive
         self.statuses: dict[str, Inbox[AgentStatus]] = {}
         peers = PeerStatuses("h9", self.statuses, self.clock)
         self.tuning = Tuning(SETTINGS.configuration, self.pilot, 0.02)

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from rcopterx.agents.takeover.lease import WARM_S, ControlLease
+from rcopterx.agents.takeover import WARM_S, ControlLease
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.transmitter_gateway.admission import Admission
 from rcopterx.transmitter_gateway.inputs import CommandInput

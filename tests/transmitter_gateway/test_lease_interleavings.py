@@ -82,6 +82,6 @@ def test_gateway_that_accepts_commands_of_older_leases_is_found_out(monkeypatch:
 
 
 def test_agents_that_never_bid_again_are_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rcopterx.agents.takeover.lease.BID_PERIOD_S", 10.0)
+    monkeypatch.setattr("rcopterx.agents.takeover.BID_PERIOD_S", 10.0)
     with pytest.raises(BrokenPromiseError, match="no agent commands within 2 s"):
         explore(starting(False), 3)

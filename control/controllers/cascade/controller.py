@@ -107,17 +107,17 @@ class CascadeController(BaseController):
         self._recovery = recovery(period_s, stages)
         common = model, period_s, self._weights(), stages, settings.feed_forward
         self._heading, self._height = (AxisProblem(slice(axis, axis + 1), *common) for axis in (YAW, Z))
-        self._horizontal = LateralLags(HORIZONTAL, *common) if model.tilt is None else LateralTilt(*common)
+        self.horizontal = LateralLags(HORIZONTAL, *common) if model.tilt is None else LateralTilt(*common)
         make = new_solver or settings.new_solver
-        self._heading_solver, self._height_solver, self._horizontal_solver = make(), make(), make()
+        self._heading_solver, self._height_solver, self.horizontal_solver = make(), make(), make()
         self._observer = DisturbanceObserver(model, period_s)
         self._filtered_disturbance: Array = np.zeros(INPUT_SIZE)
         self._obstacles: tuple[Obstacle, ...] = ()
 
     def _weights(self) -> CascadeWeights:
         settings, model = self._settings, self._model
-        states = np.array(settings.state_weights or default_weights(model, self._period_s).states)
-        efforts = np.array(settings.input_weights or default_weights(model, self._period_s).inputs)
+        states = np.array(settings.state_weights or default_weights(model, self.period_s).states)
+        efforts = np.array(settings.input_weights or default_weights(model, self.period_s).inputs)
         return CascadeWeights(states[:4], states[4:], efforts * self._effort_factors, settings.soft_weight)
 
     def set_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
@@ -127,9 +127,9 @@ class CascadeController(BaseController):
     def _start(self, estimate: Estimate, last_input: Array) -> None:
         self._observer.start(estimate.motion, last_input)
         self._filtered_disturbance[:] = self._compensated(estimate)
-        if isinstance(self._horizontal, LateralTilt):
-            self._horizontal.reset()
-        for solver in (self._heading_solver, self._height_solver, self._horizontal_solver):
+        if isinstance(self.horizontal, LateralTilt):
+            self.horizontal.reset()
+        for solver in (self._heading_solver, self._height_solver, self.horizontal_solver):
             solver.reset()
 
     def _compute(self, estimate: Estimate, reference: Trajectory, expired: Callable[[], bool]) -> ControlStep:
@@ -138,21 +138,21 @@ class CascadeController(BaseController):
         heights = None if clear is None else clear.heights(task.limits.position[:, Z])[:, :-1]
         heading = self._heading_solver.solve(self._heading.problem(task), True, expired)
         height = self._height_solver.solve(self._height.problem(task, heights), True, expired)
-        last_rad = heading.x[-1:, 0] + self._period_s * heading.x[-1, 1]
+        last_rad = heading.x[-1:, 0] + self.period_s * heading.x[-1, 1]
         headings = np.concatenate((heading.x[:, 0], last_rad))
-        lateral = self._horizontal.along(headings, task)
+        lateral = self.horizontal.along(headings, task)
         if clear is not None:
             lateral = clear.added_to(lateral, height.x[:, 0], self._settings.separation_weight)
-        horizontal = self._horizontal_solver.solve(lateral, self._horizontal.same_cost, expired)
-        inputs = np.concatenate((self._horizontal.sticks(horizontal, task), height.u, heading.u), axis=1)
+        horizontal = self.horizontal_solver.solve(lateral, self.horizontal.same_cost, expired)
+        inputs = np.concatenate((self.horizontal.sticks(horizontal, task), height.u, heading.u), axis=1)
         if self._model.thrust_coupling:
             inputs[:, U_YAW] -= self._model.thrust_coupling * (height.u[:, 0] - height.x[:-1, 2])
         flown = np.concatenate((horizontal.x[:, :2], height.x[:, :1], heading.x[:, :1]), axis=1)
-        velocity = self._horizontal.velocity_at_end(horizontal, headings)
+        velocity = self.horizontal.velocity_at_end(horizontal, headings)
         at_end = np.array((*velocity, height.x[-1, 1], heading.x[-1, 1]))
         return ControlStep(
             inputs,
-            Trajectory(samples_through(flown, at_end, self._period_s), self._period_s),
+            Trajectory(samples_through(flown, at_end, self.period_s), self.period_s),
             None if heading.optimal and height.optimal and horizontal.optimal else EARLY_STOP,
             heading.iterations + height.iterations + horizontal.iterations,
         )
@@ -168,9 +168,9 @@ class CascadeController(BaseController):
     def _clearances(self, task: Task) -> Clearances:
         own = self._last_plan
         if own is None:
-            previous = np.tile(task.estimate.motion[:3], (self._horizon, 1))
+            previous = np.tile(task.estimate.motion[:3], (self.horizon, 1))
         else:
-            previous = own.resampled(self._period_s, self._period_s, self._horizon).position_m
+            previous = own.resampled(self.period_s, self.period_s, self.horizon).position_m
         return clearances(previous, task.reference[:, POSITION], self._obstacles)
 
     def _compensated(self, estimate: Estimate) -> Array:
@@ -194,7 +194,7 @@ class CascadeController(BaseController):
     def _filtered(self, estimated: Array) -> Array:
         """Low-pass filter the disturbance of axes whose bandwidth is lowered; never that of the height."""
         time_constant_s = SLOWING_S * np.sqrt(self._effort_factors)
-        share = self._period_s / (self._period_s + time_constant_s)
+        share = self.period_s / (self.period_s + time_constant_s)
         share[self._effort_factors == 1.0] = 1.0
         share[U_THRUST] = 1.0
         self._filtered_disturbance += share * (estimated - self._filtered_disturbance)

@@ -7,7 +7,7 @@ import numpy as np
 from rcopterx.compiling.compiled import ANY_MATRIX, ANY_VECTOR, VECTOR, record
 from rcopterx.control.controllers.settings import Limits
 from rcopterx.control.interfaces import Estimate
-from rcopterx.control.models.finite import ESTIMATE
+from rcopterx.control.models.prediction import ESTIMATE
 from rcopterx.vehicles.state import Array
 
 RECOVERY_S: Final = 0.2

@@ -119,24 +119,24 @@ class PaperController(BaseController):
     def _state_reference(self, reference: Trajectory) -> Array:
         """Reference states, shape (N, 11); body velocities with the reference's own heading, equation (6)."""
         samples = reference.samples
-        states = np.zeros((self._horizon, STATE_SIZE))
+        states = np.zeros((self.horizon, STATE_SIZE))
         states[:, :MOTION_SIZE] = samples[:, :MOTION_SIZE]
         states[:, XD_BODY : XD_BODY + 2] = in_frames(samples[:, YAW], samples[:, 4:6])
         return states
 
     def _plan(self, states: Array) -> Trajectory:
         """Plan in the inertial frame; velocities with the planned heading of their stage."""
-        samples = np.empty((self._horizon, COLUMNS))
+        samples = np.empty((self.horizon, COLUMNS))
         samples[:, :MOTION_SIZE] = states[:, :MOTION_SIZE]
         samples[:, 4:6] = in_frames(-states[:, YAW], states[:, XD_BODY : XD_BODY + 2])
-        samples[:-1, 8:] = np.diff(samples[:, 4:8], axis=0) / self._period_s
+        samples[:-1, 8:] = np.diff(samples[:, 4:8], axis=0) / self.period_s
         samples[-1, 8:] = samples[-2, 8:]
-        return Trajectory(samples, self._period_s)
+        return Trajectory(samples, self.period_s)
 
     def _integrate(self, estimate: Estimate, reference: Trajectory) -> None:
         error = estimate.motion[:3] - reference.position_m[0]
         limit = self._settings.integral_limit_m_s
-        self._integral += self._period_s * self._paper_model.integrator_gains * error
+        self._integral += self.period_s * self._paper_model.integrator_gains * error
         np.clip(self._integral, -limit, limit, out=self._integral)
 
     def _take_over_trim(self, yaw: float) -> None:

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.flight.fleet_clock import FleetClock
-from rcopterx.agents.flight.inputs import HISTORY_LENGTH, InputHistory
+from rcopterx.agents.flight.timeline import HISTORY_LENGTH, FleetClock, InputHistory
 
 PERIOD_S = 0.02
 

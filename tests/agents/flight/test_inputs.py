@@ -3,7 +3,7 @@
 import numpy as np
 from support.vehicle_types import COAXIAL
 
-from rcopterx.agents.flight.inputs import BumplessTransfer
+from rcopterx.agents.flight.timeline import BumplessTransfer
 
 LAST = COAXIAL.hover_input + 0.2
 ASKED = np.tile(COAXIAL.hover_input, (5, 1))

@@ -7,7 +7,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from support.vehicle_types import TYPES
 
-from rcopterx.agents.flight.inputs import INPUT_UNIT, as_sent
+from rcopterx.agents.flight.timeline import INPUT_UNIT, as_sent
 from rcopterx.vehicles.model import Model
 
 models = st.sampled_from(list(TYPES.values()))

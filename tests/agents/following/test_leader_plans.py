@@ -3,7 +3,7 @@
 import pytest
 from support.plans import PlanBus, plan_of
 
-from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.flight.timeline import FleetClock
 from rcopterx.agents.following.leader_plans import LeaderPlans
 
 
@@ -14,7 +14,9 @@ def plan_bus() -> PlanBus:
 
 @pytest.fixture
 def leaders(plan_bus: PlanBus) -> LeaderPlans:
-    return LeaderPlans("h9", plan_bus.subscribe)  # type: ignore[arg-type]  # an inbox without a bus
+    leaders = LeaderPlans("h9", plan_bus.subscribe)  # type: ignore[arg-type]  # an inbox without a bus
+    plan_bus.delivered = leaders.receive
+    return leaders
 
 
 def clock_at(frame: int, epoch: int = 1, coasted: int = 0) -> FleetClock:
@@ -145,9 +147,11 @@ def test_refused_plans_stay_counted_after_the_leader_has_changed(
 ) -> None:
     leaders.subscribe_to(["h1"])
     plan_bus.opened[0].store(b"garbage", 0.0)
+    leaders.receive()
     assert leaders.newest("h1") is None
     leaders.subscribe_to(["h2"])
     plan_bus.opened[1].store(b"garbage", 0.0)
+    leaders.receive()
     assert leaders.newest("h2") is None
     (count,) = leaders.rejected.values()
     assert count == 2

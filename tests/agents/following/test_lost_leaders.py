@@ -45,6 +45,7 @@ class Orphan:
         controller = NotedController(np.zeros((1, 4)))
         self.pilot = Pilot(COAXIAL_LAG, controller, ExactEstimator(), Guidance([followed_leader(OWN)]))
         self.leaders = LeaderPlans("h9", self.plan_bus.subscribe)  # type: ignore[arg-type]  # no bus
+        self.plan_bus.delivered = self.leaders.receive
         neighbours = PeerStatuses("h9", self.statuses, self.clock)
         succession = Succession(self.policy, 2.0, {"h1": self.successors}, frozenset(self.successors))
         self.lost = LostLeaders("h9", succession, self.pilot, self.leaders, neighbours, self.clock)

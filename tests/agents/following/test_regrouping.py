@@ -8,7 +8,7 @@ from support.request_handling import (
     follow_at,
 )
 
-from rcopterx.agents.following.regrouping import PREPARED_S
+from rcopterx.agents.following.leader_changes import PREPARED_S
 from rcopterx.bus.messages import LeaderLink, SetPoint
 from rcopterx.bus.requests import (
     CommitLeaders,

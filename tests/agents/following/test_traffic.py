@@ -7,7 +7,7 @@ import pytest
 from support.plans import PlanBus, plan_of
 from support.statuses import hovering
 
-from rcopterx.agents.flight.fleet_clock import FleetClock
+from rcopterx.agents.flight.timeline import FleetClock
 from rcopterx.agents.following.traffic import MOST, PATIENCE, UPDATE_EVERY_TICKS, Traffic, way
 from rcopterx.agents.separation.avoidance import SeparationEllipsoid
 from rcopterx.bus.messages import AgentStatus, LeaderLink, SetPoint

@@ -8,9 +8,8 @@ from support.failing import FailingController
 from support.flight import NotedController
 
 from rcopterx.agents.following.traffic import MOST, Traffic
-from rcopterx.agents.load.load_relief import NEAREST, LoadRelief
-from rcopterx.agents.load.overload import Relief
-from rcopterx.agents.load.pacing import Pacing
+from rcopterx.agents.load import Pacing, Relief
+from rcopterx.agents.relief import NEAREST, LoadRelief
 from rcopterx.bus import channels
 from rcopterx.bus.codec import encode
 from rcopterx.bus.host_messages import LauncherStatus

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.load.overload import (
+from rcopterx.agents.load import (
     EASE_AFTER_S,
     LATE_PERIODS,
     LATE_SHARE,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.agents.load.pacing import Pacing
+from rcopterx.agents.load import Pacing
 
 
 def due(pacing: Pacing, frames: range | list[int], period_s: float, flying: bool = True) -> list[int]:

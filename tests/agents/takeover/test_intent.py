@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.flight import still
 
-from rcopterx.agents.flight.fleet_clock import FleetClock
 from rcopterx.agents.flight.guidance import Guidance
 from rcopterx.agents.flight.task import Task
-from rcopterx.agents.takeover.handover import intent_of, passed_s, task_of
+from rcopterx.agents.flight.timeline import FleetClock
+from rcopterx.agents.takeover import intent_of, passed_s, task_of
 from rcopterx.agents.tuning.configuration import Configuration
 from rcopterx.bus.codec import decode, encode
 from rcopterx.bus.intent import Intent

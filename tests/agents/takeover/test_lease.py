@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rcopterx.agents.takeover.lease import (
+from rcopterx.agents.takeover import (
     BID_PERIOD_S,
     EAGER_S,
     IGNORED_S,

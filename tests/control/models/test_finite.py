@@ -5,7 +5,7 @@ import pytest
 from support.records import replace
 
 from rcopterx.control.interfaces import Estimate, TiltEstimate
-from rcopterx.control.models.finite import is_finite
+from rcopterx.control.models.prediction import is_finite
 
 TILT = TiltEstimate(np.zeros(4), np.zeros(2), np.zeros(2), np.zeros(2))
 WITHOUT_TILT = Estimate(np.zeros(8), np.zeros(4), np.zeros(4))

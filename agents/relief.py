@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rcopterx.agents.following.traffic import MOST, Traffic
-from rcopterx.agents.load.overload import Overload, Relief, planned_relief
-from rcopterx.agents.load.pacing import Pacing
+from rcopterx.agents.load import Overload, Pacing, Relief, planned_relief
 from rcopterx.bus.host_messages import LauncherStatus
 from rcopterx.bus.stepping import StepBus
 from rcopterx.bus.subscription import Inbox, Received

@@ -1,13 +1,50 @@
-"""Inputs of a vehicle: smooth when controllers change, rounded before sending, known while under way."""
+"""The time of a vehicle in frames of the Tracker, and its inputs over time."""
 
 from collections import deque
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import Array
+
+
+class FleetClock:
+    """Counts the frame periods that have passed; frames bridged by coasting are counted once."""
+
+    def __init__(self) -> None:
+        self.epoch = 0
+        self.frame = 0
+        self.period_s = 0.0
+        self.current_frame = 0  # number of the frame that belongs to the present, coasted ones included
+        self.time_s = 0.0  # time since the first frame
+        self.started = False
+
+    def frames_until(self, epoch: int, frame: int, period_s: float) -> int:
+        """Return the periods to predict up to a frame: 1 undisturbed, 0 after coasting, -1 if it is old."""
+        if self.started and epoch == self.epoch:
+            elapsed = frame - self.frame
+            if elapsed <= 0:
+                return -1
+        elif self.started and epoch < self.epoch:
+            return -1  # Epochs only grow: this one comes from a gateway that has been replaced.
+        else:
+            elapsed = 1 if self.started else 0
+        coasted = self.current_frame - self.frame
+        self.epoch, self.frame, self.period_s, self.started = epoch, frame, period_s, True
+        self.current_frame = frame
+        return max(elapsed - coasted, 0)
+
+    def pass_period(self) -> None:
+        """Advance by one frame period."""
+        self.time_s += self.period_s
+
+    def coast(self) -> None:
+        """Advance by one frame period without a frame."""
+        self.current_frame += 1
+        self.pass_period()
+
 
 FADING_TIME_S: Final = 0.09  # time constant of the decay of differences by another controller or estimator
 END: Final = 1e-3  # difference that counts as none
@@ -50,8 +87,7 @@ def as_sent(inputs: Array, model: Model) -> Array:
     return np.clip(np.rint(inputs / INPUT_UNIT) * INPUT_UNIT, model.u_min, model.u_max)
 
 
-@dataclass(slots=True)
-class _Entry:
+class _Entry(Struct):
     effect_from_s: float
     sequence: int
     input: Array

@@ -1,1 +1,0 @@
-"""The lease of a vehicle, and the intent from which a successor continues."""
