@@ -2,8 +2,6 @@
 
 import math
 import signal
-import threading
-import time
 from collections.abc import Callable
 
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, AgentParts
@@ -265,25 +263,22 @@ def run_agent(settings: AgentSettings, pilot: Pilot) -> bool:
 
     Returns whether another agent flies it now. Raises `BusUnreachableError`: no router answers.
     """
-    clock = settings.bus.clock
-    signals, woken = list[int](), threading.Event()
+    signals: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, _: signals.append(number))
     realtime = request_realtime(settings.realtime_priority)
-    with Session(settings.bus, wake=woken.set) as session:
-        agent = Agent(settings, pilot, SteppedSession(session), realtime, limit=AlarmTimeLimit(clock.speed))
+    with Session(settings.bus) as session:
+        agent = Agent(
+            settings, pilot, SteppedSession(session), realtime, limit=AlarmTimeLimit(settings.bus.clock.speed)
+        )
+        session.finish_first(agent.wait_for_work)
         heartbeat = own_heartbeat()
         prepare_loop()
         while not (signals or agent.lost):
             heartbeat.beat(pilot.guidance.rotor_on)
-            if session.turns is not None:
-                agent.wait_for_work()
-                session.turns.wait(min(agent.next_s() - session.clock(), LONGEST_WAIT_S))
-            else:
-                time.sleep(max(0.0, clock.real_s(agent.rest_until_s - session.clock())))
-                wait_s = min(agent.next_s() - session.clock(), LONGEST_WAIT_S)
-                woken.wait(max(0.0, clock.real_s(wait_s)))
-                woken.clear()
+            now_s = session.clock()
+            rest_s = max(0.0, agent.rest_until_s - now_s)
+            session.wait(min(agent.next_s() - now_s, rest_s + LONGEST_WAIT_S), rest_s=rest_s)
             agent.step()
         heartbeat.ending()
         return agent.lost

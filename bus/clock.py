@@ -11,7 +11,6 @@ from pathlib import Path
 from time import monotonic, time
 from typing import Final
 
-from rcopterx.bus.lockstep.page import opened_page
 from rcopterx.bus.rounding import TIME_BITS
 
 NANO: Final = 1_000_000_000
@@ -36,6 +35,9 @@ class Clock:
     def now(self) -> Callable[[], float]:
         """Function that returns the time of the fleet [s], in whole ticks of 2^-20 s."""
         if self.page is not None:
+            # Imported here: no flight of hardware needs it.
+            from rcopterx.bus.lockstep.page import opened_page
+
             return opened_page(self.page).now
         ticks = self.speed * _TICKS
         return lambda: floor(ticks * monotonic()) / _TICKS

@@ -3,17 +3,19 @@
 from collections.abc import Callable
 from functools import partial
 from itertools import count
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 
 from rcopterx.bus.attachments import COUNTER
 from rcopterx.bus.channels import Channel
-from rcopterx.bus.lockstep.participant import Participant
+
+if TYPE_CHECKING:
+    from rcopterx.bus.lockstep.participant import Participant
 
 
 def publisher_of(
-    session: zenoh.Session, participant: Participant | None, channel: Channel[Any], key: str
+    session: zenoh.Session, participant: "Participant | None", channel: Channel[Any], key: str
 ) -> Callable[[bytes], None]:
     """Return what sends a payload on a key: never blocks and drops on congestion, unless in lockstep."""
     encoding, priority = channel.encoding, getattr(zenoh.Priority, channel.priority.upper())

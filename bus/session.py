@@ -2,12 +2,12 @@
 
 import time
 import weakref
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from queue import SimpleQueue
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 import zenoh
 from zenoh.handlers import Callback
@@ -18,13 +18,8 @@ from rcopterx.bus.channels import Channel
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.codec import RejectedError, decode, encode, prepare
 from rcopterx.bus.endpoints import Credentials, client_config, open_session, reason_of
-from rcopterx.bus.lockstep.inbox import LockstepInbox
-from rcopterx.bus.lockstep.page import opened_page
-from rcopterx.bus.lockstep.participant import Participant
-from rcopterx.bus.lockstep.scheduler import Scheduler
 from rcopterx.bus.log_messages import AnsweredRequest
 from rcopterx.bus.message import Message
-from rcopterx.bus.processes import SIMULATOR
 from rcopterx.bus.publishing import publisher_of
 from rcopterx.bus.requests import VERBS, Identify, IdentifyReply, Reply, Request, Verb, verb_of
 from rcopterx.bus.subscription import (
@@ -36,8 +31,14 @@ from rcopterx.bus.subscription import (
     Waking,
     callback_of,
 )
+from rcopterx.bus.wakeup import Waiter, Wakeup
+
+if TYPE_CHECKING:
+    from rcopterx.bus.lockstep.inbox import LockstepInbox
+    from rcopterx.bus.lockstep.participant import Participant
 
 M = TypeVar("M", bound=Message)
+T = TypeVar("T")
 R = TypeVar("R", bound=Reply)
 
 MOST_REQUESTS: Final = 256  # requests that wait for the loop of a process; further ones are rejected
@@ -132,39 +133,93 @@ def opened(address: BusAddress, timeout_s: float) -> zenoh.Session:
         attempt_s *= 2
 
 
+def _closed(session: zenoh.Session, waiter: Waiter | None) -> None:
+    """Close a connection, and then what its receive threads notify."""
+    session.close()
+    if isinstance(waiter, Wakeup):
+        waiter.close()
+
+
 class Session:
     """One open connection to the bus; raises `BusUnreachableError` if no router answers within `timeout_s`.
 
-    `wake` is called on receive threads when a message or request arrived; `clock` is monotonic [s], that of
-    the fleet by default. In lockstep the first turn has begun when the constructor returns, unless `begin` is
-    False.
+    `waiter` is notified on receive threads when a message or request arrived; `wait` is its wait. `clock` is
+    monotonic [s], that of the fleet by default. In lockstep the first turn has begun when the constructor
+    returns, unless `begin` is False, and waits end without a turn once `interrupted`.
     """
 
     def __init__(
         self,
         address: BusAddress,
-        wake: Callable[[], None] = lambda: None,
+        waiter: Waiter | None = None,
         clock: Callable[[], float] | None = None,
         timeout_s: float = 5.0,
         *,
         begin: bool = True,
+        interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
         self.address = address
         self.clock = clock or address.clock.now
-        self.wake = wake
+        self._waiter = waiter or Wakeup(address.clock)
+        self.wake, self.wait = self._waiter.notify, self._waiter.wait
         self._publishers: dict[tuple[str, str], Callable[[bytes], None]] = {}
         self._incoming: SimpleQueue[Incoming] = SimpleQueue()
         self._zenoh = opened(address, timeout_s)
         # An open session would keep the interpreter from ending: it waits for callbacks.
-        self._close = weakref.finalize(self, self._zenoh.close)
-        self.turns: Participant | None = None
-        """The turns of this process in lockstep; None if it takes none."""
+        self._close = weakref.finalize(self, _closed, self._zenoh, self._waiter if waiter is None else None)
+        self.participant: Participant | None = None
+        """Takes the turns of this process in lockstep; None if it takes none."""
         if address.clock.page is not None and address.process:
-            kind = Scheduler if address.process == SIMULATOR else Participant
-            self.turns = kind(opened_page(address.clock.page), address.process, self.await_subscriptions)
-            self.wake = self.turns.wake
+            # Imported here: no flight of hardware needs it.
+            from rcopterx.bus.lockstep.scheduler import participant_of
+
+            self.participant = participant_of(address.clock.page, address.process, self.await_subscriptions)
+            self.participant.interrupted = interrupted
+            self.wake, self._waiter.scheduled = self.participant.wake, self.participant
             if begin:
-                self.turns.begin()
+                self.begin()
+
+    def begin(self, start_limit_s: float | None = None) -> None:
+        """Take the first turn in lockstep; with a limit once all other processes are there.
+
+        Raises `TimeoutError`: some are missing after this real time; the session takes no turns then.
+        """
+        if self.participant is None:
+            return
+        try:
+            if start_limit_s is not None:
+                self.participant.await_others(start_limit_s)
+        except TimeoutError:
+            self.participant.leave()
+            raise
+        self.participant.begin()
+
+    def wait_in(self, call: Callable[[float], T], timeout_s: float, descriptors: Collection[int] = ()) -> T:
+        """Return the result of a call that waits by itself for a time [s], in lockstep after the wait."""
+        if self.participant is None:
+            return call(timeout_s)
+        self.participant.wait(timeout_s, descriptors)
+        return call(0.0)
+
+    def finish_first(self, work: Callable[[], None]) -> None:
+        """Let waits in lockstep call `work` first: what threads have begun counts in the same turn."""
+        if self.participant is not None:
+            self.participant.before_wait = work
+
+    def take_no_turns(self, process: str) -> None:
+        """Enter a process that the time of the fleet, in lockstep, need not wait for."""
+        if self.address.clock.page is not None:
+            from rcopterx.bus.lockstep.participant import join_without_turns
+
+            self.await_subscriptions()
+            join_without_turns(self.address.clock.page, process)
+
+    def want(self, process: str, wanted: bool) -> None:
+        """In lockstep, let the time wait for a process that is started, or end one at the present time."""
+        if self.address.clock.page is not None:
+            from rcopterx.bus.lockstep.page import opened_page
+
+            opened_page(self.address.clock.page).want(process, wanted)
 
     def __enter__(self) -> "Session":
         return self
@@ -174,9 +229,9 @@ class Session:
 
     def close(self) -> None:
         """Leave the bus; done at the end of the program otherwise."""
-        if self.turns is not None:
-            self.turns.leave()
-            self.turns = None
+        if self.participant is not None:
+            self.participant.leave()
+            self.participant = self._waiter.scheduled = None
         self._close()
 
     def await_subscriptions(self) -> None:
@@ -190,7 +245,7 @@ class Session:
         place = unit, channel.topic
         if place not in self._publishers:
             key = channels.key(self.address.fleet, *place)
-            self._publishers[place] = publisher_of(self._zenoh, self.turns, channel, key)
+            self._publishers[place] = publisher_of(self._zenoh, self.participant, channel, key)
         self._publishers[place](encode(message))
 
     def republish(self, unit: str, topic: str, payload: bytes) -> None:
@@ -235,9 +290,9 @@ class Session:
 
         return arrived
 
-    def _reception(self, key: str, waking: Waking) -> LockstepInbox | None:
+    def _reception(self, key: str, waking: Waking) -> "LockstepInbox | None":
         """Return what holds messages of a key back in lockstep."""
-        return None if self.turns is None else self.turns.receive(key, waking=waking is not False)
+        return None if self.participant is None else self.participant.receive(key, waking=waking is not False)
 
     def tap(self, store: Callable[[RawMessage], None], topic: str = "*", fleet: str | None = None) -> None:
         """Receive all messages of a fleet, or of one topic, undecoded; receive threads call `store`."""
@@ -259,8 +314,8 @@ class Session:
         """Accept requests for a unit; they wait in `pending` until the loop answers them."""
         for verb in verbs:
             key = channels.request_key(self.address.fleet, unit, verb)
-            reception = None if self.turns is None else self.turns.serve(key)
-            on_query = callback_of(partial(self._on_query, unit, verb), reception)
+            inbox = None if self.participant is None else self.participant.serve(key)
+            on_query = callback_of(partial(self._on_query, unit, verb), inbox)
             self._zenoh.declare_queryable(key, on_query, complete=True)
 
     def _on_query(self, unit: str, verb: str, query: zenoh.Query) -> None:
@@ -278,8 +333,8 @@ class Session:
         arrived_s = self.clock()
 
         def send(reply: bytes) -> None:
-            turns = self.turns
-            stamp = None if turns is None else turns.reply_stamp(attached(query.attachment))
+            participant = self.participant
+            stamp = None if participant is None else participant.reply_stamp(attached(query.attachment))
             with query:
                 query.reply(query.key_expr, reply, attachment=stamp)
             if not VERBS[verb].recorded:
@@ -315,11 +370,11 @@ class Session:
         while True:
             sent_s = time.monotonic()
             try:
-                turns = self.turns if self.turns is not None and self.turns.serves(key) else None
+                serving = self.participant if self.participant and self.participant.serves(key) else None
                 replies: Iterable[zenoh.Reply] = (
                     self._zenoh.get(key, payload=payload, timeout=limit_s)
-                    if turns is None
-                    else self._request_in_turns(turns, key, payload, timeout_s)
+                    if serving is None
+                    else self._request_in_turns(serving, key, payload, timeout_s)
                 )
             except zenoh.ZError as error:
                 raise RequestFailedError(f"{verb.name} was not sent to {unit}: {error}") from error
@@ -329,33 +384,33 @@ class Session:
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else ""
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: {text}")
             # Some time-outs come without an error; without a server Zenoh answers at once.
-            if turns is not None or time.monotonic() - sent_s >= SILENT_SHARE * limit_s:
+            if serving is not None or time.monotonic() - sent_s >= SILENT_SHARE * limit_s:
                 raise RequestFailedError(f"{unit} did not answer {verb.name}: Timeout")
             if self.clock() >= give_up_s:
                 raise NotServedError(f"no process serves {verb.name} for {unit}")
-            (time.sleep if self.turns is None else self.turns.wait)(RETRY_S)
+            self.wait_in(time.sleep, RETRY_S)
 
     def _request_in_turns(
-        self, turns: Participant, key: str, payload: bytes, timeout_s: float
+        self, participant: "Participant", key: str, payload: bytes, timeout_s: float
     ) -> list[zenoh.Reply]:
         """Send a request in lockstep, and take turns until the reply counts; none after the time-out."""
         replies: list[zenoh.Reply] = []
 
         def answered(reply: zenoh.Reply, _: zenoh.Sample | None = None) -> None:
             replies.append(reply)
-            turns.wake()
+            participant.wake()
 
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is None:
                 answered(reply)
             else:
-                turns.replies.hold(partial(answered, reply), reply.ok)
+                participant.replies.hold(partial(answered, reply), reply.ok)
 
-        callback, stamp = Callback(on_reply, indirect=False), turns.stamp(key)
+        callback, stamp = Callback(on_reply, indirect=False), participant.stamp(key)
         self._zenoh.get(key, callback, payload=payload, attachment=stamp, timeout=LONG_S)
-        give_up_s = turns.page.now() + timeout_s
-        while not replies and turns.page.now() < give_up_s:
-            turns.wait(give_up_s - turns.page.now())
+        give_up_s = participant.page.now() + timeout_s
+        while not replies and participant.page.now() < give_up_s:
+            participant.wait(give_up_s - participant.page.now())
         return replies
 
     def identify(self, timeout_s: float = 0.5) -> list[IdentifyReply]:

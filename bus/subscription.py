@@ -4,7 +4,7 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import zenoh
 from msgspec import Struct
@@ -12,8 +12,10 @@ from zenoh.handlers import Callback
 
 from rcopterx.bus.channels import CHANNELS, Channel
 from rcopterx.bus.codec import RejectedError, decode
-from rcopterx.bus.lockstep.inbox import LockstepInbox
 from rcopterx.bus.message import Message
+
+if TYPE_CHECKING:
+    from rcopterx.bus.lockstep.inbox import LockstepInbox
 
 M = TypeVar("M", bound=Message)
 
@@ -130,9 +132,9 @@ Deliver = Callable[[Inbox[Any], bytes, float], None]
 OnArrival = Callable[[Inbox[Any], bytes], None]  # called on the receive thread with a payload and inbox
 
 
-def callback_of(on_arrival: Callable[[Any], None], reception: LockstepInbox | None) -> "Callback[Any]":
+def callback_of(on_arrival: Callable[[Any], None], held: "LockstepInbox | None") -> "Callback[Any]":
     """Return what Zenoh calls with a sample or a query; in lockstep it waits for its turn."""
-    called = on_arrival if reception is None else partial(reception.hold, on_arrival)
+    called = on_arrival if held is None else partial(held.hold, on_arrival)
     return Callback(called, indirect=False)
 
 
@@ -147,14 +149,14 @@ class Subscription(Inbox[M]):
         on_arrival: OnArrival,
         depth: int = 1,
         origin: zenoh.Locality = zenoh.Locality.ANY,
-        reception: LockstepInbox | None = None,
+        held: "LockstepInbox | None" = None,
     ) -> None:
         super().__init__(channel, depth, full_key.split("/")[-2])
         self._on_arrival = on_arrival
-        self._reception = reception
+        self._held = held
         self._key = zenoh.KeyExpr(full_key)
         self._subscriber = session.declare_subscriber(
-            full_key, callback_of(self._on_sample, reception), allowed_origin=origin
+            full_key, callback_of(self._on_sample, held), allowed_origin=origin
         )
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
@@ -166,8 +168,8 @@ class Subscription(Inbox[M]):
 
     def close(self) -> None:
         """Stop receiving."""
-        if self._reception is not None:
-            self._reception.end()
+        if self._held is not None:
+            self._held.end()
         self._subscriber.undeclare()
 
 
@@ -182,7 +184,7 @@ class UnitSubscriptions(Generic[M]):
         on_arrival: OnArrival,
         depth: int = 1,
         units: frozenset[str] = frozenset(),
-        reception: LockstepInbox | None = None,
+        held: "LockstepInbox | None" = None,
     ) -> None:
         self._on_arrival = on_arrival
         self._units = units
@@ -193,8 +195,8 @@ class UnitSubscriptions(Generic[M]):
         self._unit_at = pattern.split("/").index("*")
         # Other units use the same topic for another type, as the Tracker does for its status.
         self._others = {row.unit for row in CHANNELS if row.topic == channel.topic} - {channel.unit}
-        self._reception = reception
-        self._subscriber = session.declare_subscriber(pattern, callback_of(self._on_sample, reception))
+        self._held = held
+        self._subscriber = session.declare_subscriber(pattern, callback_of(self._on_sample, held))
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         full_key = str(sample.key_expr)
@@ -219,6 +221,6 @@ class UnitSubscriptions(Generic[M]):
 
     def close(self) -> None:
         """Stop receiving."""
-        if self._reception is not None:
-            self._reception.end()
+        if self._held is not None:
+            self._held.end()
         self._subscriber.undeclare()

@@ -11,9 +11,8 @@ from rcopterx.bus import channels
 from rcopterx.bus.channels import CHANNELS
 from rcopterx.bus.clock import NANO
 from rcopterx.bus.heartbeat import own_heartbeat
-from rcopterx.bus.lockstep.page import opened_page
-from rcopterx.bus.lockstep.participant import join_without_turns
 from rcopterx.bus.log_messages import RecorderStatus
+from rcopterx.bus.processes import RECORDER
 from rcopterx.bus.realtime import request_realtime
 from rcopterx.bus.session import BusAddress, RawMessage, Session
 from rcopterx.flights.flight_writing import FlightSettings, FlightWriter
@@ -21,7 +20,6 @@ from rcopterx.flights.mcap_writing import LoggedMessage
 
 FLUSH_S: Final = 0.1  # time between two chunks; a recorder that is killed loses no more than twice this
 REPORT_S: Final = 1.0
-RECORDER_PROCESS: Final = "recorder"  # name of the process in lockstep
 MAX_WAITING_BYTES: Final = 64 * 1024 * 1024
 """About a minute of three vehicles; further messages are dropped and counted while the disk is slower."""
 TIME_MASK_NS: Final = 1023  # cleared bits of times, which compress as zeros, below their accuracy
@@ -131,9 +129,7 @@ def run_recorder(settings: RecorderSettings, announce: Callable[[str], None]) ->
         session.tap(waiting.store)
         # `rcopterx kill` uses keys of every fleet.
         session.tap(waiting.store, channels.KILL.topic, channels.EVERY_FLEET)
-        if settings.bus.clock.page is not None:
-            session.await_subscriptions()
-            join_without_turns(opened_page(settings.bus.clock.page), RECORDER_PROCESS)
+        session.take_no_turns(RECORDER)
         writer = FlightWriter(settings.flight())
         recorder = Recorder(waiting, writer, settings.wall_ns)
         report_at_s, stopped = 0.0, False

@@ -1,6 +1,5 @@
 """The simulator process: a Tracker on TCP, radio modules on pseudo-terminals, and plants in real time."""
 
-import select
 import signal
 
 import numpy as np
@@ -28,7 +27,7 @@ class Simulator:
 
     def __init__(self, settings: SimulatorSettings, session: Session) -> None:
         self._session = session
-        self._clock, self._real_s, self._turns = session.clock, settings.bus.clock.real_s, session.turns
+        self._clock = session.clock
         self._period_s = 1 / settings.rate_hz
         self._tracker = TrackerServer(
             settings.tracker_host,
@@ -51,11 +50,7 @@ class Simulator:
         due_s = min(self._step_at_s, tracker_due_s)
         ports = {radio.fileno(): radio for radio in self._room.radios.values() if radio.is_open}
         waited_for = [self._tracker.fileno(), *ports]
-        wait_s = max(0.0, due_s - self._clock())
-        if self._turns is None:
-            readable = set(select.select(waited_for, [], [], self._real_s(wait_s))[0])
-        else:
-            readable = self._turns.wait(wait_s, waited_for)
+        readable = self._session.wait(max(0.0, due_s - self._clock()), waited_for)
         now_s = self._clock()
         for descriptor in readable:
             if descriptor in ports:
@@ -134,9 +129,7 @@ def run_simulator(settings: SimulatorSettings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda caught, _: stopping.append(caught))
     request_realtime(settings.realtime_priority)
-    with Session(settings.bus) as session:
-        if session.turns is not None:
-            session.turns.interrupted = lambda: bool(stopping)
+    with Session(settings.bus, interrupted=lambda: bool(stopping)) as session:
         simulator, heartbeat = Simulator(settings, session), own_heartbeat()
         prepare_loop()
         try:

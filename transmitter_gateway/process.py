@@ -11,9 +11,10 @@ from rcopterx.bus.messages import Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.session import Session
 from rcopterx.bus.subscription import Subscription
+from rcopterx.bus.wakeup import Wakeup
 from rcopterx.transmitter_gateway.inputs import Action, PoseInput
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
-from rcopterx.transmitter_gateway.radios import Radios, Wakeup
+from rcopterx.transmitter_gateway.radios import Radios
 from rcopterx.transmitter_gateway.settings import GatewaySettings
 from rcopterx.transmitter_gateway.station import Station
 
@@ -128,8 +129,7 @@ def run_gateway(settings: GatewaySettings) -> None:
     heartbeat = own_heartbeat()
     with KillKeys(sys.stdin.fileno()) as keys:
         # In lockstep time stands still while the radios are opened.
-        session = Session(settings.bus, wakeup.notify) if clock.lockstep else None
-        wakeup.turns = None if session is None else session.turns
+        session = Session(settings.bus, wakeup) if clock.lockstep else None
         radios = Radios(settings, wakeup, keys, caught, heartbeat, clock.now)
         prepare_loop()
         with session or _joined_bus(settings, wakeup, radios) as session:
@@ -155,7 +155,7 @@ def _joined_bus(settings: GatewaySettings, wakeup: Wakeup, radios: Radios) -> Se
     pool = ThreadPoolExecutor()
     try:
         radios.serve()
-        opening = pool.submit(Session, settings.bus, wakeup.notify)
+        opening = pool.submit(Session, settings.bus, wakeup)
         while not opening.done():
             radios.wait(math.inf)
             radios.serve()

@@ -1,8 +1,6 @@
 """All transmitters of a gateway process, served with or without the bus."""
 
 import logging
-import os
-import select
 import signal
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -10,7 +8,7 @@ from pathlib import Path
 
 from rcopterx.bus.clock import REAL_TIME, Clock
 from rcopterx.bus.heartbeat import Heartbeat
-from rcopterx.bus.lockstep.participant import Participant
+from rcopterx.bus.wakeup import Wakeup
 from rcopterx.radios.crazyradio import UsbDevice
 from rcopterx.radios.crtp import RADIO, RadioAddress
 from rcopterx.radios.set_points import SetPointRadio
@@ -40,36 +38,6 @@ def port_for(
         address = RadioAddress.of(settings.port)
         return CrazyradioPort(settings.port, address, crazyradio(address.dongle, dongles, clock))
     return SerialPort(settings.port, settings.protocol.line, start)
-
-
-class Wakeup:
-    """An event that `wait` watches together with file descriptors; its time-outs are those of a clock."""
-
-    def __init__(self, clock: Clock = REAL_TIME) -> None:
-        self._real_s = clock.real_s
-        self.turns: Participant | None = None  # those of this process in lockstep
-        self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-
-    def notify(self) -> None:
-        """Wake the loop; may be called from any thread and from signal handlers."""
-        os.eventfd_write(self._event, 1)
-
-    def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
-        """Wait for a notification, for data or for the time-out; return readable or closed descriptors."""
-        # `select` counts in microseconds; `poll` and `epoll` would round deadlines to milliseconds.
-        watched = [self._event, *descriptors]
-        if self.turns is None:
-            ready = set(select.select(watched, [], [], max(0.0, self._real_s(timeout_s)))[0])
-        else:
-            ready = self.turns.wait(timeout_s, watched)
-        if self._event in ready:
-            os.eventfd_read(self._event)
-            ready.discard(self._event)
-        return ready
-
-    def close(self) -> None:
-        """Release the descriptor."""
-        os.close(self._event)
 
 
 _LOG = logging.getLogger(__name__)
@@ -114,7 +82,9 @@ class Radios:
         descriptors = [port for port in ports if port is not None]
         turn_s = COMMANDED_TURN_S if all(each.commanded for each in transmitters) else TURN_S
         timeout_s = min(turn_s, min(deadlines_s) - self._clock())
-        for descriptor in self._wakeup.wait([*descriptors, *self._keys.descriptors], timeout_s):
+        for descriptor in self._wakeup.wait(
+            timeout_s, [self._wakeup.event, *descriptors, *self._keys.descriptors]
+        ):
             if descriptor in ports:
                 ports[descriptor].on_readable(self._clock())
             elif self._keys.pressed():
@@ -161,7 +131,7 @@ class Radios:
         while not all(transmitter.finished for transmitter in working.values()) and self._clock() < limit_s:
             self._heartbeat.beat(_flying(working.values()))
             # Deadlines are not used here: their computation may be what is broken.
-            pressed = self._wakeup.wait(self._keys.descriptors, TURN_S)
+            pressed = self._wakeup.wait(TURN_S, [self._wakeup.event, *self._keys.descriptors])
             if self._signalled() or (pressed and self._keys.pressed()):
                 request(Action.KILL)
             seeing = seeing and self._pass_poses(working, new_poses)

@@ -15,7 +15,6 @@ from typing import Literal, NamedTuple, Self
 
 from msgspec.structs import replace
 
-from rcopterx.bus.lockstep.participant import Participant
 from rcopterx.vicon_gateway.datastream import DataStreamSession, StreamCounters
 from rcopterx.vicon_gateway.frame import CapturedFrame
 from rcopterx.vicon_gateway.recording import RawEvent, RawRecorder
@@ -115,6 +114,11 @@ class FrameClient(ABC):
     def _step(self, give_up_s: float, now_s: float) -> CapturedFrame | None:
         """Wait for one event at most until `give_up_s` and handle it."""
 
+    @property
+    def descriptors(self) -> tuple[int, ...]:
+        """What becomes readable when a frame arrives, for a client that reads by itself."""
+        return ()
+
     @abstractmethod
     def close(self) -> None:
         """End the connection; `next_frame` returns None from now on."""
@@ -141,7 +145,10 @@ class FrameClient(ABC):
 
 
 class DataStreamClient(FrameClient):
-    """Frames of a Tracker, newest first; `record_raw` writes a recording of all received bytes."""
+    """Frames of a Tracker, newest first; `record_raw` writes a recording of all received bytes.
+
+    With `at_once`, for lockstep, a call ends only when no connection is being made.
+    """
 
     def __init__(
         self,
@@ -152,8 +159,9 @@ class DataStreamClient(FrameClient):
         speed: float = 1.0,
         limits: ClientLimits | None = None,
         record_raw: Callable[[bytes], object] | None = None,
+        at_once: bool = False,
     ) -> None:
-        self._host, self._port = host, port
+        self._host, self._port, self._at_once = host, port, at_once
         super().__init__(clock, ClientLimits() if limits is None else limits, speed)
         self._recorder = None if record_raw is None else RawRecorder(record_raw, clock)
         self._socket: socket.socket | None = None
@@ -163,13 +171,17 @@ class DataStreamClient(FrameClient):
         self._unsent = b""
         self._tries = 0
 
-    def turn(self, turns: Participant, timeout_s: float) -> CapturedFrame | None:
-        """Wait for a frame as `next_frame`, in lockstep: connections are made within a turn."""
-        turns.wait(timeout_s, [] if self._socket is None else [self._socket.fileno()])
-        frame = self.next_frame(0.0)
-        while self._name in ("resolving", "connecting"):
+    @property
+    def descriptors(self) -> tuple[int, ...]:
+        """See `FrameClient`."""
+        return () if self._socket is None else (self._socket.fileno(),)
+
+    def next_frame(self, timeout_s: float) -> CapturedFrame | None:
+        """See `FrameClient`."""
+        frame = super().next_frame(timeout_s)
+        while self._at_once and self._name in ("resolving", "connecting"):
             time.sleep(CONNECTING_S)
-            frame = self.next_frame(0.0)
+            frame = super().next_frame(0.0)
         return frame
 
     def close(self) -> None:

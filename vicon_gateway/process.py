@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -131,8 +130,6 @@ class TrackerGateway:
         self._host = settings.bus.host or None
         self._recording = recording
         self._client = client
-        self.next_frame = client.next_frame
-        """Waits for the next frame, for a time [s] at most."""
         self._session = session
         self._realtime = realtime
         self._subjects = SubjectMap(settings.subjects)
@@ -154,7 +151,8 @@ class TrackerGateway:
     def step(self) -> None:
         """Wait for the next frame, publish its poses, and now and then the status."""
         wait_s = max(self._report_at_s, self._standby_until_s) - self._session.clock()
-        frame = self.next_frame(min(LONGEST_WAIT_S, max(0.0, wait_s)))
+        wait_s = min(LONGEST_WAIT_S, max(0.0, wait_s))
+        frame = self._session.wait_in(self._client.next_frame, wait_s, self._client.descriptors)
         now_s = self._session.clock() if frame is None else frame.received_s
         if self._flown:
             self._notice_earlier_gateway(now_s)
@@ -283,11 +281,10 @@ def run_tracker_gateway(settings: TrackerSettings) -> None:
                 clock=session.clock,
                 speed=settings.bus.clock.speed,
                 record_raw=record_raw,
+                at_once=settings.bus.clock.lockstep,
             )
         stack.callback(client.close)
         gateway = TrackerGateway(settings, client, session, realtime, None if file is None else file.path)
-        if session.turns is not None and isinstance(client, DataStreamClient):
-            gateway.next_frame = partial(client.turn, session.turns)
         heartbeat = own_heartbeat()
         prepare_loop()
         while not stopping:

@@ -14,11 +14,12 @@ from contextlib import suppress
 from itertools import count
 from math import inf
 from operator import itemgetter
+from pathlib import Path
 from typing import Final
 
 from rcopterx.bus.attachments import STAMP
 from rcopterx.bus.lockstep.inbox import POLL_S, Held, LockstepInbox
-from rcopterx.bus.lockstep.page import LockstepPage, ParticipantState, SentCounter
+from rcopterx.bus.lockstep.page import LockstepPage, ParticipantState, SentCounter, opened_page
 from rcopterx.bus.processes import MEMBERSHIP, RECALL, SCRIPT
 
 LOST_S: Final = 1.0  # real time after which messages are lost, once a router has died with some of them
@@ -41,6 +42,7 @@ class Participant:
         )
         self.arrived = threading.Event()
         self.interrupted: Callable[[], bool] = lambda: False  # whether to end instead of waiting for a turn
+        self.before_wait: Callable[[], None] = lambda: None  # called when a loop begins to wait
         self.held: deque[Held] = deque()
         self._counters: dict[str, tuple[int, SentCounter]] = {}
         self._readers: dict[
@@ -220,8 +222,9 @@ class Participant:
         return notified
 
 
-def join_without_turns(page: LockstepPage, name: str) -> None:
+def join_without_turns(path: Path, name: str) -> None:
     """Enter a process that takes no turns, so that the time of the fleet need not wait for it."""
+    page = opened_page(path)
     participant = page.participants[page.index_of(name)]
     participant.return_s = inf
     participant.process = os.getpid()

@@ -3,13 +3,15 @@
 import os
 import select
 import signal
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from math import ceil
+from pathlib import Path
 from typing import Final
 
-from rcopterx.bus.lockstep.page import ParticipantState
+from rcopterx.bus.lockstep.page import ParticipantState, opened_page
 from rcopterx.bus.lockstep.participant import Participant
+from rcopterx.bus.processes import SIMULATOR
 from rcopterx.bus.rounding import TIME_BITS
 
 STEP_S: Final = 2.0**-11  # least time between two turns; so long messages travel
@@ -117,3 +119,9 @@ class Scheduler(Participant):
         self.page.release(index)
         participant.lived_s = self.page.time_s - participant.began_s
         participant.to_be_killed, participant.return_s = 0, self.page.time_s + RETURN_S
+
+
+def participant_of(page: Path, process: str, await_subscriptions: Callable[[], None]) -> Participant:
+    """Return what takes the turns of a process: the simulator advances the time; see `Participant`."""
+    kind = Scheduler if process == SIMULATOR else Participant
+    return kind(opened_page(page), process, await_subscriptions)

@@ -11,7 +11,6 @@ from typing import Final
 from rcopterx.agents.load import LATE_SHARE
 from rcopterx.bus import channels
 from rcopterx.bus.host_messages import LauncherStatus
-from rcopterx.bus.lockstep.page import opened_page
 from rcopterx.bus.log_messages import LauncherEvent
 from rcopterx.bus.messages import AgentStatus
 from rcopterx.bus.processes import AGENT, MEMBERSHIP, ROUTER
@@ -74,7 +73,7 @@ class MembershipService(Service):
     def _step(self) -> None:
         now_s = self._session.clock()
         for incoming in self._session.pending():
-            if isinstance(incoming.request, ReadLogs) and self._session.turns is None:
+            if isinstance(incoming.request, ReadLogs) and not self._session.address.clock.lockstep:
                 # A disk may block that.
                 Thread(target=self._reply, args=[incoming], name="logs", daemon=True).start()
             else:
@@ -173,9 +172,8 @@ class MembershipService(Service):
 
     def _want(self, child: Child, wanted: bool) -> None:
         """Start or stop a process; in lockstep at the present time."""
-        page, child.wanted = self._session.address.clock.page, wanted
-        if page is not None:
-            opened_page(page).want(child.spec.name, wanted)
+        child.wanted = wanted
+        self._session.want(child.spec.name, wanted)
 
     @property
     def agents_are_late(self) -> bool:

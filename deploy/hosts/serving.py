@@ -11,9 +11,9 @@ class Service(ABC):
     """A session, and the thread that serves it from `start` on."""
 
     def __init__(self, address: BusAddress, name: str, timeout_s: float = 5.0) -> None:
-        self._event, self._stopping = threading.Event(), False
+        self._stopping = False
         address = replace(address, process=name)
-        self._session = Session(address, self._event.set, timeout_s=timeout_s, begin=False)
+        self._session = Session(address, timeout_s=timeout_s, begin=False, interrupted=lambda: self._stopping)
         self._thread = threading.Thread(target=self._serve, name=name, daemon=True)
 
     def start(self) -> None:
@@ -21,17 +21,9 @@ class Service(ABC):
         self._thread.start()
 
     def _serve(self) -> None:
-        turns = self._session.turns
-        if turns is not None:
-            turns.interrupted = lambda: self._stopping
-            turns.begin()
+        self._session.begin()
         while not self._stopping:
-            timeout_s = max(0.0, self._due_s() - self._session.clock())
-            if turns is not None:
-                turns.wait(timeout_s)
-            else:
-                self._event.wait(self._session.address.clock.real_s(timeout_s))
-                self._event.clear()
+            self._session.wait(max(0.0, self._due_s() - self._session.clock()))
             self._step()
 
     @abstractmethod

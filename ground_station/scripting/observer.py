@@ -95,12 +95,8 @@ class Observer:
     def _join(self, clock: Callable[[], float] | None, timeout_s: float) -> None:
         address = bus_address(self.file, self._host, self._process)
         self._notifier = Notifier(clock or address.clock.now)
-        self.session = Session(
-            address, wake=self._notifier.notify, clock=clock, timeout_s=timeout_s, begin=False
-        )
-        if (turns := self.session.turns) is not None:
-            begin_turns(turns)
-            self._notifier.pause = turns.wait
+        self.session = Session(address, self._notifier, clock=clock, timeout_s=timeout_s, begin=False)
+        begin_turns(self.session)
 
     def __str__(self) -> str:
         """The fleet, and a line about each of its vehicles."""

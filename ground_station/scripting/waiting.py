@@ -2,12 +2,13 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Protocol
 
-from rcopterx.bus.lockstep.participant import Participant
+from rcopterx.bus.session import Session
+from rcopterx.bus.wakeup import Waiter
 
 LOCKSTEP_START_S = 180.0  # real time in which the processes of a fleet in lockstep start
 LONGEST_NAP_S = 0.1  # conditions that depend on the passing of time are checked this often
@@ -21,14 +22,12 @@ class StoppedError(NotReachedError):
     """A wait ended early because a stop was requested; see `stopped_by`."""
 
 
-def begin_turns(turns: Participant) -> None:
+def begin_turns(session: Session) -> None:
     """Take turns once all other processes of the fleet are there; `NotReachedError` if some do not start."""
     try:
-        turns.await_others(LOCKSTEP_START_S)
+        session.begin(LOCKSTEP_START_S)
     except TimeoutError as error:
-        turns.leave()
         raise NotReachedError(f"the fleet did not start: {error}") from None
-    turns.begin()
 
 
 class Stop(Protocol):
@@ -61,15 +60,14 @@ def arrived_after(time_s: float, age_s: float | None, now_s: float) -> bool:
     return age_s is not None and now_s - age_s > time_s
 
 
-class Notifier:
+class Notifier(Waiter):
     """Wakes every waiting thread when a message arrives; `clock` is monotonic [s]."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self.pause: Callable[[float], object] | None = None
-        """Waits a time [s] or for a message, in lockstep; by default a notification ends a wait."""
         self._condition = threading.Condition()
         self._notifications = 0
+        self._waiting = threading.local()
 
     def notify(self) -> None:
         """Wake all waiting threads."""
@@ -85,7 +83,7 @@ class Notifier:
         deadline_s = self._clock() + timeout_s
         stop = _STOP.get()
         while True:
-            seen = self._notifications
+            self._waiting.seen = self._notifications
             if condition():
                 return True
             if stop is not None and stop.is_set():
@@ -93,10 +91,11 @@ class Notifier:
             left_s = deadline_s - self._clock()
             if left_s <= 0:
                 return False
-            nap_s = min(left_s, LONGEST_NAP_S)
-            if self.pause is not None:
-                self.pause(nap_s)
-                continue
-            with self._condition:
-                if self._notifications == seen:
-                    self._condition.wait(nap_s)
+            self.wait(min(left_s, LONGEST_NAP_S))
+
+    def _wait(self, timeout_s: float, _descriptors: Collection[int], _rest_s: float) -> set[int]:
+        """Wait for a notification that this thread has not seen."""
+        with self._condition:
+            if self._notifications == self._waiting.seen:
+                self._condition.wait(timeout_s)
+        return set()

@@ -20,6 +20,7 @@ from rcopterx.bus.messages import Plan
 from rcopterx.bus.requests import TakeOff
 from rcopterx.bus.session import BusAddress, RequestFailedError
 from rcopterx.bus.stepping import SteppedSession
+from rcopterx.bus.wakeup import Wakeup
 
 
 @pytest.fixture
@@ -299,11 +300,11 @@ def test_requests_reach_the_pilot_and_refusals_come_back(bench: Bench) -> None:
 
 
 def test_an_agent_wakes_by_itself_when_what_was_tuned_is_ready(join: Join, bus_address: BusAddress) -> None:
-    bench, woken = Bench(join, bus_address), threading.Event()
+    bench, wakeup = Bench(join, bus_address), Wakeup()
     agent = Agent(
-        bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock, wake=woken.set)), realtime=False
+        bench.settings, bench.pilot, SteppedSession(join(clock=bench.clock, waiter=wakeup)), realtime=False
     )
-    woken.clear()
+    wakeup.wait(0.0)
     agent.parts.tuning.begin(agent.parts.tuning.configuration.changed("lqr", {}, None, {}))
-    assert woken.wait(DEADLINE_S)
+    wakeup.wait(DEADLINE_S)
     assert isinstance(agent.parts.tuning.finish(), str)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import msgpack
 import pytest
-from support.bus import arrives, occluded_pose, raw_put, raw_session
+from support.bus import Calls, arrives, occluded_pose, raw_put, raw_session
 from support.statuses import flying_status
 from support.waiting import DEADLINE_S, FakeClock, wait_for
 
@@ -24,7 +24,7 @@ Join = Callable[..., Session]
 
 def test_a_published_message_arrives_typed_with_its_time_and_wakes_the_loop(join: Join) -> None:
     clock, woken = FakeClock(50.0), threading.Event()
-    receiver, sender = join(wake=woken.set, clock=clock), join()
+    receiver, sender = join(waiter=Calls(woken.set), clock=clock), join()
     inbox = receiver.subscribe(channels.POSE, "h1")
     arrives(sender, inbox, 7)
     received = inbox.latest()
@@ -45,7 +45,7 @@ def test_a_subscription_can_decide_for_each_message_whether_it_wakes_the_loop(jo
         decisions.append(not decisions)
         return decisions[-1]
 
-    receiver, sender = join(wake=lambda: woken.append("woken")), join()
+    receiver, sender = join(waiter=Calls(lambda: woken.append("woken"))), join()
     receiver.subscribe(channels.POSE, "h1", waking=waking)
 
     def decided_twice() -> bool:

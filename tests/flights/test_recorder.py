@@ -106,6 +106,8 @@ def test_the_recorder_listens_before_it_prepares_its_flight_log(monkeypatch: pyt
         def tap(self, _store: object, *words: str) -> None:
             taps.append(words)
 
+        def take_no_turns(self, _process: str) -> None: ...
+
     class PreparedError(Exception):
         pass
 

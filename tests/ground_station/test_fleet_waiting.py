@@ -2,13 +2,16 @@
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from support.waiting import DEADLINE_S
 
-from rcopterx.bus.lockstep.page import create_page, opened_page
-from rcopterx.bus.lockstep.participant import Participant
+from rcopterx.bus.clock import LOCKSTEP
+from rcopterx.bus.lockstep.page import create_page
 from rcopterx.bus.processes import SCRIPT, SIMULATOR
+from rcopterx.bus.session import BusAddress, Session
 from rcopterx.ground_station.scripting.waiting import (
     Notifier,
     NotReachedError,
@@ -70,10 +73,14 @@ def test_a_stop_does_not_reach_other_threads() -> None:
 
 
 def test_a_fleet_in_lockstep_that_does_not_start_is_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bus_address: BusAddress
 ) -> None:
     monkeypatch.setattr("rcopterx.ground_station.scripting.waiting.LOCKSTEP_START_S", 0.1)
     create_page(tmp_path / "lockstep", [SIMULATOR, "agent-h2", SCRIPT])
-    page = opened_page(tmp_path / "lockstep")
-    with pytest.raises(NotReachedError, match=f"did not start: missing after 0.1 s: {SIMULATOR}, agent-h2"):
-        begin_turns(Participant(page, SCRIPT, lambda: None))
+    clock = replace(LOCKSTEP, page=tmp_path / "lockstep")
+    address = replace(bus_address, clock=clock, process=SCRIPT)
+    with (
+        Session(address, timeout_s=DEADLINE_S, begin=False) as session,
+        pytest.raises(NotReachedError, match=f"did not start: missing after 0.1 s: {SIMULATOR}, agent-h2"),
+    ):
+        begin_turns(session)

@@ -65,18 +65,18 @@ class Flying:
 
     def wait_for_spare(self, process: str) -> None:
         """Wait until a warm process could replace this one; in lockstep the fleet waits for any other."""
-        if self.fleet.session.turns is not None:
+        if self.fleet.session.participant is not None:
             return
         supervisor = self.launcher_of(process).supervisor
         self.fleet.wait_until(lambda: supervisor.spares.ready() > 0, 60, "no spare process")
 
     def kill(self, process: str) -> int:
         """SIGKILL a process of the fleet; returns the pid it had."""
-        pid, turns = self.pid(process), self.fleet.session.turns
-        if turns is None:
+        pid, participant = self.pid(process), self.fleet.session.participant
+        if participant is None:
             os.kill(pid, signal.SIGKILL)
         else:
-            turns.kill(process)
+            participant.kill(process)
         return pid
 
     def want(self, process: str, wanted: bool) -> None:
@@ -89,11 +89,11 @@ class Flying:
     @contextmanager
     def stopped(self, process: str) -> Iterator[None]:
         """Stop a process meanwhile, as if the network to another host hung."""
-        pid, turns = self.pid(process), self.fleet.session.turns
-        if turns is not None:
-            turns.stop(process, math.inf)
+        pid, participant = self.pid(process), self.fleet.session.participant
+        if participant is not None:
+            participant.stop(process, math.inf)
             yield
-            turns.stop(process, 0.0)
+            participant.stop(process, 0.0)
             return
         with self.unwatched():
             os.kill(pid, signal.SIGSTOP)

@@ -57,16 +57,16 @@ def formation(fleet: Fleet) -> None:
 def faults(fleet: Fleet) -> None:
     """Processes of every kind are killed, the transmitter gateway stops, and a vehicle joins."""
     fleet.take_off()
-    turns = fleet.session.turns
-    assert turns is not None
-    turns.kill("agent-h2")
+    participant = fleet.session.participant
+    assert participant is not None
+    participant.kill("agent-h2")
     fleet.wait(1.5)
-    turns.stop("transmitters", 0.1)
+    participant.stop("transmitters", 0.1)
     fleet.wait(1.0)
     fleet.join("h3")
     assert not missed(fleet)
     for process in ("tracker", "agent-h1", "transmitters"):
-        turns.kill(process)
+        participant.kill(process)
         fleet.wait(1.0)
     assert all(vehicle.state.phase == "flying" for vehicle in fleet)
 

@@ -25,8 +25,8 @@ PAUSE_S = (0.15, 1.2)
 
 def starve(fleet: Fleet, seed: int) -> None:
     """Stop some or all processes for a moment, until the time is over."""
-    turns = fleet.session.turns
-    assert turns is not None
+    participant = fleet.session.participant
+    assert participant is not None
     chance = random.Random(seed)
     processes = [*(f"agent-{name}" for name in NAMES), "transmitters", "tracker"]
     end_s = fleet.session.clock() + SECONDS
@@ -35,7 +35,7 @@ def starve(fleet: Fleet, seed: int) -> None:
         stopped = processes if everything else chance.sample(processes, chance.randint(1, 3))
         longest_s = chance.uniform(SHORTEST_S, LONGEST_S)
         for process in stopped:
-            turns.stop(process, longest_s * (1.0 if chance.random() < 0.8 else chance.random()))
+            participant.stop(process, longest_s * (1.0 if chance.random() < 0.8 else chance.random()))
         fleet.wait(longest_s + chance.uniform(*PAUSE_S))
 
 

@@ -1,7 +1,8 @@
 """Promises of the simulator's loop, with a bus that only takes notes."""
 
 import os
-from collections.abc import Callable, Iterator
+import select
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,8 +28,6 @@ WRITTEN_AFTER_S = 0.007
 class Bus:
     """Notes published messages, hands out requests, and has a clock that stands still."""
 
-    turns = None
-
     def __init__(self) -> None:
         self.now_s = 100.0
         self.published: list[LaboratoryState] = []
@@ -38,6 +37,9 @@ class Bus:
         return self.now_s
 
     def serve(self, *_: object) -> None: ...
+
+    def wait(self, timeout_s: float, descriptors: Collection[int]) -> set[int]:
+        return set(select.select(descriptors, [], [], timeout_s)[0])
 
     def publish(self, _channel: object, _unit: str, message: LaboratoryState) -> None:
         self.published.append(message)

@@ -20,10 +20,24 @@ from rcopterx.bus.messages import Pose
 from rcopterx.bus.requests import Reply, Request
 from rcopterx.bus.session import BusAddress, RequestFailedError, Session
 from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.wakeup import Waiter
 from support.waiting import DEADLINE_S, wait_for
 
 FLEET = "lab"
 LOWEST_PORT, PORTS = 20_000, 12_000
+
+
+class Calls(Waiter):
+    """Calls a function with every notification."""
+
+    def __init__(self, call: Callable[[], object]) -> None:
+        self._call = call
+
+    def notify(self) -> None:
+        self._call()
+
+    def _wait(self, *_: object) -> set[int]:
+        raise NotImplementedError
 
 
 def free_port(address: str = "127.0.0.1", kind: socket.SocketKind = socket.SOCK_STREAM) -> int:

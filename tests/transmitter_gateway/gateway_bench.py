@@ -2,7 +2,7 @@
 
 import select
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from rcopterx.bus.message import FloatArray, Message
 from rcopterx.bus.messages import Applied, Command, CommandTiming, LeaseBid, Pose
 from rcopterx.bus.session import BusAddress, Incoming
 from rcopterx.bus.subscription import Inbox
+from rcopterx.bus.wakeup import Wakeup
 from rcopterx.radios.calibration import Calibration
 from rcopterx.radios.limits import ArbiterLimits
 from rcopterx.radios.multi import MultiProtocol, MultiSettings
@@ -26,7 +27,7 @@ from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 from rcopterx.transmitter_gateway.kill_keys import KillKeys
 from rcopterx.transmitter_gateway.port import Write, WriteOutcome
 from rcopterx.transmitter_gateway.process import Gateway
-from rcopterx.transmitter_gateway.radios import Radios, Wakeup
+from rcopterx.transmitter_gateway.radios import Radios
 from rcopterx.transmitter_gateway.settings import GatewaySettings, TransmitterSettings
 from rcopterx.transmitter_gateway.state_page import begin_page
 from rcopterx.transmitter_gateway.transmitter import Transmitter
@@ -184,7 +185,7 @@ class Laboratory(Wakeup):
     def states(self) -> set[State]:
         return {self.transmitter(name).arbiter.state for name in NAMES}
 
-    def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
+    def wait(self, timeout_s: float, descriptors: Collection[int] = (), rest_s: float = 0.0) -> set[int]:
         opening = [self.transmitter(name).port for name in NAMES if name not in self.blocked]
         wait_for(lambda: not any(port.is_opening for port in opening), "a port does not open")
         next_frame_s = (self.frame + 1) * PERIOD_S
@@ -199,7 +200,7 @@ class Laboratory(Wakeup):
                 self.bus.arrive("pose", name, self.pose(float(number)))
                 if self.thrust is not None:
                     self.bus.arrive("command", name, self.command(self.thrust))
-        return super().wait(descriptors, 0.0)
+        return super().wait(0.0, descriptors)
 
     def _serve(self, name: str, radio: RadioPty) -> None:
         new = self.writes[name][self._served[name] :]

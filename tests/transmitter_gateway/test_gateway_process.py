@@ -3,7 +3,7 @@
 import select
 import signal
 import threading
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from rcopterx.bus.clock import Clock
 from rcopterx.bus.heartbeat import Heartbeat, Phase
 from rcopterx.bus.messages import TransmitterStatus
 from rcopterx.bus.session import BusAddress, BusUnreachableError
+from rcopterx.bus.wakeup import Wakeup
 from rcopterx.transmitter_gateway import process
 from rcopterx.transmitter_gateway.inputs import Action, ActionRequest, State
 from rcopterx.transmitter_gateway.radios import Radios
@@ -43,7 +44,11 @@ class OwnTurns:
 
     count = 0
 
-    def wait(self, timeout_s: float, descriptors: Collection[int]) -> set[int]:
+    def before_wait(self) -> None: ...
+
+    def wake(self) -> None: ...
+
+    def wait(self, timeout_s: float, descriptors: Collection[int] = ()) -> set[int]:
         self.count += 1
         return set(select.select(descriptors, [], [], timeout_s)[0])
 
@@ -58,6 +63,7 @@ class Program(Laboratory):
         self.router_is_there = threading.Event()
         self.router_is_there.set()
         self.problem: Exception | None = None
+        self.of_session: OwnTurns | None = None
         self.priorities: list[int] = []
         self.is_over = False
         self.joined_before_radios = False
@@ -72,9 +78,10 @@ class Program(Laboratory):
         self.note_writes()
         return self.radios_of_gateway
 
-    def join(self, address: BusAddress, wake: Callable[[], None]) -> OwnBus:
+    def join(self, address: BusAddress, waiter: Wakeup) -> OwnBus:
         assert address is self.settings.bus
-        assert wake == self.notify
+        assert waiter is self
+        self.scheduled = self.of_session
         assert self.router_is_there.wait(DEADLINE_S)
         if self.problem is not None:
             raise self.problem
@@ -95,9 +102,9 @@ class Program(Laboratory):
         self._condition = next(script)
         process.run_gateway(self.settings)
 
-    def wait(self, descriptors: Iterable[int], timeout_s: float) -> set[int]:
+    def wait(self, timeout_s: float, descriptors: Collection[int] = (), rest_s: float = 0.0) -> set[int]:
         assert self.bus.now_s < LONGEST_S, "the gateway does not end"
-        ready = super().wait(descriptors, timeout_s)
+        ready = super().wait(timeout_s, descriptors, rest_s)
         try:
             if self._condition():
                 self._condition = next(self._script, bool)
@@ -180,7 +187,7 @@ def test_a_flight_ends_with_a_landing_when_the_process_shall_end(program: Progra
 
 
 def test_in_lockstep_the_process_joins_the_bus_before_its_radios_open_and_waits_in_turns(
-    program: Program, monkeypatch: pytest.MonkeyPatch
+    program: Program,
 ) -> None:
     def script() -> Iterator[Condition]:
         yield from program.flight()
@@ -190,7 +197,7 @@ def test_in_lockstep_the_process_joins_the_bus_before_its_radios_open_and_waits_
     bus = program.settings.bus
     program.settings = replace(program.settings, bus=replace(bus, clock=replace(bus.clock, lockstep=True)))
     turns = OwnTurns()
-    monkeypatch.setattr(program.bus, "turns", turns, raising=False)
+    program.of_session = turns
     program.run_script(script())
     assert program.states() == {State.CUT}
     assert program.joined_before_radios

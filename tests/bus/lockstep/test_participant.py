@@ -121,11 +121,11 @@ def test_waiting_for_other_processes_ends_with_the_names_of_those_that_do_not_st
     page: LockstepPage,
 ) -> None:
     script = Participant(page, "script", no_fence)
-    join_without_turns(page, SIMULATOR)
-    join_without_turns(page, "a")
+    join_without_turns(page.path, SIMULATOR)
+    join_without_turns(page.path, "a")
     with pytest.raises(TimeoutError, match=r"missing after 0\.2 s: b$"):
         script.await_others(0.2)
-    join_without_turns(page, "b")
+    join_without_turns(page.path, "b")
     script.await_others(0.0)
 
 
@@ -222,7 +222,7 @@ def test_time_begins_when_all_awaited_processes_are_there(page: LockstepPage) ->
 
 
 def test_time_stands_still_while_a_process_computes(page: LockstepPage) -> None:
-    join_without_turns(page, "b")
+    join_without_turns(page.path, "b")
     computing, ready = threading.Event(), threading.Event()
 
     def compute() -> None:
@@ -271,7 +271,7 @@ def test_messages_count_in_the_same_order_however_they_arrive(
 
 
 def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: LockstepPage) -> None:
-    join_without_turns(page, "b")
+    join_without_turns(page.path, "b")
     receiving = threading.Event()
     arrived: list[str] = []
 
@@ -303,8 +303,8 @@ def test_a_turn_begins_when_everything_has_arrived_that_was_sent_before(page: Lo
 def test_what_was_sent_before_a_subscription_does_not_count(page: LockstepPage) -> None:
     scheduler = Scheduler(page, SIMULATOR, no_fence)
     scheduler.begin()
-    join_without_turns(page, "a")
-    join_without_turns(page, "b")
+    join_without_turns(page.path, "a")
+    join_without_turns(page.path, "b")
     counter = page.counter("key", page.index_of("a"))
     page.counters[counter].count = 7
     scheduler.receive("key")
@@ -325,7 +325,7 @@ while True:
 
 
 def test_a_killed_process_stops_the_time_only_from_the_turn_of_its_successor_on(page: LockstepPage) -> None:
-    join_without_turns(page, "b")
+    join_without_turns(page.path, "b")
     end = threading.Event()
     conducting = threading.Thread(target=conduct, args=(page, end.is_set), daemon=True)
     conducting.start()
