@@ -1,15 +1,19 @@
-"""Newton's method for the piecewise quadratic cost: each sweep penalises an excess with weight s."""
+"""Newton's method for the piecewise quadratic cost: each sweep penalises an excess with weight s.
 
+Active hard bounds fix their rows, and stay active as long as their multipliers have the right sign.
+"""
+
+import math
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from rcopterx.compiling.compiled import FLAG, MATRIX, compiled, part, record
 from rcopterx.control.solver.problem import PROBLEM, TRAJECTORIES, OptimalControlProblem, Trajectories
-from rcopterx.control.solver.sweep import FACTOR, Factor, factorize, solve
+from rcopterx.control.solver.sweep import FACTOR, Factor, along_row, differentiate, factorize, quality, solve
 from rcopterx.vehicles.state import Array
 
-TOLERANCE: Final = 1e-12  # of a change between active and inactive; times `HARD` a derivative of 1e-4
+TOLERANCE: Final = 1e-12  # of a change between active and inactive
 MOST_SWEEPS: Final = 8  # sweeps after which an iteration that has not converged is given up
 
 
@@ -17,7 +21,7 @@ class ActiveSet(NamedTuple):
     """Active bounds of all rows, and what they add to a sweep; arrays of shape (N, ny)."""
 
     side: Array  # 1 where the upper bound is active, -1 where the lower one is, 0 elsewhere
-    e: Array  # weights
+    e: Array  # weights; infinite for hard bounds
     target: Array
 
     @classmethod
@@ -31,11 +35,13 @@ ACTIVE_SET: Final[Any] = record(ActiveSet, *3 * [MATRIX])
 
 @compiled(PROBLEM, MATRIX, MATRIX)
 def update_active_set(p: OptimalControlProblem, y: Array, side: Array) -> int:
-    """Set the active bounds of a plan's rows; return how many changed."""
+    """Set the active bounds of a plan's rows, but keep hard ones that are active; return how many changed."""
     changed = 0
     for k in range(y.shape[0]):
         for row in range(y.shape[1]):
             before = side[k, row]
+            if before != 0.0 and math.isinf(p.s[k, row]):
+                continue
             after = 0.0
             if p.s[k, row] > 0.0:
                 if y[k, row] > p.high[k, row] + (-TOLERANCE if before > 0.0 else TOLERANCE):
@@ -49,36 +55,58 @@ def update_active_set(p: OptimalControlProblem, y: Array, side: Array) -> int:
 
 
 @part
-def set_penalties(p: OptimalControlProblem, a: ActiveSet) -> bool:
-    """Set the penalty weights and targets of active bounds; return whether any bound is active."""
-    any_active = False
+def release(p: OptimalControlProblem, plan: Trajectories, a: ActiveSet) -> int:
+    """Release the hard bounds whose multipliers have the wrong sign; return how many."""
+    released, force = 0, np.empty(plan.y.shape)
+    derivative = np.empty(plan.u.shape)
+    for k in range(plan.y.shape[0]):
+        for row in range(plan.y.shape[1]):
+            force[k, row] = p.W[k, row] * (plan.y[k, row] - p.r[k, row])
+            if a.side[k, row] != 0.0 and not math.isinf(a.e[k, row]):
+                force[k, row] += a.e[k, row] * (plan.y[k, row] - a.target[k, row])
+    differentiate(p, plan, force, derivative)
+    for k in range(plan.y.shape[0]):
+        for row in range(plan.y.shape[1]):
+            if math.isinf(a.e[k, row]) and a.side[k, row] * along_row(p, k, row, derivative[k]) > 0.0:
+                a.side[k, row] = 0.0
+                released += 1
+    return released
+
+
+@part
+def set_penalties(p: OptimalControlProblem, a: ActiveSet) -> tuple[bool, bool]:
+    """Set the weights and targets of active bounds; return whether any is active, and whether a hard one."""
+    any_active = any_hard = False
     for k in range(a.side.shape[0]):
         for row in range(a.side.shape[1]):
             a.e[k, row] = a.target[k, row] = 0.0
             if a.side[k, row] != 0.0:
                 a.e[k, row] = p.s[k, row]
                 a.target[k, row] = p.high[k, row] if a.side[k, row] > 0.0 else p.low[k, row]
-                any_active = True
-    return any_active
+                any_active, any_hard = True, any_hard or math.isinf(p.s[k, row])
+    return any_active, any_hard
 
 
 @compiled(PROBLEM, ACTIVE_SET, FACTOR, FACTOR, FLAG, TRAJECTORIES)
 def iterate_active_set(
     p: OptimalControlProblem, a: ActiveSet, free: Factor, bounded: Factor, factored: bool, plan: Trajectories
-) -> tuple[int, bool, bool]:
-    """Sweep until the active set stays; return the number of sweeps, whether it did, and of `free`.
+) -> tuple[int, bool, bool, float, float]:
+    """Sweep until the active set stays; return sweeps, whether it did, of `free`, and residuals of the plan.
 
     `free` and `bounded` are factors without and with active bounds; `factored` if `free` is this problem's.
     """
     for sweep in range(1, MOST_SWEEPS + 1):
-        if set_penalties(p, a):
-            factorize(p, a.e, bounded)
+        any_active, any_hard = set_penalties(p, a)
+        if any_active:
+            factorize(p, a.e, a.target, bounded)
             solve(p, a.e, a.target, bounded, plan)
         else:
             if not factored:
-                factorize(p, a.e, free)
+                factorize(p, a.e, a.target, free)
                 factored = True
             solve(p, a.e, a.target, free, plan)
-        if update_active_set(p, plan.y, a.side) == 0:
-            return sweep, True, factored
-    return MOST_SWEEPS, False, factored
+        released = release(p, plan, a) if any_hard else 0
+        if update_active_set(p, plan.y, a.side) + released == 0:
+            _, primal, dual = quality(p, plan)
+            return sweep, True, factored, primal, dual
+    return MOST_SWEEPS, False, factored, math.inf, math.inf

@@ -1,18 +1,27 @@
 """Plans with their quality; and the plan that is flown when a solver stops before it converges."""
 
+from typing import Final
+
 import numpy as np
 
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Plan, Trajectories
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories
 from rcopterx.control.solver.sweep import quality, roll_out
 from rcopterx.vehicles.state import Array
 
+OPTIMAL: Final = 1e-3  # largest residuals of an optimal plan: of a stick, and of a change of an input
+
 
 def rated(
-    p: OptimalControlProblem, plan: Trajectories, active: Array, iterations: int, optimal: bool
+    p: OptimalControlProblem, plan: Trajectories, active: Array, iterations: int, converged: bool
 ) -> Plan:
-    """Return a plan with its residuals; arguments as of `Plan`."""
+    """Return a plan with its residuals; `converged` by the solver's own tolerances, others as of `Plan`."""
     _, primal, dual = quality(p, plan)
-    return Plan(*plan, active, iterations, primal, dual, optimal)
+    return Plan(*plan, active, iterations, primal, dual, converged and small(primal, dual))
+
+
+def small(primal: float, dual: float) -> bool:
+    """Whether residuals are those of an optimal plan; they are not where a number is not finite."""
+    return primal < OPTIMAL and 0.0 <= dual < OPTIMAL
 
 
 def best_plan(p: OptimalControlProblem, inputs: Array, last: Array | None) -> Trajectories:
@@ -37,7 +46,7 @@ def rolled_out(p: OptimalControlProblem, inputs: Array) -> Trajectories:
 
 def within_hard_bounds(p: OptimalControlProblem, inputs: Array) -> Array:
     """Return inputs whose hard rows, which depend on the inputs alone, are clipped to their bounds."""
-    hard = p.s[0] >= HARD
+    hard = np.isinf(p.s[0])
     D = p.D[:, hard]
     rows = np.einsum("kij,kj->ki", D, inputs)
     return np.linalg.solve(D, np.clip(rows, p.low[:, hard], p.high[:, hard])[..., None])[..., 0]

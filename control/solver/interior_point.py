@@ -14,6 +14,7 @@ from rcopterx.control.solver.sweep import Factor, factorize, solve
 from rcopterx.vehicles.state import Array
 
 SMALLEST_START: Final = 0.1  # slacks begin at least so large
+STIFFNESS: Final = 1e8  # weight of a hard bound here, over the curvature of the cost
 TO_BOUNDARY: Final = 0.995  # share of the step to the boundary that is taken
 FEASIBLE: Final = 1e-6
 
@@ -28,17 +29,26 @@ class Barrier(NamedTuple):
     gap: Array  # residual of y + t = bound, shape (2, N, ny)
     e: Array  # weights of the sweep, shape (N, ny)
     target: Array  # targets of the sweep, shape (N, ny)
+    s: Array  # weights of the bounds, finite, shape (N, ny)
 
     @classmethod
-    def at(cls, p: OptimalControlProblem, y: Array) -> "Barrier":
-        """Return a barrier that starts at the rows of a plan; rows without bounds have no multipliers."""
-        t = np.maximum((p.high - y, y - p.low), SMALLEST_START)
-        z, *changes = np.zeros((4, *t.shape))
-        t[:, p.s == 0.0] = z[:, p.s > 0.0] = 1.0
-        return cls(t, z, *changes, *np.zeros((2, *y.shape)))
+    def at(cls, p: OptimalControlProblem, y: Array, curvature: float) -> "Barrier":
+        """Return a barrier that starts at the rows of a plan within hard bounds.
+
+        Multipliers are at least those of the excesses over soft bounds, and their products with the slacks
+        about equal. Rows without bounds have none.
+        """
+        bounded, hard = p.s > 0.0, np.isinf(p.s)
+        s = np.where(hard, STIFFNESS * curvature, p.s)
+        inside = np.where(bounded, (p.high - y, y - p.low), 1.0)
+        t = np.maximum(inside, SMALLEST_START)
+        z = np.where(bounded, np.maximum(np.where(hard, 0.0, s) * (t - inside), curvature), 0.0)
+        z = np.where(bounded, np.maximum(z, (z * t)[:, bounded].mean() / t), 0.0)
+        (dt, dz, gap), (e, target) = np.zeros((3, *t.shape)), np.zeros((2, *y.shape))
+        return cls(t, z, dt, dz, gap, e, target, s)
 
 
-BARRIER: Final[Any] = record(Barrier, *5 * [BLOCKS], *2 * [MATRIX])
+BARRIER: Final[Any] = record(Barrier, *5 * [BLOCKS], *3 * [MATRIX])
 
 
 @compiled(PROBLEM, TRAJECTORIES, BARRIER)
@@ -47,7 +57,7 @@ def residuals(p: OptimalControlProblem, plan: Trajectories, b: Barrier) -> tuple
     largest, products, count = 0.0, 0.0, 0
     for k in range(plan.y.shape[0]):
         for row in range(plan.y.shape[1]):
-            s = p.s[k, row]
+            s = b.s[k, row]
             if s == 0.0:
                 continue
             y = plan.y[k, row]
@@ -68,17 +78,17 @@ def product(b: Barrier, side: int, k: int, row: int, centring: float) -> float:
     return value
 
 
-@compiled(PROBLEM, MATRIX, BARRIER, NUMBER)
-def set_barrier_weights(p: OptimalControlProblem, y: Array, b: Barrier, centring: float) -> None:
+@compiled(MATRIX, BARRIER, NUMBER)
+def set_barrier_weights(y: Array, b: Barrier, centring: float) -> None:
     """Set weights and targets of the sweep."""
     for k in range(y.shape[0]):
         for row in range(y.shape[1]):
-            if p.s[k, row] == 0.0:
+            if b.s[k, row] == 0.0:
                 continue
             weight = gradient = 0.0
             for side in range(2):
                 t, z = b.t[side, k, row], b.z[side, k, row]
-                scale = t + z / p.s[k, row]
+                scale = t + z / b.s[k, row]
                 force = z + (z * b.gap[side, k, row] - product(b, side, k, row, centring)) / scale
                 weight += z / scale
                 gradient += force if side == 0 else -force
@@ -86,13 +96,13 @@ def set_barrier_weights(p: OptimalControlProblem, y: Array, b: Barrier, centring
             b.target[k, row] = y[k, row] - gradient / weight
 
 
-@compiled(PROBLEM, MATRIX, MATRIX, BARRIER, NUMBER)
-def set_changes(p: OptimalControlProblem, y: Array, trial_y: Array, b: Barrier, centring: float) -> float:
+@compiled(MATRIX, MATRIX, BARRIER, NUMBER)
+def set_changes(y: Array, trial_y: Array, b: Barrier, centring: float) -> float:
     """Set the changes of slacks and multipliers by those of the rows; return the step to the boundary."""
     step = 1.0
     for k in range(y.shape[0]):
         for row in range(y.shape[1]):
-            s = p.s[k, row]
+            s = b.s[k, row]
             if s == 0.0:
                 continue
             for side in range(2):
@@ -132,22 +142,22 @@ def iterate(
 ) -> None:
     """Do one predictor-corrector step; `plan` satisfies the dynamics before and after it."""
     b.dt[:] = b.dz[:] = 0.0
-    set_barrier_weights(p, plan.y, b, 0.0)
-    factorize(p, b.e, f)
+    set_barrier_weights(plan.y, b, 0.0)
+    factorize(p, b.e, b.target, f)
     solve(p, b.e, b.target, f, trial)
-    step = set_changes(p, plan.y, trial.y, b, 0.0)
+    step = set_changes(plan.y, trial.y, b, 0.0)
     # The corrector adds the products of the predictor's changes.
     centring = remaining(b, step) ** 3 * complementarity
-    set_barrier_weights(p, plan.y, b, centring)
+    set_barrier_weights(plan.y, b, centring)
     solve(p, b.e, b.target, f, trial)
-    step = min(1.0, TO_BOUNDARY * set_changes(p, plan.y, trial.y, b, centring))
+    step = min(1.0, TO_BOUNDARY * set_changes(plan.y, trial.y, b, centring))
     for values, targets in zip(plan, trial, strict=True):
         values += step * (targets - values)
     for values, changes in ((b.t, b.dt), (b.z, b.dz)):
         values += step * changes
 
 
-def active_rows(b: Barrier) -> Array:
-    """Return the bounds whose multiplier exceeds the slack, as `ActiveSet.side`."""
-    pressing = b.z > b.t
+def active_rows(p: OptimalControlProblem, b: Barrier, curvature: float) -> Array:
+    """Return the soft bounds that are exceeded and the hard ones that are pressed on, as `ActiveSet.side`."""
+    pressing = b.z > np.where(np.isinf(p.s), curvature, p.s) * b.t
     return np.asarray(pressing[0].astype(float) - pressing[1])

@@ -5,10 +5,11 @@
                 y_k = C_k x_k + D_k u_k,    k = 0 .. N - 1
                 excess(y_k) = distance of y_k to [low_k, high_k]
 
-Rows y are positions, velocities, inputs, and distances to other vehicles. Input rows are hard: their weight s
-is `HARD`, which leaves an excess of about 1e-6 of a stick; the weights of all other bounds are soft.
+Rows y are positions, velocities, inputs, and distances to other vehicles. Rows whose s is `HARD` have bounds
+that hold exactly, whatever the cost; they depend on the inputs alone, and those of a stage are orthogonal.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -17,7 +18,7 @@ import numpy as np
 from rcopterx.compiling.compiled import BLOCKS, MATRIX, VECTOR, record
 from rcopterx.vehicles.state import Array
 
-HARD: Final = 1e8  # weight s of a bound that holds exactly, against weights W of about one to a thousand
+HARD: Final = math.inf  # weight s of a bound that holds exactly
 
 
 class OptimalControlProblem(NamedTuple):
@@ -55,8 +56,9 @@ class Plan(NamedTuple):
     active: Array  # shape (N, ny): 1 where the upper bound is active, -1 where the lower one is, 0 elsewhere
     iterations: int  # number of sweeps, or iterations of OSQP
     primal_residual: float  # largest excess over a hard bound
-    dual_residual: float  # largest derivative of the cost by an input, bounds included
-    optimal: bool  # whether the solver converged; if not, the plan is the best one known
+    # largest derivative of the cost by an input that no hard bound balances, over the curvature of the cost
+    dual_residual: float
+    optimal: bool  # whether both are small; if not, the plan is the best one known
 
 
 PROBLEM: Final[Any] = record(

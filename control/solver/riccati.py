@@ -13,13 +13,21 @@ import numpy as np
 
 from rcopterx.control.interfaces import never
 from rcopterx.control.solver.active_set import ActiveSet, iterate_active_set, update_active_set
-from rcopterx.control.solver.candidates import best_plan, empty_plan, rated
+from rcopterx.control.solver.candidates import (
+    best_plan,
+    empty_plan,
+    rated,
+    rolled_out,
+    small,
+    within_hard_bounds,
+)
 from rcopterx.control.solver.interior_point import FEASIBLE, Barrier, active_rows, iterate, residuals
-from rcopterx.control.solver.problem import OptimalControlProblem, Plan, Trajectories
-from rcopterx.control.solver.sweep import Factor
+from rcopterx.control.solver.problem import OptimalControlProblem, Plan
+from rcopterx.control.solver.sweep import Factor, curvature
 from rcopterx.vehicles.state import Array
 
-READABLE: Final = (1e-3, 1e-5, 1e-7)  # mean complementarities to read the active set at; optimal at last
+READABLE: Final = (1e-3, 1e-5, 1e-7, 1e-9)
+"""Mean complementarities, over the curvature of the cost, to read the active set at; optimal at last."""
 
 
 class RiccatiSolver:
@@ -43,56 +51,63 @@ class RiccatiSolver:
         if self._shape != p.C.shape + p.D.shape:
             self._allocate(p)
         self._factored = self._factored and same_cost
-        self._active.side[:-1] = self._active.side[1:]
-        plan = empty_plan(p)
-        iterations, optimal = self._iterate_active_set(p, plan)
-        if not optimal and not expired():
-            plan, further, optimal = self._interior_point(p, plan, expired)
-            iterations += further
-        if not optimal:
-            plan = best_plan(p, plan.u, self._inputs)
-            update_active_set(p, plan.y, self._active.side)
+        side = self._active.side
+        side[:-1] = side[1:]
+        plan = self._attempt(p, expired)
+        if not plan.optimal and self._inputs is not None and not expired():
+            # Nothing that the last problem left behind can keep this one from being solved.
+            side[:] = 0.0
+            plan = self._attempt(p, expired)
+        if not plan.optimal:
+            best = best_plan(p, plan.u, self._inputs)
+            side[:] = 0.0
+            update_active_set(p, best.y, side)
+            plan = rated(p, best, side.copy(), plan.iterations, converged=False)
         self._inputs = plan.u
-        return rated(p, plan, self._active.side.copy(), iterations, optimal)
+        return plan
 
     def _allocate(self, p: OptimalControlProblem) -> None:
         """Make room for problems of these shapes; nothing is known of them yet."""
         stages, rows, nx = p.C.shape
         nu = p.D.shape[2]
         self._shape = p.C.shape + p.D.shape
-        self._free, self._bounded = (
-            Factor(np.empty((stages, nu, nx)), np.empty((stages, nu, nu)), np.empty((stages + 1, nx, nx)))
-            for _ in range(2)
-        )
+        self._free, self._bounded = (Factor.empty(stages, nx, nu) for _ in range(2))
         self._factored = False
         self._active = ActiveSet.empty(stages, rows)
         self._inputs = None
 
-    def _iterate_active_set(self, p: OptimalControlProblem, plan: Trajectories) -> tuple[int, bool]:
-        """Sweep until the active set stays; return the number of sweeps, and whether it does."""
-        sweeps, converged, self._factored = iterate_active_set(
-            p, self._active, self._free, self._bounded, self._factored, plan
-        )
-        return sweeps, converged
+    def _attempt(self, p: OptimalControlProblem, expired: Callable[[], bool]) -> Plan:
+        """Solve from the present active set."""
+        plan = self._iterate_active_set(p)
+        if plan.optimal or expired() or not np.isfinite(plan.u).all():
+            return plan
+        return self._interior_point(p, plan, expired)
 
-    def _interior_point(
-        self, p: OptimalControlProblem, inside: Trajectories, expired: Callable[[], bool]
-    ) -> tuple[Trajectories, int, bool]:
-        """Solve from a plan that satisfies the dynamics; return plan, iterations, and whether optimal."""
-        barrier, trial = Barrier.at(p, inside.y), empty_plan(p)
-        levels = iter(READABLE)
-        level = next(levels)
-        for iteration in range(self._max_iterations):
-            complementarity, gap = residuals(p, inside, barrier)
-            if complementarity < level and gap < FEASIBLE:
-                verified = empty_plan(p)
-                self._active.side[:] = active_rows(barrier)
-                if self._iterate_active_set(p, verified)[1]:
-                    return verified, iteration, True
-                if complementarity < READABLE[-1]:
-                    return inside, iteration, True
-                level = next(levels)
-            if expired():
-                return inside, iteration, False
+    def _iterate_active_set(self, p: OptimalControlProblem) -> Plan:
+        """Sweep until the active set stays."""
+        plan, active = empty_plan(p), self._active
+        sweeps, converged, self._factored, primal, dual = iterate_active_set(
+            p, active, self._free, self._bounded, self._factored, plan
+        )
+        return Plan(*plan, active.side.copy(), sweeps, primal, dual, converged and small(primal, dual))
+
+    def _interior_point(self, p: OptimalControlProblem, start: Plan, expired: Callable[[], bool]) -> Plan:
+        """Solve from a plan's inputs."""
+        unit, inside = curvature(p), rolled_out(p, within_hard_bounds(p, start.u))
+        barrier, trial = Barrier.at(p, inside.y, unit), empty_plan(p)
+        iterations, converged, levels = start.iterations, False, list(READABLE)
+        complementarity, gap = residuals(p, inside, barrier)
+        for _ in range(self._max_iterations):
+            if expired() or converged:
+                break
             iterate(p, inside, trial, self._bounded, barrier, complementarity)
-        return inside, self._max_iterations, False
+            iterations += 1
+            complementarity, gap = residuals(p, inside, barrier)
+            if complementarity < levels[0] * unit and gap < FEASIBLE:
+                self._active.side[:] = active_rows(p, barrier, unit)
+                verified = self._iterate_active_set(p)
+                if verified.optimal:
+                    return verified._replace(iterations=iterations)
+                converged = len(levels) == 1
+                del levels[0]
+        return rated(p, inside, self._active.side.copy(), iterations, converged)

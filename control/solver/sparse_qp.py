@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from rcopterx.control.solver.problem import HARD, OptimalControlProblem, Trajectories
+from rcopterx.control.solver.problem import OptimalControlProblem, Trajectories
 from rcopterx.vehicles.state import Array
 
 FREE: Final = 1e20  # stands for an infinite bound
@@ -28,7 +28,7 @@ class SparseQP:
         N, nx, nu = p.B.shape
         self._shapes = p.C.shape, p.D.shape
         self._bounded = p.s > 0.0
-        self._soft = self._bounded & (p.s < HARD)
+        self._soft = self._bounded & np.isfinite(p.s)
         self._stage = nx + nu
         # number of rows of the constraints that are equalities; they come first
         self.equalities = (N + 1) * nx

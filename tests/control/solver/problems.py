@@ -1,4 +1,4 @@
-"""Random problems for tests of solvers: a lightly damped tilt, half sticks, states beyond their bounds."""
+"""Random problems for tests of solvers: a tilt with little damping and states beyond bounds; and any."""
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
@@ -48,3 +48,35 @@ def random_problem(stages: int, seed: int, stick: float = 0.5) -> OptimalControl
 def one_stage_on(p: OptimalControlProblem, u: Array) -> OptimalControlProblem:
     """The same problem one period later, after an input."""
     return p._replace(x_0=p.A[0] @ p.x_0 + p.B[0] @ u + p.c[0])
+
+
+def any_problem(seed: int) -> OptimalControlProblem:
+    """A problem of random sizes, dynamics and bounds, with a cost in any unit."""
+    rng = np.random.default_rng(seed)
+    N, nu = int(rng.integers(2, 61)), int(rng.integers(1, 5))
+    nx = int(rng.integers(nu, 11))
+    soft = int(rng.integers(1, nx + 1))
+    A = np.eye(nx) + 0.1 * rng.normal(size=(nx, nx))
+    A *= min(1.0, 1.05 / np.abs(np.linalg.eigvals(A)).max())
+    B = rng.normal(size=(nx, nu)) * 10 ** rng.uniform(-2, 0)
+    C = np.concatenate((rng.normal(size=(soft, nx)), np.zeros((nu, nx))))
+    D = np.concatenate((np.zeros((soft, nu)), np.eye(nu)))
+    unit = 10 ** rng.uniform(-4, 4)
+    W = unit * 10 ** np.concatenate((rng.uniform(-1, 3, soft), rng.uniform(-1, 1, nu)))
+    s = np.tile(np.concatenate((unit * 10 ** rng.uniform(2, 5, soft), np.full(nu, HARD))), (N, 1))
+    s[0, :soft] = 0.0
+    high, root = rng.uniform(0.1, 1, soft + nu), rng.normal(size=(nx, nx))
+    low, r = -high * rng.uniform(0.5, 1, soft + nu), np.zeros(soft + nu)
+    r[:soft] = rng.normal(size=soft)
+    matrices = (np.tile(matrix, (N, 1, 1)) for matrix in (A, B))
+    rows = (np.tile(values, (N, 1)) for values in (W, r, low, high))
+    return OptimalControlProblem(
+        *matrices,
+        0.01 * rng.normal(size=(N, nx)),
+        *(np.tile(matrix, (N, 1, 1)) for matrix in (C, D)),
+        *rows,
+        s,
+        unit * 10 * (root @ root.T) / nx,
+        rng.normal(size=nx),
+        rng.normal(size=nx) * 10 ** rng.uniform(-1, 0.5),
+    )

@@ -156,3 +156,18 @@ def test_somebody_far_away_changes_nothing() -> None:
     alone = flown([], np.array([0.5, 0.2, 1.2]), steps=60)
     watched = flown([still(np.array([-1.0, -1.0, 1.0]), stages=40)], np.array([0.5, 0.2, 1.2]), steps=60)
     assert watched == pytest.approx(alone, abs=1e-4)
+
+
+@pytest.mark.parametrize("solver", ["riccati", "osqp"])
+def test_the_first_stick_brakes_before_an_obstacle_however_heavy_its_separation(solver: str) -> None:
+    controller = CascadeController(
+        COAXIAL_LAG, PERIOD_S, CascadeSettings(horizon=40, solver=solver, separation_weight=1e8)
+    )
+    motion = np.array([0, 0, 1.0, 0, 0.6, 0, 0, 0])
+    estimate = Estimate(motion, COAXIAL_LAG.hover_input.copy(), np.zeros(4))
+    controller.reset(estimate, COAXIAL_LAG.hover_input)
+    controller.set_obstacles([still(np.array([0.3, 0.0, 1.0]), stages=40)])
+    step = controller.step(
+        estimate, hold(np.array([1.0, 0.0, 1.0]), 0.0, PERIOD_S, 40), COAXIAL_LAG.hover_input
+    )
+    assert step.inputs[0, 0] < 0.0
