@@ -35,7 +35,7 @@ def decoded(data: bytes) -> str:
     It is UTF-8, or with its mark UTF-16.
     """
     try:
-        text = data.decode("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")
+        text = data.decode("utf-16" if data.startswith(_UTF_16) else "utf-8").removeprefix("\ufeff")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise TextError(f"not UTF-8 text: {error.reason} at byte {error.start}, line {line}") from None

@@ -202,14 +202,17 @@ def fleets(
         run = stack.enter_context(TemporaryDirectory(prefix="rcopterx-"))
         monkeypatch.setenv("RCOPTERX_RUN", run)
 
-        def start(text: str | None = None, *, without: tuple[str, ...] = (), **options: str) -> Flying:
+        def start(
+            text: str | None = None, *, without: tuple[str, ...] = (), record: bool = False, **options: str
+        ) -> Flying:
             if text is None:
                 text = fleet_text(free_port(), {"main": ("127.0.0.1", free_port())}, **options)
             path = directory / "lab.toml"
             path.write_text(text)
             file = at_speed(load_fleet(path), None, lockstep)
             launchers = {
-                host: stack.enter_context(Launcher(file, host, without, script=script)) for host in file.hosts
+                host: stack.enter_context(Launcher(file, host, without, record=record, script=script))
+                for host in file.hosts
             }
             fleet = Fleet(file, timeout_s=30, process=script)
             flying = Flying(path, fleet, launchers, Recorder(fleet.session, only=NEEDED))

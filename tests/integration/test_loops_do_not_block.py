@@ -22,9 +22,11 @@ from rcopterx.simulator.faults import BreakRadio, Occlude
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(180)]
 
 Launch = Callable[..., Flying]
+RECORDS = ("open", "os.stat", "os.mkdir", "os.remove", "os.listdir", "os.scandir")
 CABLES = ("os.stat", "os.readlink", "os.mkdir", "os.remove", "os.symlink", "os.rename")
-EXPECTED = {"simulator": CABLES}
-"""Calls of the simulator, which stands for hardware: an emulated cable is a link in the file system."""
+EXPECTED = {"simulator": CABLES, "recorder": RECORDS}
+"""Calls of the simulator, which stands for hardware: an emulated cable is a link in the file system. Calls of
+the recorder, whose loop writes files: no vehicle waits for it."""
 
 
 def vehicles() -> str:
@@ -90,13 +92,16 @@ def test_no_loop_blocks_and_no_loop_leaves_garbage(
     monkeypatch.setenv("RCOPTERX_TRACE", str(trace))
     monkeypatch.setenv("PYTHONPATH", str(Path(support.__file__).parent / "tracer"), os.pathsep)
     hosts = {"main": ("127.0.0.1", free_port())}
-    flying = launch(fleet_text(free_port(), hosts, vehicles=vehicles(), simulator="speed = 0.5"))
+    text = fleet_text(free_port(), hosts, vehicles=vehicles(), simulator="speed = 0.5")
+    flying = launch(f'{text}\n[log]\ndirectory = "{tmp_path / "flights"}"\n', record=True)
     fly_through_everything(flying)
     for launcher in flying.launchers.values():
         launcher.stop()
     found = findings(trace)
     traced = Counter(finding["process"][0] for finding in found if finding["event"] == "loop")
-    assert set(traced) >= {"agent", "transmitters", "tracker", "router", "simulator"}, traced
+    assert set(traced) >= {"agent", "transmitters", "tracker", "router", "simulator", "recorder"}, traced
+    collected = {finding["process"][0] for finding in found if finding["event"] == "garbage"}
+    assert collected >= {"agent", "transmitters", "tracker", "simulator"}, "they switch the collection off"
     wrong = [
         finding
         for finding in found

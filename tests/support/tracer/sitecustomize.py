@@ -38,14 +38,15 @@ class Tracer:
         if get_ident() not in self._loops:
             gc.collect()
             gc.freeze()
-            gc.disable()
             self._loops.add(get_ident())
             self.note("loop", "")
 
     def end(self) -> None:
-        """Trace the calling thread no more, and note the garbage of the process."""
-        if get_ident() in self._loops:
-            self._loops.discard(get_ident())
+        """Trace the calling thread no more, and note the garbage of a process that does not collect it."""
+        if get_ident() not in self._loops:
+            return
+        self._loops.discard(get_ident())
+        if not gc.isenabled():
             gc.set_debug(gc.DEBUG_SAVEALL)
             gc.collect()
             gc.set_debug(0)
