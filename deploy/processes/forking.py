@@ -14,8 +14,8 @@ import threading
 import time
 import weakref
 from _thread import start_new_thread
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import IO, Final
 
@@ -36,21 +36,6 @@ RETRY_S: Final = 1.0  # between two starts of a fork server
 def child_environment() -> dict[str, str]:
     """Return the environment of supervised processes, with one thread for each numerical library."""
     return os.environ | ONE_THREAD | {"RCOPTERX_PARENT": str(os.getpid())}
-
-
-@contextmanager
-def environment_with(values: Mapping[str, str]) -> Iterator[None]:
-    """Let this process, and those that it starts meanwhile, have other environment variables."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 class ForkedProcess:

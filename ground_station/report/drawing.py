@@ -19,12 +19,3 @@ def save_figure(draw: Callable[[Any], None], path: Path) -> None:
     figure = Figure()
     draw(figure)
     figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
-
-
-def finish_figure(figure: Any, title: str | None = None, grid: str = "both") -> None:
-    """Add grids and a title, and fit everything into the figure."""
-    for axes in figure.axes:
-        axes.grid(axis=grid, alpha=0.3)
-    if title is not None:
-        figure.suptitle(title)
-    figure.tight_layout()

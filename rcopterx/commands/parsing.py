@@ -26,28 +26,6 @@ def check_known(names: Iterable[str], known: Collection[str], what: str, option:
             raise typer.BadParameter(message, param_hint=option)
 
 
-def known_names(text: str, known: Collection[str], what: str, option: str) -> tuple[str, ...]:
-    """Parse known names, separated by commas; `what` and `option` are for the error message."""
-    names = tuple(name.strip() for name in text.split(","))
-    check_known(names, known, what, option)
-    return names
-
-
-def different_numbers(text: str, option: str, lowest: int = 0, highest: int | None = None) -> tuple[int, ...]:
-    """Parse different whole numbers in a range, separated by commas; `option` is for the error message."""
-    try:
-        numbers = tuple(int(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    inside = all(lowest <= number and (highest is None or number <= highest) for number in numbers)
-    if not numbers or not inside or len(set(numbers)) < len(numbers):
-        span = f"from {lowest} on" if highest is None else f"from {lowest} to {highest}"
-        raise typer.BadParameter(
-            f"{text!r}: allowed are different whole numbers {span}, separated by commas", param_hint=option
-        )
-    return numbers
-
-
 def settings_of(words: Iterable[str], option: str) -> "dict[str, Setting]":
     """Parse settings like horizon=30; `option` is for the error message."""
     settings = {}

@@ -9,11 +9,11 @@ import numpy as np
 
 from rcopterx.ground_station.acceptance.pages import link, write_page
 from rcopterx.ground_station.report.document import table
-from rcopterx.ground_station.report.drawing import finish_figure
 from rcopterx.ground_station.report.picture import svg_of
 from rcopterx_studies.arena.flying import Flown
 from rcopterx_studies.arena.tasks import TASKS
 from rcopterx_studies.experiments.runner import Result
+from rcopterx_studies.figures import finish_figure
 
 Rows = Mapping[str, Mapping[str, Any]]  # figures by scheme
 HEAD: Final = (

@@ -16,13 +16,13 @@ import tomlkit
 from rcopterx.bus import channels
 from rcopterx.bus.messages import Applied
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.deploy.processes.forking import environment_with
 from rcopterx.fleet.reading import fleet_path, load_fleet
 from rcopterx.ground_station.report.statistics import percentiles
 from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx_studies.benchmarks.namespaces import network
 from rcopterx_studies.benchmarks.processes import Show
 from rcopterx_studies.benchmarks.scale import fly_legs
+from rcopterx_studies.environment import environment_with
 
 LABORATORY: Final = "main"  # host of the simulated laboratory and its gateways
 ONE: Final[Mapping[str, str]] = {"h1": "main", "h2": "main", "h3": "main"}

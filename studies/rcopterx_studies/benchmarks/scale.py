@@ -18,7 +18,6 @@ from typing import Any, Final
 from rcopterx.bus import channels
 from rcopterx.bus.session import RawMessage
 from rcopterx.deploy.hosts.launcher import Launcher
-from rcopterx.ground_station.report.drawing import finish_figure
 from rcopterx.ground_station.report.figures import FlightFigures
 from rcopterx.ground_station.report.recorder import Recorder
 from rcopterx.ground_station.report.statistics import percentiles
@@ -26,6 +25,7 @@ from rcopterx.ground_station.scripting.fleet import Fleet
 from rcopterx.ground_station.scripting.launched import launched
 from rcopterx.ground_station.scripting.vehicle import FLIGHT_ERRORS, lines_of
 from rcopterx_studies.benchmarks.processes import Show, cpu_s, descendants, memory_of, wake_ups
+from rcopterx_studies.figures import finish_figure
 
 RATE_HZ: Final = 50.0  # frames of the motion capture; control periods stay 20 ms
 SETTLE_S: Final = 3.0  # pause after the formation is reached, so that the take-off is not measured

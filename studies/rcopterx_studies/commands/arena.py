@@ -6,8 +6,15 @@ from typing import Annotated, Any
 import typer
 
 from rcopterx.commands.output import JsonOption, Progress, print_document
-from rcopterx.commands.parsing import check_known, different_numbers, known_names
-from rcopterx_studies.commands.options import ProcessesOption, QuickOption, ResumeOption, kept_flights
+from rcopterx.commands.parsing import check_known
+from rcopterx_studies.commands.options import (
+    ProcessesOption,
+    QuickOption,
+    ResumeOption,
+    different_numbers,
+    kept_flights,
+    known_names,
+)
 
 app = typer.Typer(add_completion=False)
 

@@ -9,7 +9,7 @@ import typer
 
 from rcopterx.commands.fleet_option import DEFAULT_FLEET, FleetOption, SpeedOption, failure
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, print_document, write_plot
-from rcopterx.commands.parsing import different_numbers, known_names
+from rcopterx_studies.commands.options import different_numbers, known_names
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 

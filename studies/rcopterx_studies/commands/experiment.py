@@ -7,9 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rcopterx.commands.output import JsonOption, PlotOption, Progress, print_document, write_plot
-from rcopterx.commands.parsing import check_known, different_numbers, known_names
+from rcopterx.commands.parsing import check_known
 from rcopterx.simulator.conditions import PRESETS
-from rcopterx_studies.commands.options import ProcessesOption, QuickOption, ResumeOption, kept_flights
+from rcopterx_studies.commands.options import (
+    ProcessesOption,
+    QuickOption,
+    ResumeOption,
+    different_numbers,
+    kept_flights,
+    known_names,
+)
 
 if TYPE_CHECKING:
     from rcopterx_studies.experiments.knowledge import Knowledge

@@ -1,11 +1,13 @@
-"""Options of studies."""
+"""Options of studies, and how their values are read."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from rcopterx.commands.parsing import check_known
 
 if TYPE_CHECKING:
     from rcopterx_studies.experiments.kept import KeptFlights
@@ -28,3 +30,25 @@ def kept_flights(resume: Path | None, context: Mapping[str, object]) -> Iterator
         yield None if resume is None else KeptFlights(resume, context)
     except KeptFlightsError as error:
         raise typer.BadParameter(str(error), param_hint="--resume") from None
+
+
+def known_names(text: str, known: Collection[str], what: str, option: str) -> tuple[str, ...]:
+    """Parse known names, separated by commas; `what` and `option` are for the error message."""
+    names = tuple(name.strip() for name in text.split(","))
+    check_known(names, known, what, option)
+    return names
+
+
+def different_numbers(text: str, option: str, lowest: int = 0, highest: int | None = None) -> tuple[int, ...]:
+    """Parse different whole numbers in a range, separated by commas; `option` is for the error message."""
+    try:
+        numbers = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    inside = all(lowest <= number and (highest is None or number <= highest) for number in numbers)
+    if not numbers or not inside or len(set(numbers)) < len(numbers):
+        span = f"from {lowest} on" if highest is None else f"from {lowest} to {highest}"
+        raise typer.BadParameter(
+            f"{text!r}: allowed are different whole numbers {span}, separated by commas", param_hint=option
+        )
+    return numbers

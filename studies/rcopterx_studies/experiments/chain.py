@@ -15,7 +15,6 @@ import numpy as np
 
 from rcopterx.bus.messages import LeaderLink
 from rcopterx.formation.topology import places
-from rcopterx.ground_station.report.drawing import finish_figure
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import Array
@@ -25,6 +24,7 @@ from rcopterx_studies.experiments.record import rms, rms_and_max_mm
 from rcopterx_studies.experiments.rig import ROOM_M, SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx_studies.experiments.schemes import CASCADE, Scheme
+from rcopterx_studies.figures import finish_figure
 
 SLOT_S: Final = 5.0
 QUICK_HORIZON: Final = 20

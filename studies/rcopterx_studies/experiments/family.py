@@ -14,7 +14,6 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.control.references.path_shapes import figure_eight
-from rcopterx.ground_station.report.drawing import finish_figure
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import INPUT_SIZE, YAW, Array
@@ -25,6 +24,7 @@ from rcopterx_studies.experiments.record import VehicleRecord, rms
 from rcopterx_studies.experiments.rig import GUARDED, Progress, Rig
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx_studies.experiments.schemes import CASCADE, Scheme
+from rcopterx_studies.figures import finish_figure
 
 HOME_M: Final[Three] = (0.0, 0.0, 1.0)
 LOST_M: Final = 0.5  # further from its last set point at the end of the flight, a vehicle is lost

@@ -14,7 +14,6 @@ from typing import Any, Final
 import numpy as np
 
 from rcopterx.bus.messages import LeaderLink
-from rcopterx.ground_station.report.drawing import finish_figure
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import MOTION_SIZE, YAW, Array
@@ -25,6 +24,7 @@ from rcopterx_studies.experiments.record import FlightRecord, rms_and_max_mm
 from rcopterx_studies.experiments.rig import PERIOD_S, SETTLED_S, Progress, Rig, RigVehicle
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx_studies.experiments.schemes import CASCADE, PAPER, Scheme
+from rcopterx_studies.figures import finish_figure
 
 LEADER: Final = "h1"
 FOLLOWERS: Final = ("h2", "h3")

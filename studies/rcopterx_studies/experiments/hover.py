@@ -7,13 +7,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from rcopterx.ground_station.report.drawing import finish_figure
 from rcopterx.simulator.conditions import Conditions
 from rcopterx.simulator.plant import Pose
 from rcopterx.vehicles.state import YAW, Array
 from rcopterx_studies.experiments.rig import SETTLED_S, Progress, Rig
 from rcopterx_studies.experiments.runner import Cases, Experiment, Options, Result
 from rcopterx_studies.experiments.schemes import CASCADE, KUNZ, PAPER, Scheme
+from rcopterx_studies.figures import finish_figure
 
 FLIGHT_S: Final = 120.0
 QUICK_FLIGHT_S: Final = 15.0

@@ -19,13 +19,13 @@ from rcopterx.control.identification.recording import FlightRecording, Recording
 from rcopterx.control.interfaces import Estimate, EstimatesUncertainty, Measurement
 from rcopterx.control.models.prediction import predict
 from rcopterx.control.plugins import ESTIMATORS
-from rcopterx.ground_station.report.drawing import finish_figure
 from rcopterx.radios.crazyflie import CrazyflieSettings
 from rcopterx.radios.crtp import FULL_THRUST
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import GRAVITY_M_S2, YAW, Array, inertial_velocity
 from rcopterx_studies.experiments.knowledge import CRAZYFLIE
 from rcopterx_studies.experiments.record import rms
+from rcopterx_studies.figures import finish_figure
 
 FIRMWARE_THRUST: Final = 65535.0
 """Full stick here: the firmware's position control asks for more than a radio may, `FULL_THRUST`."""

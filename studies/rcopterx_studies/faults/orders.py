@@ -9,8 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from rcopterx.deploy.processes.forking import environment_with
 from rcopterx.ground_station.scripting.waiting import NotReachedError
+from rcopterx_studies.environment import environment_with
 
 VARIABLE: Final = "RCOPTERX_FAULT_ORDERS"
 """Environment variable with the directory in which processes find their orders."""
