@@ -60,7 +60,7 @@ compile: $(VENV)/.compiler
 	@$(BIN)/python -m rcopterx.compiling
 
 demo: $(VENV)/.compiler
-	@$(MAKE) --no-print-directory --jobs=2 compile $(VENV)/.ground
+	@$(MAKE) --silent --no-print-directory --jobs=2 compile $(VENV)/.ground
 	@exec $(BIN)/rcopterx demo $(ARGS)
 
 test: $(VENV)/.test
