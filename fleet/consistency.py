@@ -1,8 +1,10 @@
 """Checks that names, hosts, leaders and devices in a fleet file are consistent."""
 
+import ipaddress
 import os.path
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
+from typing import Final
 
 from rcopterx.bus.channels import EVERY_FLEET, FIXED_UNITS
 from rcopterx.bus.processes import RESERVED_PROCESSES
@@ -12,6 +14,8 @@ from rcopterx.fleet.schema import (
     check_known,
     is_loopback,
 )
+
+LARGEST_M: Final = 100.0  # of the coordinates of a flight volume, which is indoors
 
 
 def check_consistency(fleet: FleetFile) -> None:
@@ -41,6 +45,9 @@ def _check_vehicles(fleet: FleetFile) -> None:
     check_unique("vehicles", "transmitter.port", ports, os.path.normpath)
     low, high = fleet.volume.min_m, fleet.volume.max_m
     for axis, (a, b) in enumerate(zip(low, high, strict=True)):
+        for field, value in ((f"min_m[{axis}]", a), (f"max_m[{axis}]", b)):
+            if abs(value) > LARGEST_M:
+                raise FleetError(f"volume.{field}: {value:g} m is more than {LARGEST_M:g} m: in millimetres?")
         if not a < b:
             raise FleetError(f"volume.max_m[{axis}]: {b} must be greater than min_m[{axis}] = {a}")
 
@@ -60,6 +67,9 @@ def _check_hosts(fleet: FleetFile) -> None:
     addresses = {name: f"{host.address}:{fleet.router_port(name)}" for name, host in fleet.hosts.items()}
     check_unique("hosts", "router_port", addresses)
     for name, address in addresses.items():
+        host_address = fleet.hosts[name].address
+        if ":" in host_address and not _is_ipv6(host_address):
+            raise FleetError(f"hosts.{name}.address: {host_address!r}: the port belongs into router_port")
         if not address.isascii():
             raise FleetError(f"hosts.{name}.address: {fleet.hosts[name].address!r} must be in ASCII")
         if fleet.simulator is not None and address == fleet.tracker.address:
@@ -89,6 +99,13 @@ def _check_hosts(fleet: FleetFile) -> None:
             )
     for name in () if fleet.simulator is None else fleet.simulator.start:
         check_known(f"simulator.start.{name}", "vehicle", name, fleet.vehicles)
+
+
+def _is_ipv6(address: str) -> bool:
+    try:
+        return ipaddress.ip_address(address).version == 6
+    except ValueError:
+        return False
 
 
 def _check_security(fleet: FleetFile) -> None:

@@ -379,4 +379,5 @@ class FleetFile(Table, frozen=True, kw_only=True):
     def endpoint(self, host: str) -> str:
         """Return the Zenoh endpoint at which others reach the router of a host, if it listens for them."""
         protocol = "tcp" if self.security.certificates is None else "tls"
-        return f"{protocol}/{self.hosts[host].address}:{self.router_port(host)}"
+        address = self.hosts[host].address
+        return f"{protocol}/{f'[{address}]' if ':' in address else address}:{self.router_port(host)}"

@@ -2,6 +2,7 @@
 
 import os
 import re
+import tempfile
 import time
 from collections.abc import Iterable
 from contextlib import suppress
@@ -39,8 +40,9 @@ def default_directory() -> Path:
     chosen = os.environ.get("RCOPTERX_FLIGHTS")
     if chosen:
         return Path(chosen)
-    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(data) / ROOT / "flights"
+    home = os.path.expanduser("~")  # "~" itself where neither HOME nor the system names one
+    place = Path(home) / ".local" / "share" if os.path.isabs(home) else Path(tempfile.gettempdir())
+    return Path(os.environ.get("XDG_DATA_HOME") or place) / ROOT / "flights"
 
 
 def new_flight_name(fleet: str, started_s: float, directory: Path) -> str:

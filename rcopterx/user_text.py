@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 SEPARATORS: Final = ",;\t"
 _UTF_16: Final = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_ADDRESS: Final = re.compile(r"(?:\[([0-9A-Fa-f:.%\w]+)\]|([^\[\]:\s]+)):([0-9]{1,5})")
 _DECIMAL_COMMA: Final = re.compile(r"\s*[-+]?\d*,\d+\s*")
 
 
@@ -72,3 +73,12 @@ def number_in(cell: str, where: str) -> float:
     if not math.isfinite(value):
         raise TextError(f"{where}: {cell!r} is not a number")
     return value
+
+
+def host_and_port(text: str) -> tuple[str, int]:
+    """Return the parts of HOST:PORT, an IPv6 address being in brackets; raises `TextError`."""
+    match = _ADDRESS.fullmatch(text)
+    if match is None or not 0 < int(match[3]) < 65536:
+        hint = ", an IPv6 address in brackets" if text.count(":") > 1 else ""
+        raise TextError(f"{text!r}, must be HOST:PORT{hint}")
+    return match[1] or match[2], int(match[3])

@@ -3,15 +3,18 @@
 import os
 import resource
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from rcopterx.bus.link_sockets import CONGESTION_CONTROL, congestion_control
 from rcopterx.deploy.certificates.files import AUTHORITY, certificate_names, directory_of, host_name, readable
+from rcopterx.deploy.hosts.resources import check_resources
 from rcopterx.deploy.hosts.run_directory import run_directory
+from rcopterx.deploy.hosts.running import running_fleets
 from rcopterx.deploy.roles.priorities import Priority
-from rcopterx.fleet.schema import FleetFile
+from rcopterx.fleet.schema import FleetError, FleetFile
 
 CAP_SYS_NICE: Final = 23  # number of the capability to raise priorities
 
@@ -25,13 +28,14 @@ class Result(NamedTuple):
 
 def examine(fleet: FleetFile, host: str, now: datetime) -> Iterator[Result]:
     """Make all checks that need no running fleet; `host` is this computer, `now` has a time zone."""
-    yield real_time(
-        max(priority.of(fleet) for priority in Priority),
-        resource.getrlimit(resource.RLIMIT_RTPRIO)[0],
-        _capabilities(),
-    )
+    wanted = max(priority.of(fleet) for priority in Priority)
+    limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
+    yield real_time(wanted, limit, _capabilities(), _is_granted(wanted))
     try:
-        yield Result(True, f"run directory {run_directory(fleet.name, fleet.bus.namespace)} is yours alone")
+        directory = run_directory(fleet.name, fleet.bus.namespace)
+        yield Result(True, f"run directory {directory} is yours alone")
+        if (fleet.name, host) not in {(running.fleet, running.host) for running in running_fleets()}:
+            yield from devices(fleet, host, directory)
     except OSError as error:
         yield Result(False, str(error))
     yield from certificates(fleet, host, now)
@@ -52,12 +56,41 @@ def links(control: str) -> Result:
     )
 
 
-def real_time(priority: int, limit: int, capabilities: int) -> Result:
-    """Check that processes may have the fleet's priorities, by `RLIMIT_RTPRIO` and capabilities."""
+def _is_granted(priority: int) -> bool:
+    """Whether the kernel gives a thread a real-time priority now."""
+    try:
+        with ThreadPoolExecutor(1) as pool:
+            pool.submit(os.sched_setscheduler, 0, os.SCHED_FIFO, os.sched_param(priority)).result()
+    except OSError:
+        return False
+    return True
+
+
+def devices(fleet: FleetFile, host: str, directory: Path) -> Iterator[Result]:
+    """Check addresses and devices that the fleet needs on a host while it is not up."""
+    try:
+        missing = check_resources(fleet, host, directory)
+    except FleetError as error:
+        yield Result(False, str(error))
+        return
+    yield from (Result(False, line) for line in missing)
+    if not missing:
+        yield Result(True, "addresses are free, and all devices are there")
+
+
+def real_time(priority: int, limit: int, capabilities: int, granted: bool) -> Result:
+    """Check that processes may have the fleet's priorities, by `RLIMIT_RTPRIO`, capabilities and a try."""
     if priority == 0:
         return Result(True, "the fleet file asks for no real-time priority")
     if limit == resource.RLIM_INFINITY or limit >= priority or capabilities >> CAP_SYS_NICE & 1:
-        return Result(True, f"real-time priorities up to {priority} are permitted")
+        if granted:
+            return Result(True, f"real-time priorities up to {priority} are permitted")
+        return Result(
+            False,
+            f"limits permit real-time priorities up to {priority}, but the kernel refuses them: a control "
+            "group has no share of real time; give its cpu.rt_runtime_us one (docker run --cpu-rt-runtime), "
+            "or start the fleet outside of the container or session",
+        )
     return Result(
         False,
         f"real-time priorities up to {priority} are not permitted (limit {limit}): "

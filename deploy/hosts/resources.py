@@ -72,10 +72,13 @@ def check_router(fleet: FleetFile, host: str) -> None:
 
 def check_free(address: str, port: int, where: str) -> None:
     """Check that no other program listens at an address; `FleetError` begins with the field `where`."""
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((address, port))
+        except UnicodeError:
+            raise FleetError(f"{where}: {address!r} is no name of a host") from None
         except OSError as error:
             busy = "; is the fleet already up? Stop it, or give another port"
             hint = busy if error.errno == errno.EADDRINUSE else ""

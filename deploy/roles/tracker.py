@@ -6,6 +6,7 @@ from typing import Final
 from rcopterx.deploy.roles.addresses import bus_address
 from rcopterx.deploy.roles.priorities import Priority
 from rcopterx.fleet.schema import FleetError, FleetFile, TrackerConfig, check_known
+from rcopterx.user_text import TextError, host_and_port
 from rcopterx.vicon_gateway.brands import BrandSettings, LibraryMissingError, check_library
 from rcopterx.vicon_gateway.process import TrackerSettings, run_tracker_gateway
 from rcopterx.vicon_gateway.recording import RecordingFileError, check_creatable
@@ -44,10 +45,10 @@ def tracker_settings(fleet: FleetFile) -> TrackerSettings:
 
 def tracker_address(fleet: FleetFile) -> tuple[str, int]:
     """Return host and port of the Tracker; `FleetError` if the address is not HOST:PORT."""
-    host, separator, port = fleet.tracker.address.rpartition(":")
-    if not separator or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise FleetError(f"tracker.address: {fleet.tracker.address!r}, must be HOST:PORT")
-    return host, int(port)
+    try:
+        return host_and_port(fleet.tracker.address)
+    except TextError as error:
+        raise FleetError(f"tracker.address: {error}") from None
 
 
 def brand_of(fleet: FleetFile) -> BrandSettings | None:

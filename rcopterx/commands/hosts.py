@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcopterx.commands.fleet_option import (
+    DEFAULT_FLEET,
     EXIT_FAILED,
     FleetArgument,
     HostOption,
     chosen_host,
     fleet_file,
+    wanted_fleet,
 )
 from rcopterx.commands.parsing import check_known
 
@@ -95,12 +97,27 @@ def certs(
         typer.echo(line)
 
 
-def doctor(fleet: FleetArgument, host: HostOption = None) -> None:
+def doctor(
+    fleet: Annotated[
+        str | None, typer.Argument(metavar="FLEET", help="Default: the fleet that is up, else trio.")
+    ] = None,
+    host: HostOption = None,
+) -> None:
     """Check this computer, and that the fleet, if it is up, refuses what it must refuse.
 
     Exit code 1 if there are findings. It does not disturb a fleet: its messages have no content.
     """
-    file = fleet_file(fleet)
+    from rcopterx.deploy.hosts.running import running_fleets
+
+    if fleet is None and running_fleets():
+        file, here = wanted_fleet(None)
+        report_findings(file, host or here)
+    else:
+        report_findings(fleet_file(fleet or DEFAULT_FLEET), host)
+
+
+def report_findings(file: "FleetFile", host: str | None) -> None:
+    """Print what is wrong with this computer as a host of a fleet; exit code 1 if there is anything."""
     findings = 0
     for result in _results(file, chosen_host(file, host)):
         typer.echo(f"{'ok' if result.good else 'finding'}: {result.text}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar, get_args
 import typer
 
 from rcopterx.commands.parsing import three
+from rcopterx.user_text import TextError, host_and_port
 
 if TYPE_CHECKING:
     from rcopterx.deploy.new_laboratory import NewVehicle
@@ -99,8 +100,8 @@ def _subjects_of(address: str) -> list[str]:
     """Subjects that the Tracker lists; none, with the reason printed, if it does not answer."""
     from rcopterx.vicon_gateway.client import DataStreamClient
 
-    host, _, port = _address(address).rpartition(":")
-    with DataStreamClient(host, int(port)) as client:
+    host, port = host_and_port(_address(address))
+    with DataStreamClient(host, port) as client:
         frame = client.next_frame(LOOK_S)
         if frame is None:
             why = client.state.last_error or client.state.doing
@@ -114,9 +115,10 @@ def _subjects_of(address: str) -> list[str]:
 
 
 def _address(text: str) -> str:
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise typer.BadParameter(f"{text!r} is not HOST:PORT")
+    try:
+        host_and_port(text)
+    except TextError as error:
+        raise typer.BadParameter(str(error)) from None
     return text
 
 

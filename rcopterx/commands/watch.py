@@ -12,6 +12,7 @@ from rcopterx.commands.fleet_option import (
     ROUTER_S,
     RunningFleetOption,
     failure,
+    fleet_file,
     running_fleet,
     wanted_fleet,
 )
@@ -41,7 +42,13 @@ def check(
     as_json: JsonOption = False,
     fleet: RunningFleetOption = None,
 ) -> None:
-    """List problems that block take-off. Exit code 1 if there are any."""
+    """List problems that block take-off. Exit code 1 if there are any.
+
+    With the name of a fleet file (*.toml) instead of vehicles, check the file and this computer.
+    """
+    if vehicles and len(vehicles) == 1 and vehicles[0].endswith(".toml"):
+        _check_file(vehicles[0])
+        return
     from rcopterx.ground_station.scripting.waiting import NotReachedError
     from rcopterx.ground_station.terminal.status import fleet_check, readable
 
@@ -52,6 +59,21 @@ def check(
     print_document(table, as_json, readable)
     if not table["ready"]:
         raise typer.Exit(EXIT_FAILED)
+
+
+def _check_file(name: str) -> None:
+    """Check a fleet file and this computer without starting a process of the fleet."""
+    from rcopterx.commands.hosts import report_findings
+    from rcopterx.deploy.fleet_check import check_fleet
+    from rcopterx.deploy.hosts.run_directory import run_directory
+
+    file = fleet_file(name)
+    check_fleet(file, run_directory(file.name, file.bus.namespace))
+    typer.echo(f"ok: {name}: {len(file.vehicles)} vehicles, every field is valid")
+    if len(file.hosts) == 1:
+        report_findings(file, None)
+    else:
+        typer.echo(f"on each of {', '.join(file.hosts)}: rcopterx doctor {name} --host HOST")
 
 
 def top(

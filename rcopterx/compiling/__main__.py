@@ -3,53 +3,86 @@
 import importlib
 import multiprocessing
 import os
+import signal
 import sys
 import time
 import traceback
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from typing import NamedTuple
 
-from rcopterx.compiling.cache import COMPLETE, MODULES, directory, remove_unused
+from rcopterx.compiling.cache import (
+    COMPLETE,
+    INTERRUPTED,
+    MODULES,
+    VARIABLE,
+    directory,
+    remove_unused,
+)
 
 
 def main() -> int:
     """Compile what the cache lacks, several modules at a time, and remove old versions from it."""
     path = directory()
     if path is None:
-        print("kernels cannot be kept: no directory is writable, see RCOPTERX_KERNELS", file=sys.stderr)
+        print(f"kernels are compiled in memory: no place keeps them, see {VARIABLE}", file=sys.stderr)
         return 0
     if (path / COMPLETE).exists():
         return 0
     print("rcopterx compiles its kernels for this computer, once ...", file=sys.stderr, flush=True)
     start_s = time.monotonic()
-    problems = _compile_modules()
+    results = _compile_modules()
+    problems, not_kept = (
+        [each.problem for each in results if each.problem],
+        [each.not_kept for each in results],
+    )
     if problems:
         print(*problems, sep="\n", file=sys.stderr)
         return 1
-    (path / COMPLETE).touch()
-    remove_unused(path.parent, time.time())
+    try:
+        if any(not_kept):
+            raise OSError(next(filter(None, not_kept)))
+        (path / COMPLETE).touch()
+        remove_unused(path.parent, time.time())
+    except OSError as error:
+        print(f"kernels are compiled in memory: {path} keeps none: {error}", file=sys.stderr)
+        return 0
     print(f"... compiled in {time.monotonic() - start_s:.0f} s", file=sys.stderr)
     return 0
 
 
-def _compile_modules() -> list[str]:
-    """Compile all modules in forks of this process, which has imported the compiler; return what failed."""
+class _Result(NamedTuple):
+    problem: str = ""
+    not_kept: str = ""  # why machine code was not stored
+
+
+def _compile_modules() -> list[_Result]:
+    """Compile all modules in forks of this process, which has imported the compiler."""
     compiler = importlib.import_module("rcopterx.compiling.compiled")
     compiler.Announcer.announced = True
+    fork = multiprocessing.get_context("fork")
     try:
-        with ProcessPoolExecutor(os.cpu_count(), mp_context=multiprocessing.get_context("fork")) as pool:
-            return [problem for problem in pool.map(_compile_module, MODULES) if problem]
+        # Ctrl-C ends the forks without a word.
+        with ProcessPoolExecutor(
+            os.cpu_count(), fork, signal.signal, (signal.SIGINT, signal.SIG_DFL)
+        ) as pool:
+            return list(pool.map(_compile_module, MODULES))
     except BrokenProcessPool as error:
-        return [str(error)]
+        return [_Result(str(error))]
 
 
-def _compile_module(module: str) -> str:
+def _compile_module(module: str) -> _Result:
+    from rcopterx.compiling.compiled import Announcer
+
     try:
         importlib.import_module(f"rcopterx.{module}")
     except Exception:  # noqa: BLE001 - the compiler raises errors of many kinds
-        return f"{module}: {traceback.format_exc().strip()}"
-    return ""
+        return _Result(f"{module}: {traceback.format_exc().strip()}")
+    return _Result(not_kept=Announcer.not_kept)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)

@@ -7,12 +7,13 @@ import fcntl
 import hashlib
 import os
 import platform
+import re
 import shutil
 import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import version
@@ -36,20 +37,14 @@ MODULES: Final = (
     "control.controllers.cascade.lateral",
 )
 """Modules of kernels, in an order in which two compiling processes rarely wait for each other."""
-RECORDS: Final = (
-    "compiling.compiled",
-    "control.interfaces",
-    "vehicles.model",
-    "control.solver.problem",
-    "control.models.lags",
-    "control.controllers.cascade.task",
-    "control.controllers.settings",
-)
-"""Further modules on which machine code depends: types of arguments, and constants."""
 VARIABLE: Final = "RCOPTERX_KERNELS"  # environment variable with the cache's directory, if not the user's
 KEPT: Final = 10  # number of versions that stay in the cache, besides those of the last `KEPT_S`
 KEPT_S: Final = 24 * 3600.0
+INTERRUPTED: Final = 130  # exit code of a compilation that Ctrl-C has ended
 _PREFIX: Final = "kernels-"
+_IMPORT: Final = re.compile(r"^from rcopterx\.([\w.]+) import (\([^)]*\)|.+)$", re.MULTILINE)
+_WORD: Final = re.compile(r"\w+")
+NEEDED_BYTES: Final = 4 * 1024 * 1024  # about what all kernels take
 _PROCESSOR: Final = ("model name", "flags", "Features", "CPU part", "CPU implementer")
 
 
@@ -68,22 +63,33 @@ def directory() -> Path | None:
             path = base / name
             path.mkdir(exist_ok=True, mode=0o700)
             _check_private(path)
+            if not (path / COMPLETE).exists():
+                _try(path)
             os.utime(path)
         except OSError:
             continue
-        if os.access(path, os.W_OK):
-            return path
+        return path
     return None
 
 
 def _bases() -> Iterator[Path]:
     """Places of the cache in the order in which they are tried."""
-    chosen = os.environ.get(VARIABLE)
+    home = os.path.expanduser("~")  # "~" itself where neither HOME nor the system names one
+    chosen, cached = os.environ.get(VARIABLE), os.environ.get("XDG_CACHE_HOME")
     if chosen:
         yield Path(chosen)
-    cached = os.environ.get("XDG_CACHE_HOME")
-    yield (Path(cached) if cached else Path(os.path.expanduser("~")) / ".cache") / "rcopterx"
+    if cached or os.path.isabs(home):
+        yield (Path(cached) if cached else Path(home) / ".cache") / "rcopterx"
     yield Path(tempfile.gettempdir()) / f"rcopterx-kernels-{os.getuid()}"
+
+
+def _try(path: Path) -> None:
+    """Write and lock a file: permissions do not show a full disk, a quota, or missing locks."""
+    with tempfile.TemporaryFile(dir=path) as file:
+        file.write(bytes(NEEDED_BYTES))
+        file.flush()
+        os.fsync(file.fileno())
+        fcntl.flock(file, fcntl.LOCK_EX)
 
 
 def _check_private(path: Path) -> None:
@@ -100,9 +106,8 @@ def _check_private(path: Path) -> None:
 def _digest() -> str:
     """Digest of all sources that machine code depends on; numba checks a kernel's own file only."""
     digest = hashlib.sha256()
-    package = Path(__file__).parents[1]
-    for module in (*RECORDS, *sorted(MODULES)):
-        digest.update((package / f"{module.replace('.', '/')}.py").read_bytes())
+    for module, source in sorted(sources(MODULES).items()):
+        digest.update(module.encode() + source)
     parts = [version("numba"), version("numpy"), sys.version, platform.machine()]
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
@@ -111,6 +116,21 @@ def _digest() -> str:
     parts += sorted({line for line in lines if line.startswith(_PROCESSOR)})
     digest.update("\n".join(parts).encode())
     return digest.hexdigest()[:16]
+
+
+def sources(modules: Iterable[str], package: Path = Path(__file__).parents[1]) -> dict[str, bytes]:
+    """Return the sources of modules and of all modules of the package that they import, at any depth."""
+    found: dict[str, bytes] = {}
+    names = list(modules)
+    while names:
+        name = names.pop()
+        path = package / f"{name.replace('.', '/')}.py"
+        if name not in found and path.is_file():
+            found[name] = path.read_bytes()
+            for parent, members in _IMPORT.findall(found[name].decode()):
+                # A member is a module, or a name that the parent defines.
+                names += [parent, *(f"{parent}.{member}" for member in _WORD.findall(members))]
+    return found
 
 
 @contextmanager
@@ -141,6 +161,8 @@ def compile_all() -> None:
     if path is not None and (path / COMPLETE).exists():
         return
     done = subprocess.run([sys.executable, "-m", "rcopterx.compiling"], check=False)
+    if done.returncode == INTERRUPTED:
+        raise KeyboardInterrupt
     if done.returncode:
         raise OSError(
             f"the kernels cannot be compiled: python -m rcopterx.compiling ended with {done.returncode}"

@@ -79,6 +79,7 @@ class Announcer(event.Listener):
     """Explains once, on standard error, why the first start takes long."""
 
     announced = False
+    not_kept = ""  # why machine code was not stored
 
     def on_start(self, event: Any) -> None:  # noqa: ARG002 - the signature is numba's
         """Announce that something is compiled."""
@@ -111,18 +112,27 @@ def compiled(*arguments: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
     def compile_now(function: Callable[P, R]) -> Callable[P, R]:
         path = directory()
-        with ExitStack() as stack:
-            if path is not None:
-                stack.enter_context(only_one(path, function.__module__))
-                # Restored afterwards: functions that users compile with numba keep their own cache.
-                for option, value in (("CACHE_DIR", str(path)), ("CACHE_LOCATOR_CLASSES", _LOCATOR)):
-                    stack.callback(setattr, _numba.config, option, getattr(_numba.config, option))
-                    setattr(_numba.config, option, value)
-            stack.enter_context(event.install_listener("numba:compile", Announcer()))
-            kernel: Callable[P, R] = _numba.njit([arguments], cache=path is not None, **_OPTIONS)(function)
-        return kernel
+        try:
+            return _kernel(function, arguments, path)
+        except OSError as error:  # the place of the cache has become full, or was never one
+            Announcer.not_kept = str(error)
+            return _kernel(function, arguments, None)
 
     return compile_now
+
+
+def _kernel(function: Callable[P, R], arguments: tuple[Any, ...], path: Path | None) -> Callable[P, R]:
+    """Compile a function, or load its machine code from a place."""
+    with ExitStack() as stack:
+        if path is not None:
+            stack.enter_context(only_one(path, function.__module__))
+            # Restored afterwards: functions that users compile with numba keep their own cache.
+            for option, value in (("CACHE_DIR", str(path)), ("CACHE_LOCATOR_CLASSES", _LOCATOR)):
+                stack.callback(setattr, _numba.config, option, getattr(_numba.config, option))
+                setattr(_numba.config, option, value)
+        stack.enter_context(event.install_listener("numba:compile", Announcer()))
+        kernel: Callable[P, R] = _numba.njit([arguments], cache=path is not None, **_OPTIONS)(function)
+    return kernel
 
 
 def part(function: Callable[P, R]) -> Callable[P, R]:

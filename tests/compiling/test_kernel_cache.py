@@ -1,7 +1,9 @@
 """Promises of the cache of kernels: private, found again, no obstacle where nothing is writable."""
 
+import errno
 import os
 import shutil
+import signal
 import stat
 import subprocess
 import sys
@@ -9,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from support.waiting import wait_for
 
 from rcopterx.compiling import __main__ as compiling
 from rcopterx.compiling import cache
@@ -46,9 +49,95 @@ def test_kernels_lie_in_a_private_directory_of_their_version(
 def test_other_sources_are_other_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
     first = cache.directory()
-    monkeypatch.setattr(cache, "MODULES", (*cache.MODULES, "compiling.cache"))
+    monkeypatch.setattr(cache, "MODULES", (*cache.MODULES, "bus.clock"))
     cache.directory.cache_clear()
     assert cache.directory() != first
+
+
+def test_every_constant_that_a_kernel_freezes_decides_which_kernels_are_used(tmp_path: Path) -> None:
+    package = Path(cache.__file__).parents[1]
+    found = cache.sources(cache.MODULES)
+    assert {"vehicles.state", "control.references.trajectory", "compiling.compiled"} <= set(found)
+    for name in found:
+        copy = tmp_path / f"{name.replace('.', '/')}.py"
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_bytes(found[name])
+    assert cache.sources(cache.MODULES, tmp_path) == cache.sources(cache.MODULES, package)
+    state = tmp_path / "vehicles" / "state.py"
+    text = state.read_text(encoding="utf-8")
+    assert "9.81" in text
+    state.write_text(text.replace("9.81", "1.62"), encoding="utf-8")
+    assert cache.sources(cache.MODULES, tmp_path) != found
+
+
+@pytest.mark.parametrize("statement", ["import a, b", "import (\n    a,\n    b,\n)"])
+def test_imports_of_modules_from_packages_are_followed(tmp_path: Path, statement: str) -> None:
+    (tmp_path / "pack").mkdir()
+    (tmp_path / "one.py").write_text(f"import os\nfrom rcopterx.pack {statement}\n")
+    (tmp_path / "pack" / "a.py").write_text("from rcopterx.two import X\n")
+    (tmp_path / "pack" / "b.py").write_text("")
+    (tmp_path / "two.py").write_text("X = 1\n")
+    assert set(cache.sources(["one"], tmp_path)) == {"one", "pack.a", "pack.b", "two"}
+
+
+@pytest.mark.parametrize("call", ["fcntl.flock", "os.fsync"], ids=["no locks", "full"])
+def test_the_next_place_is_taken_where_files_cannot_be_stored_or_locked(
+    call: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+
+    def refuse_first(*arguments: object) -> None:
+        calls.append(arguments)
+        if len(calls) == 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "one"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "two"))
+    monkeypatch.setattr(call, refuse_first)
+    path = cache.directory()
+    assert path is not None
+    assert path.parent == tmp_path / "two" / "rcopterx"
+
+
+def test_ctrl_c_while_kernels_compile_ends_without_a_traceback(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rcopterx.compiling"],
+        env={**os.environ, cache.VARIABLE: str(tmp_path)},
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    assert process.stderr is not None
+    assert "compiles its kernels" in process.stderr.readline()
+    wait_for(lambda: any(tmp_path.rglob("*.lock")), "forks that compile")
+    os.killpg(process.pid, signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert (process.returncode, stderr) == (cache.INTERRUPTED, "")
+
+
+def test_without_a_home_no_directory_is_named_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("HOME", "XDG_CACHE_HOME", cache.VARIABLE):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    path = cache.directory()
+    assert path is not None
+    assert path.is_relative_to(tmp_path / f"rcopterx-kernels-{os.getuid()}")
+    assert not (tmp_path / "~").exists()
+
+
+def test_a_place_that_becomes_full_is_left_and_kernels_are_compiled_in_memory(tmp_path: Path) -> None:
+    script = (
+        "import errno, numba\n"
+        "from numba.core import caching\n"
+        "def full(*_): raise OSError(errno.ENOSPC, 'No space left on device')\n"
+        "caching.IndexDataCacheFile.save = full\n"
+    )
+    (tmp_path / "kernel.py").write_text(script + KERNEL)
+    done = run(tmp_path, {cache.VARIABLE: str(tmp_path / "place")})
+    assert (done.returncode, done.stdout) == (0, "42.0\n"), done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_the_next_place_is_taken_where_one_cannot_be_written(

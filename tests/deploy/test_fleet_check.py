@@ -115,6 +115,23 @@ def test_a_good_fleet_passes_every_check(text: str, tmp_path: Path) -> None:
             PAIR + "[watchdog]\nflight_s = 0.3",
             r"^watchdog\.flight_s: 0\.3 must be shorter than descend_after_s = 0\.2 of h1",
         ),
+        (
+            HARDWARE_PAIR + '[tracker]\nbrand = "optitrack"\naddress = "lab:1510"\nrate_hz = 120',
+            r"period_s: 0\.02 s is no whole .* tracker\.rate_hz = 120 Hz; 0\.0166667 s or 100 Hz would fit",
+        ),
+        (
+            PAIR + "[volume]\nmin_m = [-1500, -1500, 0]\nmax_m = [1500, 1500, 2000]",
+            r"^volume\.min_m\[0\]: -1500 m is more than 100 m: in millimetres\?",
+        ),
+        (
+            PAIR + '[tracker]\naddress = "host:801:801"',
+            r"^tracker\.address: 'host:801:801', must be HOST:PORT, an",
+        ),
+        (
+            PAIR + '[tracker]\naddress = "fe80::1:801"',
+            r"^tracker\.address: 'fe80::1:801', must be .*brackets",
+        ),
+        (PAIR + '[hosts.main]\naddress = "127.0.0.1:80"', r"^hosts\.main\.address: .* router_port"),
         (PAIR + '[tracker]\naddress = "lab"', r"^tracker\.address: 'lab', must be HOST:PORT"),
         (PAIR + '[tracker]\naddress = "lab:70000"', r"^tracker\.address: 'lab:70000', must be HOST:PORT"),
         (PAIR + '[tracker]\naddress = "lab:²"', r"^tracker\.address: 'lab:²', must be HOST:PORT"),

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rcopterx.user_text import Row, TextError, decoded, number_in, rows_of
+from rcopterx.user_text import Row, TextError, decoded, host_and_port, number_in, rows_of
 
 TABLE = "t,x\n0,1.5\n3,ü\n"
 ROWS = [Row(1, ["t", "x"]), Row(2, ["0", "1.5"]), Row(3, ["3", "ü"])]
@@ -63,3 +63,21 @@ def test_numbers_survive(value: float) -> None:
 def test_any_bytes_are_a_table_or_a_clear_error(data: bytes) -> None:
     with suppress(TextError):
         assert all(any(row.cells) for row in rows_of(decoded(data)))
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [("lab:801", ("lab", 801)), ("10.0.0.1:1", ("10.0.0.1", 1)), ("[::1]:801", ("::1", 801)),
+     ("[fe80::1%eth0]:65535", ("fe80::1%eth0", 65535))],
+)  # fmt: skip
+def test_addresses_have_a_host_and_a_port(text: str, parts: tuple[str, int]) -> None:
+    assert host_and_port(text) == parts
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "lab", "lab:", ":801", "lab:801:801", "::1:801", "lab:0", "lab:65536", "lab:²", "[]:1", "a b:1"],
+)
+def test_what_is_no_address_is_refused(text: str) -> None:
+    with pytest.raises(TextError, match="must be HOST:PORT"):
+        host_and_port(text)

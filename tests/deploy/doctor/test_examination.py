@@ -4,10 +4,10 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from support.fleets import PAIR
+from support.fleets import HARDWARE_PAIR, PAIR
 
 from rcopterx.deploy.certificates.fleet_certificates import make_certificates
-from rcopterx.deploy.doctor.examination import CAP_SYS_NICE, certificates, links, real_time
+from rcopterx.deploy.doctor.examination import CAP_SYS_NICE, certificates, devices, links, real_time
 from rcopterx.fleet.reading import parse_fleet
 
 NOW = datetime(2026, 11, 22, 12, tzinfo=UTC)
@@ -23,7 +23,7 @@ NOW = datetime(2026, 11, 22, 12, tzinfo=UTC)
 def test_real_time_priorities_need_a_limit_or_a_capability(
     priority: int, limit: int, capabilities: int, good: bool
 ) -> None:
-    result = real_time(priority, limit, capabilities)
+    result = real_time(priority, limit, capabilities, granted=True)
     assert result.good is good
     assert good or "sudo tee /etc/security/limits.d/rcopterx.conf" in result.text
 
@@ -58,3 +58,23 @@ def test_every_certificate_that_is_here_is_looked_at(tmp_path: Path) -> None:
     assert all("expires in 10 days" in result.text and not result.good for result in later)
     (tmp_path / "agent.h2.key").unlink()
     assert len(list(certificates(fleet, "main", NOW))) == len(names) - 1
+
+
+def test_limits_that_permit_what_the_kernel_refuses_are_a_finding() -> None:
+    result = real_time(20, 99, 0, granted=False)
+    assert not result.good
+    assert "control group" in result.text
+
+
+def test_missing_devices_are_findings(tmp_path: Path) -> None:
+    fleet = parse_fleet(HARDWARE_PAIR)
+    (result,) = devices(fleet, "main", tmp_path)
+    assert not result.good
+    assert "vehicles.h1.transmitter.port: there is no device" in result.text
+    assert "vehicles.h2.transmitter.port: there is no device" in result.text
+    (tmp_path / "radio-h1").touch()
+    (result,) = devices(fleet, "main", tmp_path)
+    assert not result.good
+    (tmp_path / "radio-h2").touch()
+    (result,) = devices(fleet, "main", tmp_path)
+    assert result.good
