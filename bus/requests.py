@@ -89,6 +89,9 @@ class GoTo(Request, frozen=True, kw_only=True):
     """New set point of a leader."""
 
     set_point: SetPoint
+    """Its heading is meant the nearest way round."""
+    turns: Annotated[int, Meta(ge=-20, le=20)] = 0
+    """Whole turns in addition, counter-clockwise from above."""
 
 
 class Fly(Request, frozen=True, kw_only=True):

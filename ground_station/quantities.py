@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rcopterx.bus.messages import AgentStatus, Diagnostics, TransmitterStatus
 from rcopterx.ground_station.report.latency import STAGES, TOTAL
-from rcopterx.ground_station.scripting.state import VehicleState
+from rcopterx.ground_station.scripting.state import VehicleState, shown_heading_deg
 
 Text = Callable[[VehicleState], str]
 BAR = 8  # characters of a bar
@@ -116,7 +116,7 @@ QUANTITIES = (
     Quantity("position", lambda state: _numbers(state.position_m, 2, " m"), 20),
     Quantity(
         "heading",
-        _agent(lambda agent: "" if agent.yaw_rad is None else f"{round(math.degrees(agent.yaw_rad))}°"),
+        _agent(lambda agent: "" if agent.yaw_rad is None else f"{shown_heading_deg(agent.yaw_rad)}°"),
     ),
     Quantity(
         "uncertainty (2σ)",

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 SEPARATORS: Final = ",;\t"
 _UTF_16: Final = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-_ADDRESS: Final = re.compile(r"(?:\[([0-9A-Fa-f:.%\w]+)\]|([^\[\]:\s]+)):([0-9]{1,5})")
+_ADDRESS: Final = re.compile(r"(?:\[([0-9A-Fa-f:.%\w]+)\]|([^\[\]:\s]+)):([0-9]{1,9})")
 _DECIMAL_COMMA: Final = re.compile(r"\s*[-+]?\d*,\d+\s*")
 
 

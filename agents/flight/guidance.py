@@ -198,6 +198,10 @@ class Guidance:
             self.source = smooth_way(limits, position_m, yaw_rad, self.source, time_s)
         return None
 
+    def heading_rad(self, time_s: float) -> float:
+        """Return the heading of the own reference now, with all turns."""
+        return float(self.source.sample(time_s, 1.0, 1).yaw_rad[0])
+
     def flight_problem(self) -> str | None:
         """Return why no set point or path is accepted now; None if one is."""
         if self.phase is not Phase.FLYING:

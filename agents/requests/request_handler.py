@@ -1,5 +1,6 @@
 """Answers requests: applies them or says why they are refused. A thread checks the paths of `fly`."""
 
+import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -37,6 +38,7 @@ from rcopterx.bus.requests import (
 from rcopterx.bus.session import Incoming
 from rcopterx.control.identification.excitation import Excitation
 from rcopterx.control.references.paths import FlightPath, begun_from, path_problem, run_in_time_s
+from rcopterx.control.references.trajectory import nearest_heading
 from rcopterx.formation.placement import Room, move_problem, take_off_problem
 from rcopterx.formation.profile_limits import profile_limits_of
 from rcopterx.formation.topology import FormationGraph, followers, formation_of, places
@@ -251,7 +253,10 @@ class RequestHandler:
         return reply_of(self.pilot.guidance.land(self.pilot.estimate, self.pilot.clock.time_s))
 
     def _go_to(self, request: GoTo) -> Reply:
-        position_m, yaw_rad = np.array(request.set_point.position_m), request.set_point.yaw_rad
+        position_m, time_s = np.array(request.set_point.position_m), self.pilot.clock.time_s
+        # Headings of references have all turns that the vehicle has made.
+        near_rad = self.pilot.guidance.heading_rad(time_s)
+        yaw_rad = nearest_heading(request.set_point.yaw_rad, near_rad) + math.tau * request.turns
         problem = (
             self.changes.promised()
             or self.settings.room.outside(position_m)
@@ -261,7 +266,7 @@ class RequestHandler:
             return reply_of(problem)
         vehicle, models = self.settings.vehicle, self.settings.models
         limits = profile_limits_of(self._formation()[0], {vehicle: self.pilot.model, **models}, vehicle)
-        return reply_of(self.pilot.guidance.go_to(position_m, yaw_rad, self.pilot.clock.time_s, limits))
+        return reply_of(self.pilot.guidance.go_to(position_m, yaw_rad, time_s, limits))
 
     def _no_trajectory(self) -> str | None:
         return self.changes.promised() or self.pilot.guidance.flight_problem()

@@ -75,10 +75,11 @@ def figure_eight(
     return _along(curve, math.tau * turns, period_s, heading, center_m)
 
 
-def through(waypoints: Sequence[Sequence[float]] | Array) -> FlightPath:
+def through(waypoints: Sequence[Sequence[float]] | Array, whole_turns: bool = False) -> FlightPath:
     """Return a quintic spline through timed waypoints, at rest at both ends.
 
-    Rows of `waypoints` are time [s], x, y, z [m] and yaw [rad]; times increase.
+    Rows of `waypoints` are time [s], x, y, z [m] and yaw [rad]; times increase. From one row to the next the
+    vehicle turns the nearest way, unless headings count `whole_turns`.
     """
     table = np.array([list(row) for row in waypoints], dtype=float) if len(waypoints) else np.zeros((0, 5))
     if table.ndim != 2 or table.shape[1] != 5 or len(table) < 2:
@@ -90,6 +91,8 @@ def through(waypoints: Sequence[Sequence[float]] | Array) -> FlightPath:
         raise PathError(
             f"waypoints: time {table[late[0] + 1, 0]:g} s does not come after {table[late[0], 0]:g} s"
         )
+    if not whole_turns:
+        table[:, 4] = np.unwrap(table[:, 4])
     spline = _spline_at_rest(table[:, 0], table[:, 1:])
     times = _knot_times(float(table[-1, 0] - table[0, 0])) + table[0, 0]
     parts = [spline(times), spline.derivative(1)(times), spline.derivative(2)(times)]

@@ -23,6 +23,12 @@ OFFSET_TOLERANCE_M: Final = 0.001
 YAW_TOLERANCE_RAD: Final = 0.2
 
 
+def shown_heading_deg(yaw_rad: float) -> int:
+    """Return a heading within half a turn of 0, in (-180, 180], for people."""
+    heading_deg = round(math.degrees(math.remainder(yaw_rad, math.tau)))
+    return 180 if heading_deg == -180 else heading_deg
+
+
 @dataclass(frozen=True, repr=False)
 class VehicleState:
     """The state of a vehicle at one moment; prints as one line. Ages are on the local monotonic clock.
@@ -139,7 +145,7 @@ class VehicleState:
                 x, y, z = self.position_m
                 words.append(f"at {x:.2f} {y:.2f} {z:.2f} m")
             if self.agent.yaw_rad is not None:
-                words.append(f"heading {math.degrees(self.agent.yaw_rad):.0f} deg")
+                words.append(f"heading {shown_heading_deg(self.agent.yaw_rad)} deg")
         if self.error_m is not None:
             words.append(f"error {1000 * self.error_m:.0f} mm")
         return f"{self.name}: {', '.join(words)}"

@@ -68,15 +68,11 @@ class Vehicle:
         """Descend and switch the rotor off."""
         self._request(requests.Land())
 
-    def go_to(self, position_m: Sequence[float], yaw_rad: float = 0.0) -> None:
-        """Fly to a set point in the inertial frame.
-
-        The heading counts whole turns, beginning within half a turn of 0: a vehicle that points backwards
-        before it takes off may be at -pi, from where pi is a whole turn away.
-        """
+    def go_to(self, position_m: Sequence[float], yaw_rad: float = 0.0, turns: int = 0) -> None:
+        """Fly to a set point in the inertial frame, turning the nearest way and `turns` whole turns more."""
         x, y, z = position_m
         set_point = SetPoint(position_m=(float(x), float(y), float(z)), yaw_rad=float(yaw_rad))
-        self._request(requests.GoTo(set_point=set_point))
+        self._request(requests.GoTo(set_point=set_point, turns=turns))
 
     def fly(self, path: FlightPath, wait: bool = False) -> str:
         """Fly a trajectory from `circle`, `figure_eight`, `spiral` or `through`; returns how long it takes.

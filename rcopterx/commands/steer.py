@@ -70,12 +70,15 @@ def goto(
     x: Annotated[float, typer.Argument(help="x in the inertial frame in metres.")],
     y: Annotated[float, typer.Argument(help="y in the inertial frame in metres.")],
     z: Annotated[float, typer.Argument(help="Height z in metres.")],
-    yaw: Annotated[float, typer.Argument(help="Heading in degrees; more than a turn is allowed.")] = 0.0,
+    yaw: Annotated[float, typer.Argument(help="Heading in degrees, reached the nearest way round.")] = 0.0,
+    turns: Annotated[
+        int, typer.Option(metavar="N", min=-20, max=20, help="Whole turns in addition, negative clockwise.")
+    ] = 0,
     fleet: RunningFleetOption = None,
 ) -> None:
     """Send a vehicle that leads to a set point: goto h1 -0.5 0 1."""
     with running_fleet(fleet, [vehicle]) as running:
-        running[vehicle].go_to((x, y, z), math.radians(yaw))
+        running[vehicle].go_to((x, y, z), math.radians(yaw), turns)
         typer.echo(f"{vehicle}: on the way to {x:g} {y:g} {z:g} m, {yaw:g} deg")
 
 

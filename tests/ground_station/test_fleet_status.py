@@ -1,6 +1,7 @@
 """Promises of status and checks: everything that is known, in JSON, and what is missing by name."""
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from rcopterx.ground_station.scripting.notes import (
     tracker_notes,
     tracker_problems,
 )
-from rcopterx.ground_station.scripting.state import error_of
+from rcopterx.ground_station.scripting.state import error_of, shown_heading_deg
 from rcopterx.ground_station.terminal.status import fleet_check, fleet_status, readable
 
 Vehicles = dict[str, ScriptedVehicle]
@@ -227,3 +228,11 @@ def test_a_host_with_more_agents_than_it_serves_is_told() -> None:
     assert line.startswith(
         "host main: runs the agents of 2 vehicles, but can fly at most about 1, and 0 without lower "
     )
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "shown"),
+    [(0.0, 0), (190.0, -170), (-180.0, 180), (180.0, 180), (4863.0, -177), (-0.2, 0), (-179.8, 180)],
+)
+def test_headings_are_shown_within_half_a_turn(yaw_deg: float, shown: int) -> None:
+    assert shown_heading_deg(math.radians(yaw_deg)) == shown

@@ -1,5 +1,7 @@
 """Promises of the request handler: answers to every request, reasons of refusals, tasks that go on."""
 
+import math
+
 import numpy as np
 import pytest
 from support.plans import plan_of
@@ -84,6 +86,22 @@ def test_a_good_set_point_is_taken(bench: HandlerBench) -> None:
     assert bench.ask(go_to(0.5, -0.5, 1.5)).refusal is None
     position_m, yaw_rad = bench.pilot.guidance.set_point()
     assert (*position_m, yaw_rad) == pytest.approx((0.5, -0.5, 1.5, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("before_deg", "wanted_deg", "turns", "after_deg"),
+    [(0, 170, 0, 170), (170, -170, 0, 190), (-170, 170, 0, -190), (1170, 0, 0, 1080), (1170, 90, 0, 1170),
+     (0, 500, 0, 140), (0, 90, 2, 810), (10, 0, -1, -360)],
+)  # fmt: skip
+def test_a_heading_is_reached_the_nearest_way_and_whole_turns_are_asked_for(
+    bench: HandlerBench, before_deg: float, wanted_deg: float, turns: int, after_deg: float
+) -> None:
+    bench.fly()
+    guidance = bench.pilot.guidance
+    guidance.go_to(np.array(UP), math.radians(before_deg))
+    wanted = SetPoint(position_m=UP, yaw_rad=math.radians(wanted_deg))
+    assert bench.ask(GoTo(set_point=wanted, turns=turns)).refusal is None
+    assert math.degrees(guidance.set_point()[1]) == pytest.approx(after_deg)
 
 
 def test_take_off_above_the_volume_is_refused(bench: HandlerBench) -> None:

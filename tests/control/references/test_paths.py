@@ -166,3 +166,12 @@ def test_the_whole_path_is_previewed_and_its_end_is_held() -> None:
     late = reference.sample(100.0, 0.02, 5)
     assert late.samples[0, :3] == pytest.approx((0.5, 0.0, 1.0), abs=1e-6)
     assert not late.samples[:, 4:].any()
+
+
+def test_waypoints_turn_the_nearest_way_unless_headings_count_whole_turns() -> None:
+    rows = [(t, 0.1 * t, 0.0, 1.0, math.radians(yaw)) for t, yaw in ((0, 170), (3, -170), (7, 170))]
+    turned = through(rows).knots[:, 4]
+    assert np.degrees(turned.max() - turned.min()) < 25.0
+    assert turned[0] == pytest.approx(turned[-1])
+    counted = through(rows, whole_turns=True).knots[:, 4]
+    assert np.degrees(counted.max() - counted.min()) > 330.0
