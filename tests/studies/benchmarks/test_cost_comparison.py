@@ -94,8 +94,8 @@ def test_a_trial_that_does_not_exist_is_refused_with_those_that_do(tmp_path: Pat
 def test_a_trial_that_fails_leaves_the_figures_of_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "benchmarks").mkdir()
-    (tmp_path / "benchmarks" / "scale.py").touch()
+    (tmp_path / "rcopterx").mkdir()
+    (tmp_path / "rcopterx" / "__init__.py").touch()
 
     def flown(trial: Trial, checkout: Path) -> dict[str, float]:
         if trial is TRIALS["six"]:
