@@ -256,7 +256,11 @@ class ExternalInput(Message, frozen=True, kw_only=True):
 
 
 class Diagnostics(Struct, frozen=True, kw_only=True):
-    """Condition of an agent, for people and recorders; no decision depends on it."""
+    """Condition of an agent, for people and recorders.
+
+    No decision in flight depends on it. Take-off is refused by `pose_age_s` and `late_share`, and hosts read
+    `host` and `late_share` when they stop agents and measure their capacity.
+    """
 
     controller: Name
     estimator: Name
