@@ -11,7 +11,6 @@ from rcopterx.agents.following.leader_plans import LeaderPlans, PeerStatuses, fo
 from rcopterx.agents.following.lost_leaders import LostLeaders
 from rcopterx.agents.following.traffic import Traffic
 from rcopterx.agents.load import Pacing
-from rcopterx.agents.observation import Observation
 from rcopterx.agents.pilot import Pilot
 from rcopterx.agents.relief import LoadRelief
 from rcopterx.agents.requests.external_control import ExternalControl
@@ -57,10 +56,9 @@ class AgentParts:
         self.solve_ms: deque[float] = deque(maxlen=SOLVE_WINDOW)  # durations of the last control steps
         self.lease = ControlLease(bus.life, settings.take_over, clock())
         # Observation
-        poses = bus.subscribe(channels.POSE, vehicle, depth=32)
+        self.poses = bus.subscribe(channels.POSE, vehicle, depth=32)
         # It counts from the next pose on: waking up for it would double the steps of a leader.
-        applied = bus.subscribe(channels.APPLIED, vehicle, depth=16, waking=False)
-        self.observation = Observation(pilot, self.pacing, poses, applied, self.lease, clock)
+        self.applied = bus.subscribe(channels.APPLIED, vehicle, depth=16, waking=False)
         # Other vehicles
         # Late plans count in the next period.
         self.plans: LeaderPlans = LeaderPlans(

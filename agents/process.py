@@ -2,10 +2,14 @@
 
 import math
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Final
+
+import numpy as np
 
 from rcopterx.agents.assembly import TRAJECTORY_CHECKED, TUNED, AgentParts
 from rcopterx.agents.cooperation import Sent
+from rcopterx.agents.estimation import StampedMeasurement
 from rcopterx.agents.guards.time_limit import AlarmTimeLimit, NotedTimeLimit, TimeLimit
 from rcopterx.agents.pilot import ControlOutput, Pilot
 from rcopterx.agents.reporting import Reporter, command_message, plan_message, timing_of
@@ -13,11 +17,14 @@ from rcopterx.agents.scheme_messages import LaterExchanges, newest_messages, sch
 from rcopterx.agents.settings import AgentSettings
 from rcopterx.bus import channels
 from rcopterx.bus.heartbeat import LONGEST_WAIT_S, own_heartbeat
-from rcopterx.bus.messages import CommandTiming, LeaseBid
+from rcopterx.bus.messages import CommandTiming, LeaseBid, Pose
 from rcopterx.bus.realtime import prepare_loop, request_realtime
 from rcopterx.bus.session import Session
 from rcopterx.bus.stepping import StepBus, SteppedSession
+from rcopterx.bus.subscription import Received
+from rcopterx.control.interfaces import Measurement
 
+OF_ANOTHER_AGENT: Final = -1  # sequence of no command of this agent
 ORIENTATION_S = 0.5
 """Longest time after the start in which requests wait for the state of the transmitter."""
 LARGEST_WAITING_SHARE = 0.5
@@ -49,6 +56,7 @@ class Agent:
         self._reporter = Reporter(settings, pilot, bus, self.parts, realtime)
         self.serving_since_s = math.inf
         """Since when the agent accepts requests for the vehicle [monotonic s]; infinite before."""
+        self.seen: Received[Pose] | None = None  # newest pose that the pilot accepted; None before the first
         self.control_by_s: float | None = None
         """Time by which the present control period has to be flown [monotonic s]; None if that is done."""
         self._later_exchanges = LaterExchanges(pilot.cooperation)
@@ -87,7 +95,7 @@ class Agent:
                 and self._now_s >= self._reporter.due_s
                 and not self.parts.lease.quiet
             ):
-                self._reporter.report()
+                self._reporter.report(self._now_s)
         self._bus.end_step(self._settings.vehicle, estimate, self._limit.overtime)
         if self.control_by_s is None:
             plans.awaited = changes.waiting
@@ -98,14 +106,14 @@ class Agent:
         self._update_lease()
         self._take_requests()
         was_informed = self._pilot.informed
-        found_flying = parts.observation.take_applied()
+        found_flying = self._take_applied()
         other_intent = parts.handover.receive_intents()
         if (found_flying or other_intent) and parts.handover.resume():
             parts.changes.update_subscriptions()
             parts.lost.expect()
         elif self._pilot.informed and not was_informed:
             parts.handover.resume_take_off()
-        for began_s in parts.observation.frames(self._now_s):
+        for began_s in self._frames():
             self._begin_period(began_s)
 
     def _update_lease(self) -> None:
@@ -144,6 +152,42 @@ class Agent:
         ]
         if any(news):
             self._reporter.request_report()
+
+    def _take_applied(self) -> bool:
+        """Process the inputs written to the radio; return whether the vehicle is found in flight."""
+        pilot, lease, guidance = self._pilot, self.parts.lease, self._pilot.guidance
+        was_flying = guidance.rotor_on
+        for received in self.parts.applied.drain():
+            applied = received.message
+            lease.note_applied(applied.lease, self._now_s)
+            if not lease.held:
+                pilot.watch(applied.state, np.array(applied.input))
+                continue
+            sequence = applied.sequence if applied.lease == lease.number else OF_ANOTHER_AGENT
+            pilot.note_applied(applied.state, sequence, np.array(applied.input))
+        return guidance.rotor_on and not was_flying
+
+    def _frames(self) -> Iterator[float]:
+        """Give new and overdue frames to the pilot; yield when each began [monotonic s].
+
+        Poses that waited during a pause update the estimate only: commands computed from the past do not act.
+        """
+        pilot, pacing = self._pilot, self.parts.pacing
+        for received in self.parts.poses.drain():
+            pose = received.message
+            measurement = None
+            if pose.position_m is not None and pose.quaternion_xyzw is not None:
+                measurement = Measurement.of_pose(pose.position_m, pose.quaternion_xyzw)
+            if pilot.observe(StampedMeasurement(pose.epoch, pose.frame, pose.period_s, measurement)):
+                self.seen = received
+                pacing.on_pose(pose.frame, received.arrived_s, pose.period_s)
+                if pilot.ready and not pacing.behind:
+                    yield received.arrived_s
+        overdue_at_s = pacing.overdue_at_s
+        if self._now_s >= overdue_at_s:
+            pacing.on_coast()
+            if pilot.coast():
+                yield overdue_at_s
 
     def _begin_period(self, began_s: float) -> None:
         """Begin a control period, if this frame begins one."""
@@ -188,11 +232,12 @@ class Agent:
         motion, actuator, disturbance, _ = pilot.estimate
         estimate = [*motion.tolist(), *actuator.tolist(), *disturbance.tolist()]
         began_s = self._stopwatch()
-        received = newest_messages(parts.scheme_messages, pilot.cooperation)
+        schemes = pilot.cooperation
+        received = {} if schemes.scheme is None else newest_messages(parts.scheme_messages, schemes)
         output = pilot.control(plans, parts.traffic.neighbours(pilot.clock, plans), received)
         ready_s = self._stopwatch()
         parts.solve_ms.append(1000 * (ready_s - began_s))
-        return output, estimate, timing_of(self._settings, pilot, parts.observation.seen, began_s, ready_s)
+        return output, estimate, timing_of(self._settings, pilot, self.seen, began_s, ready_s)
 
     def _publish(self, output: ControlOutput, timing: CommandTiming | None) -> None:
         """Publish command, plan, and message of a scheme."""
@@ -243,7 +288,7 @@ class Agent:
     @property
     def rest_until_s(self) -> float:
         """Until when messages can wait, because control periods are left out [monotonic s]."""
-        pacing, seen = self.parts.pacing, self.parts.observation.seen
+        pacing, seen = self.parts.pacing, self.seen
         if pacing.every == 1 or seen is None or self.control_by_s is not None:
             return -math.inf
         return seen.arrived_s + pacing.rest_s(self._pilot.clock.current_frame)

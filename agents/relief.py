@@ -106,9 +106,9 @@ class LoadRelief:
         # On the floor no planned inputs bridge a period that is left out, and arming needs fresh commands.
         self.pacing.every = self.relief.every if flying else min(FLOOR_EVERY, self.relief.every)
 
-    def processor_share(self) -> float:
+    def processor_share(self, now_s: float) -> float:
         """Share of one processor that this process has used since the last call."""
-        used_s, now_s = self.processor_clock(), self.bus.clock()
+        used_s = self.processor_clock()
         share = (used_s - self._used_s) / (now_s - self._since_s) if now_s > self._since_s else 0.0
         self._used_s, self._since_s = used_s, now_s
         return max(0.0, share)

@@ -158,9 +158,9 @@ class Reporter:
         """Report after the present control period, so that a successor of this agent knows of a change."""
         self.due_s = self._bus.clock()
 
-    def report(self) -> None:
+    def report(self, now_s: float) -> None:
         """Publish status and intent."""
-        now_s, pilot, parts, vehicle = self._bus.clock(), self._pilot, self._parts, self._settings.vehicle
+        pilot, parts, vehicle = self._pilot, self._parts, self._settings.vehicle
         slower = SPARSE if parts.relief.relief >= Relief.REPORTS else 1
         # A report waits for the end of a step, but the rate stays.
         self.due_s = max(self.due_s, now_s - LONGEST_WAIT_S) + slower * REPORT_PERIOD_S
@@ -171,14 +171,14 @@ class Reporter:
         self._logged_remarks = remarks
         self.last_status = status_message(pilot, parts.lost.following_mode, diagnostics)
         self._bus.publish(channels.AGENT_STATUS, vehicle, self.last_status)
-        parts.handover.publish()
+        parts.handover.publish(now_s)
 
 
 def diagnostics_of(
     settings: AgentSettings, pilot: Pilot, parts: AgentParts, realtime: bool, now_s: float
 ) -> Diagnostics:
     """Return the present figures of an agent; `realtime`: it runs in a real-time scheduling class."""
-    configuration, observation, relief = parts.tuning.configuration, parts.observation, parts.relief
+    configuration, relief = parts.tuning.configuration, parts.relief
     p50_ms, p99_ms, longest_ms = np.percentile(parts.solve_ms or (0.0,), (50, 99, 100)).tolist()
     flown = configuration.message
     remarks = (*pilot.remarks, parts.tuning.remark, relief.remark, parts.guard.remark)
@@ -190,7 +190,7 @@ def diagnostics_of(
         horizon=pilot.controller.horizon,
         effort_factor=max(effort_factors(configuration)),
         client=parts.external.client,
-        pose_age_s=observation.poses.age_s(now_s),
+        pose_age_s=parts.poses.age_s(now_s),
         plan_age_s=parts.plans.plan_age_s(now_s, pilot.guidance.leaders),
         ticks=parts.pacing.ticks,
         missed_ticks=parts.pacing.missed_ticks,
@@ -208,8 +208,8 @@ def diagnostics_of(
         ),
         estimator_events=dict(pilot.estimator.events),
         rejected=_summed(
-            _rejected(observation.poses),
-            _rejected(observation.applied),
+            _rejected(parts.poses),
+            _rejected(parts.applied),
             _rejected(parts.external.answers),
             parts.plans.rejected,
             parts.traffic.rejected,
@@ -224,7 +224,7 @@ def diagnostics_of(
         process=os.getpid(),
         host=settings.bus.host or None,
         remarks=tuple(filter(None, remarks)),
-        processor_share=relief.processor_share(),
+        processor_share=relief.processor_share(now_s),
         late_share=relief.overload.late_share,
         model=flown.model,
     )

@@ -35,8 +35,6 @@ def newest_messages(
     inboxes: Mapping[str, Inbox[SchemeMessage]], cooperation: Cooperation
 ) -> dict[str, Unpacked]:
     """Newest usable messages of other vehicles, of the present epoch."""
-    if cooperation.scheme is None:
-        return {}
     clock, found = cooperation.clock, {}
     for name, inbox in tuple(inboxes.items()):
         newest = None if name == cooperation.vehicle else inbox.latest()

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from msgspec.structs import replace
 
-from rcopterx.agents.flight.task import Task, end_of
+from rcopterx.agents.flight.task import Task
 from rcopterx.agents.flight.timeline import FleetClock
 from rcopterx.agents.following.leader_plans import followed_leader, target_link
 from rcopterx.agents.pilot import Pilot
@@ -127,7 +127,7 @@ def intent_of(
     """
     time_s = clock.time_s
     path = task.source if isinstance(task.source, TimedPath) else None
-    (end_m, end_yaw_rad), flown = end_of(task.source), configuration.message
+    (end_m, end_yaw_rad), flown = task.source.end(), configuration.message
     return Intent(
         lease=lease,
         phase=task.phase.value,
@@ -301,9 +301,9 @@ class Handover:
             self._tuning.previous = Configuration.reported(intent.previous)
         self._tuning.restore(wanted)
 
-    def publish(self) -> None:
+    def publish(self, now_s: float) -> None:
         """Publish the present intent; called with every status."""
-        clock, now_s = self._pilot.clock, self._bus.clock()
+        clock = self._pilot.clock
         yaw_rad = float(self._pilot.estimate.motion[YAW]) if clock.started else None
         task, tuning = self._pilot.guidance.task(), self._tuning
         intent = intent_of(self._lease.number, task, tuning.intended, tuning.previous, clock, yaw_rad)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rcopterx.agents.flight.lift_off import Touchdown
-from rcopterx.agents.flight.task import Task, end_of
+from rcopterx.agents.flight.task import Task
 from rcopterx.control.interfaces import Estimate
 from rcopterx.control.references.landing_descent import descent
 from rcopterx.control.references.paths import FlightPath
@@ -48,6 +48,8 @@ class Guidance:
 
     def __init__(self, links: Sequence[FollowedLeader] = (), deviation_share: float = 0.25) -> None:
         self.phase = Phase.GROUND
+        self.rotor_on = False  # whether the vehicle is to be flown by the controller
+        self.followable = False  # whether followers may use its plan: not while it takes off or lands
         self.followed = tuple(links)  # leaders followed now
         self.assigned = self.followed  # leaders by fleet file or request; replaced while they are lost
         self.source: ReferenceSource = SetPointReference(np.zeros(3), 0.0)
@@ -63,16 +65,6 @@ class Guidance:
         self.remark = ""  # task given up because the transmitter gateway took over; until the next request
         self._climb_end_m: Array = np.zeros(3)
         self._joined: frozenset[str] = frozenset()  # leaders whose offsets began at the vehicle's own place
-
-    @property
-    def rotor_on(self) -> bool:
-        """Whether the vehicle is to be flown by the controller."""
-        return self.phase in AIRBORNE
-
-    @property
-    def followable(self) -> bool:
-        """Whether followers may use this vehicle's plan: not while it takes off or lands."""
-        return self.phase is Phase.FLYING
 
     @property
     def follows(self) -> bool:
@@ -110,18 +102,18 @@ class Guidance:
             self.events["trajectory_given_up"] += 1
             self.remark = "the transmitter gateway took over: the rest of the trajectory is given up"
             return
-        self.source = SetPointReference(*end_of(source))
+        self.source = SetPointReference(*source.end())
 
     def set_point(self) -> tuple[Array, float]:
         """Return position [m], shape (3,), and yaw [rad] at which the own reference ends."""
-        return end_of(self.source)
+        return self.source.end()
 
     def on_event(self, event: Event, estimate: Estimate) -> None:
         """Process an event, which may change the phase."""
         before, phase = self.phase, next_phase(self.phase, event)
         if phase is before:
             return
-        self.phase = phase
+        self.phase, self.rotor_on, self.followable = phase, phase in AIRBORNE, phase is Phase.FLYING
         if self.phase is not Phase.FLYING:
             under_way = self.phase is Phase.EMERGENCY and before in (Phase.TAKEOFF, Phase.LANDING)
             self._interrupted = before if under_way else None

@@ -1,20 +1,10 @@
 """The task of a vehicle at one moment."""
 
 from dataclasses import dataclass
-from typing import Final
 
 from rcopterx.control.references.set_points import ReferenceSource
 from rcopterx.formation.law import FollowedLeader
 from rcopterx.vehicles.phases import Phase
-from rcopterx.vehicles.state import Array
-
-END_OF_TIME_S: Final = 1e9
-
-
-def end_of(source: ReferenceSource) -> tuple[Array, float]:
-    """Return position [m], shape (3,), and yaw [rad] at which a reference ends."""
-    end = source.sample(END_OF_TIME_S, 1.0, 2)
-    return end.position_m[0], float(end.yaw_rad[0])
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,6 +78,8 @@ class Tuning:
     def note_replaced(self) -> bool:
         """Note what the pilot has replaced after failures; return whether the configuration changes."""
         before, pilot = self.configuration, self._pilot
+        if not (pilot.step_guard.replaced or pilot.estimator.replaced):
+            return False
         if pilot.step_guard.replaced:
             self.configuration = self.configuration.with_default_controller()
         if pilot.estimator.replaced:

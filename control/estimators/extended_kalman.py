@@ -17,7 +17,7 @@ from rcopterx.control.estimators.filters import ACTUATOR, POSE, LagFilter, TiltF
 from rcopterx.control.estimators.noise import NoiseMeter, TiltTrust
 from rcopterx.control.estimators.settings import ExtendedKalmanSettings
 from rcopterx.control.interfaces import Estimate, Measurement
-from rcopterx.control.models.lateral import POSITION
+from rcopterx.control.models.lateral import POSITION, VELOCITY
 from rcopterx.control.models.prediction import actuator_response
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import (
@@ -61,8 +61,8 @@ class HorizontalMotion:
         if selected is None:
             return estimate
         motion = estimate.motion
-        motion[:2] = selected.position_m
-        motion[XD_BODY : YD_BODY + 1] = turned_about_z(selected.velocity_m_s, -float(motion[YAW]))
+        motion[:2] = selected.x[POSITION]
+        motion[XD_BODY : YD_BODY + 1] = turned_about_z(selected.x[VELOCITY], -float(motion[YAW]))
         return estimate._replace(tilt=selected.estimate)
 
     def start(self, pose: Array, rates: Array, tilt: Array | None) -> None:

@@ -264,16 +264,6 @@ class TiltFilter:
         self._forget_body()
 
     @property
-    def position_m(self) -> Array:
-        """Estimated position, inertial frame, shape (2,)."""
-        return self.x[POSITION]
-
-    @property
-    def velocity_m_s(self) -> Array:
-        """Estimated velocity, inertial frame, shape (2,)."""
-        return self.x[VELOCITY]
-
-    @property
     def tilt(self) -> Array:
         """Estimated tilt of the axis of the thrust, inertial frame, shape (2,)."""
         return self.x[self._layout.tilt]

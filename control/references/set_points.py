@@ -27,6 +27,9 @@ class ReferenceSource(Protocol):
     def finished(self, time_s: float) -> bool:
         """Return whether the reference is constant from `time_s` on."""
 
+    def end(self) -> tuple[Array, float]:
+        """Return position [m], shape (3,), and yaw [rad] at which the reference ends."""
+
 
 class SetPointReference(Struct, frozen=True):
     """One place and one heading: position [m], shape (3,), and yaw [rad, unwrapped]."""
@@ -42,6 +45,10 @@ class SetPointReference(Struct, frozen=True):
         """See `ReferenceSource.finished`."""
         return True
 
+    def end(self) -> tuple[Array, float]:
+        """See `ReferenceSource.end`."""
+        return self.position_m, self.yaw_rad
+
 
 class TimedPath(Struct, frozen=True):
     """A path from `start_s` on; afterwards its end is held."""
@@ -52,14 +59,18 @@ class TimedPath(Struct, frozen=True):
     def sample(self, time_s: float, period_s: float, stages: int) -> Trajectory:
         """See `ReferenceSource.sample`."""
         if time_s > self.start_s + self.path.duration_s:
-            end = self.path.knots[-1, 1:5]
-            return hold(end[POSITION], float(end[YAW]), period_s, stages)
+            return hold(*self.end(), period_s, stages)
         at_s: Array = time_s - self.start_s + period_s * np.arange(float(stages))
         return Trajectory(self.path.sample(at_s), period_s)
 
     def finished(self, time_s: float) -> bool:
         """See `ReferenceSource.finished`."""
         return time_s >= self.start_s + self.path.duration_s
+
+    def end(self) -> tuple[Array, float]:
+        """See `ReferenceSource.end`."""
+        end = self.path.knots[-1, 1:5]
+        return end[POSITION], float(end[YAW])
 
 
 class PathReference(TimedPath, frozen=True):

@@ -120,7 +120,7 @@ def test_a_command_that_two_frames_at_once_left_no_time_for_is_counted_as_missed
     bench.clock.advance(0.02)
     for _ in range(2):
         bench.frame += 1
-        bench.agent.parts.observation.poses.store(encode(bench.pose(publish=False)), bench.clock())
+        bench.agent.parts.poses.store(encode(bench.pose(publish=False)), bench.clock())
     bench.command_of(bench.frame)
     assert len(bench.sent) == sent + 1
     assert bench.agent.parts.pacing.missed_ticks == missed + 1
@@ -133,7 +133,7 @@ def test_poses_that_waited_while_the_agent_was_stopped_cause_no_commands(bench: 
     for _ in range(20):
         bench.frame += 1
         bench.clock.advance(0.001)
-        bench.agent.parts.observation.poses.store(encode(bench.pose(publish=False)), bench.clock())
+        bench.agent.parts.poses.store(encode(bench.pose(publish=False)), bench.clock())
         bench.agent.step()
     bench.see()
     bench.command_of(bench.frame)
@@ -145,8 +145,7 @@ def test_malformed_messages_are_counted_in_the_status_and_the_vehicle_flies_on(
     bench: Bench, bus_address: BusAddress, topic: str
 ) -> None:
     bench.start()
-    observation = bench.agent.parts.observation
-    inboxes = {"pose": observation.poses, "applied": observation.applied}
+    inboxes = {"pose": bench.agent.parts.poses, "applied": bench.agent.parts.applied}
     with raw_session(bus_address) as stranger:
 
         def counted() -> bool:

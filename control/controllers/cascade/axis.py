@@ -28,7 +28,8 @@ class AxisProblem:
         feed_forward: bool,
     ) -> None:
         self._dynamics = dynamics = LagDynamics.of(model, period_s, axes)
-        self._axes, self._feed_forward, m = axes, feed_forward, dynamics.axes
+        self._axes, self._feed_forward = axes, feed_forward
+        self._count = m = dynamics.axes
         stick = slice(2 * m, 3 * m)
         A, B = dynamics.matrices()
         C, D = np.eye(3 * m), np.eye(3 * m, m, -2 * m)
@@ -45,7 +46,7 @@ class AxisProblem:
 
     def problem(self, task: Task, heights: Array | None = None) -> OptimalControlProblem:
         """State the problem of an axis alone; `heights`, shape (2, N), replace the position's bounds."""
-        p, dynamics, first, m = self._problem, self._dynamics, self._axes.start, self._dynamics.axes
+        p, dynamics, first, m = self._problem, self._dynamics, self._axes.start, self._count
         velocity = task.reference[:, 4 + first : 4 + first + m]
         change = np.zeros(velocity.shape)
         if self._feed_forward:

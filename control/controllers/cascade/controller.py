@@ -21,7 +21,7 @@ from rcopterx.control.controllers.cascade.weights import HORIZONTAL, CascadeWeig
 from rcopterx.control.controllers.settings import EightWeights, FourWeights, MpcSettings
 from rcopterx.control.interfaces import ControlStep, Estimate, Obstacle
 from rcopterx.control.references.sampling import samples_through
-from rcopterx.control.references.trajectory import POSITION, Trajectory
+from rcopterx.control.references.trajectory import POSITION, VELOCITY, Trajectory
 from rcopterx.control.solver.problem import Solver
 from rcopterx.vehicles.model import Model
 from rcopterx.vehicles.state import INPUT_SIZE, U_THRUST, U_YAW, XD_BODY, YAW, Array, Z, turned_about_z
@@ -46,7 +46,7 @@ class DisturbanceObserver:
         """Compare the velocity with what the previous step's plan had for this instant."""
         middle_rad = motion[YAW] + 0.5 * self._period_s * motion[-1]
         velocity = turned_about_z(motion[XD_BODY : XD_BODY + 3], middle_rad)
-        surprise = (velocity - previous_plan.velocity_m_s[1]) / self._period_s
+        surprise = (velocity - previous_plan.samples[1, VELOCITY]) / self._period_s
         self._acceleration += self._period_s / TIME_CONSTANT_S * surprise
         np.clip(self._acceleration, -ACCELERATION_CAP, ACCELERATION_CAP, out=self._acceleration)
 

@@ -125,11 +125,11 @@ def test_missed_periods_count_as_late() -> None:
 
 def test_the_share_of_a_processor_is_that_since_the_last_look() -> None:
     scene = Scene()
-    scene.used_s, scene.bus.now_s = 0.3, 12.0
-    assert scene.relief.processor_share() == pytest.approx(0.15)
-    scene.used_s, scene.bus.now_s = 0.8, 13.0
-    assert scene.relief.processor_share() == pytest.approx(0.5)
-    assert scene.relief.processor_share() == 0.0
+    scene.used_s = 0.3
+    assert scene.relief.processor_share(12.0) == pytest.approx(0.15)
+    scene.used_s = 0.8
+    assert scene.relief.processor_share(13.0) == pytest.approx(0.5)
+    assert scene.relief.processor_share(13.0) == 0.0
 
 
 def test_an_agent_at_half_rate_commands_every_second_frame_and_plans_for_the_other(bench: Bench) -> None:
@@ -168,7 +168,7 @@ def test_an_agent_at_quarter_rate_rests_until_shortly_before_its_turn(bench: Ben
     rests_s = []
     for _ in range(4):
         bench.see()
-        seen = bench.agent.parts.observation.seen
+        seen = bench.agent.seen
         assert seen is not None
         rests_s.append(bench.agent.rest_until_s - seen.arrived_s)
     assert sorted(rests_s) == pytest.approx([0.0, 0.0, 0.0, 3.5 * 0.02])

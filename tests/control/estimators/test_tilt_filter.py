@@ -67,8 +67,8 @@ def test_state_trim_and_body_frame_are_found(
         found.predict(stick, yaw_rad, PERIOD_S)
         found.correct(vehicle.state[POSITION], vehicle.measured_tilt, yaw_rad)
     tilt = vehicle.state[vehicle.system.tilt]
-    assert found.position_m == pytest.approx(vehicle.state[:2], abs=1e-3)
-    assert found.velocity_m_s == pytest.approx(vehicle.state[2:4], abs=0.01)
+    assert found.x[:2] == pytest.approx(vehicle.state[:2], abs=1e-3)
+    assert found.x[2:4] == pytest.approx(vehicle.state[2:4], abs=0.01)
     assert found.estimate.core[:2] == pytest.approx(tilt, abs=0.006)
     assert found.estimate.trim == pytest.approx(vehicle.trim, abs=0.012)
     assert found.x[OFFSET] == pytest.approx(vehicle.offset_rad, abs=0.008)
@@ -84,7 +84,7 @@ def test_without_a_measured_tilt_the_state_is_found_from_positions() -> None:
         vehicle.fly(stick)
         found.predict(stick, 0.4, PERIOD_S)
         found.correct(vehicle.state[POSITION], None, 0.4)
-    assert found.velocity_m_s == pytest.approx(vehicle.state[2:4], abs=0.02)
+    assert found.x[2:4] == pytest.approx(vehicle.state[2:4], abs=0.02)
     assert found.estimate.core[:2] == pytest.approx(vehicle.state[vehicle.system.tilt], abs=0.02)
 
 
