@@ -14,7 +14,9 @@ from rcopterx.radios.limits import (
     StandingLimits,
     SurveillanceLimits,
 )
+from rcopterx.vehicles.lift_off import LiftOffLimits
 from rcopterx.vehicles.model import Model
+from rcopterx.vehicles.state import U_THRUST
 
 
 def model_of(fleet: FleetFile, name: str) -> Model:
@@ -48,6 +50,7 @@ def limits_of(fleet: FleetFile, name: str) -> ArbiterLimits:
         upper=model.input_max,
         floor_m=floor_m,
         landing=landing_of(model),
+        lift_off=LiftOffLimits(float(model.hover_input[U_THRUST]), max(model.lag_s[U_THRUST], 0.01)),
         surveillance=SurveillanceLimits(fence=fence, trust_repeated_poses=False),
         standing=StandingLimits(),
     )

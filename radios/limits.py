@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+from rcopterx.vehicles.lift_off import LiftOffLimits
 from rcopterx.vehicles.tuples import Four, Three
 
 FAREWELL_S = 2.0
@@ -205,6 +206,8 @@ class ArbiterLimits:
     """How the vehicle is held and landed while it is seen."""
     standing: StandingLimits | None = None
     """What is judged before arming; None for nothing."""
+    lift_off: LiftOffLimits | None = None
+    """How a lift-off is watched until the own pose has risen; None for not at all."""
 
     @property
     def descent_s(self) -> float:
@@ -219,7 +222,7 @@ class ArbiterLimits:
     def __post_init__(self) -> None:
         others = ("lower", "upper", "tolerance", "hover_correction", "floor_m", "operators")
         for item in fields(self):
-            if item.name not in (*others, "surveillance", "landing", "standing"):
+            if item.name not in (*others, "surveillance", "landing", "standing", "lift_off"):
                 _positive(item.name, getattr(self, item.name))
         if not self.hold_after_s < self.descend_after_s < self.cut_after_s:
             raise LimitsError(

@@ -15,6 +15,7 @@ from rcopterx.transmitter_gateway.admission import Admission, Stream
 from rcopterx.transmitter_gateway.bridging import bridging_step, next_change_s, played_input
 from rcopterx.transmitter_gateway.inputs import (
     FLYING,
+    FOR_OPERATORS,
     THRUST,
     Action,
     ActionRequest,
@@ -34,13 +35,8 @@ from rcopterx.transmitter_gateway.surveillance import Surveillance
 from rcopterx.transmitter_gateway.take_over import take_over_problem
 from rcopterx.transmitter_gateway.touchdown import Touchdown
 from rcopterx.transmitter_gateway.transitions import ARMING, Condition, Transition, find_transition
+from rcopterx.vehicles.lift_off import LiftOffProof, SeenPose
 
-FOR_OPERATORS = {
-    Action.ARM: "only an operator may arm",
-    Action.DISARM: "only an operator may disarm",
-    Action.RESET: "only an operator may reset a kill",
-}
-"""Actions for operators only, and the reason given to others; kill and shutdown are for anyone."""
 ON_THE_WAY_DOWN = frozenset({State.LAND, State.DESCEND})
 
 
@@ -50,8 +46,7 @@ class Arbiter:
     def __init__(self, vehicle: str, limits: ArbiterLimits, u_hover: float, slew_per_s: Input) -> None:
         self._vehicle = vehicle
         self.limits = limits
-        # current state and why
-        self.state = State.DISARMED
+        self.state = State.DISARMED  # current state, and why
         self.reason = "started"
         # rejections, state entries, planned inputs played and steps that slew rates limited, by name
         self.counters: Counter[str] = Counter()
@@ -62,14 +57,14 @@ class Arbiter:
         self._shaping = Shaping(limits, u_hover, slew_per_s, self.counters)
         self._touchdown = Touchdown()
         self.standing = Standing(vehicle, limits, self.surveillance.other_places)
+        self.lift_off = LiftOffProof(limits.lift_off, limits.surveillance.trust_repeated_poses)
         self._link = LinkState.LOST
         self._arming = self._shutdown = False
         self._motion: Motion | None = None
         self._climb_m_s: float | None = None
         self._located = False
         self._now_s = self._shaped_s = -math.inf
-        self._entered_s = -math.inf
-        self._landing_since_s = -math.inf
+        self._entered_s = self._landing_since_s = -math.inf
         self._low_since_s: float | None = None
         self._thrust_time_s = 0.0
         self._bridging_step = 0
@@ -119,6 +114,8 @@ class Arbiter:
                 self.standing.restart()
             elif accepted:
                 self.standing.observe(pose, now_s)
+            if pose.position_m is not None and self.surveillance.newest is pose:
+                self.lift_off.own(SeenPose(pose.position_m, pose.tilt_rad), now_s)
 
     def link(self, link: LinkState, problem: str | None = None) -> None:
         """Take the state of port and module, and why it is not ready; it takes effect with the next step."""
@@ -187,6 +184,7 @@ class Arbiter:
         if problem is None:
             self.commanded = last.commanded
             self._shaping.take_over(last.u, last.hover_thrust)
+            self.lift_off.begin(proved=last.lifted)
             distrust = "own pose jumped before a restart" if last.mistaken else None
             self.surveillance.take_over(distrust)
             self._take(Condition.TAKE_OVER, "this gateway", now_s)
@@ -235,6 +233,8 @@ class Arbiter:
             }
         found = {condition for condition, true in holds.items() if true}
         self._judge_poses(found, now_s)
+        if state in FLYING and Condition.AIRBORNE not in found:
+            self._find(Condition.LIFT_OFF, self.lift_off.problem, found)
         return found
 
     @property
@@ -339,6 +339,7 @@ class Arbiter:
             self._thrust_time_s += elapsed_s
         elif self._low_since_s is None:
             self._low_since_s = now_s
+        self.lift_off.thrust(self._shaping.u[THRUST], elapsed_s, stands=self._grounded(now_s))
 
     def _enter(self, row: Transition, now_s: float) -> None:
         causes = row.needs | (row.unless & {Condition.READY})
@@ -347,6 +348,7 @@ class Arbiter:
         if row.target is State.ARMED and self.state not in FLYING:
             self.commanded = True
             self._thrust_time_s = 0.0
+            self.lift_off.begin()
         if row.target not in FLYING:
             self.commanded = False
             self.surveillance.release()

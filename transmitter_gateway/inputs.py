@@ -47,6 +47,14 @@ class Action(StrEnum):
     SHUTDOWN = "shutdown"
 
 
+FOR_OPERATORS = {
+    Action.ARM: "only an operator may arm",
+    Action.DISARM: "only an operator may disarm",
+    Action.RESET: "only an operator may reset a kill",
+}
+"""Actions for operators only, and the reason given to others; kill and shutdown are for anyone."""
+
+
 class CommandInput(Struct, frozen=True):
     """A command as received, from the pose of `epoch` and `frame`; not trusted before admission."""
 
@@ -93,6 +101,7 @@ class LastApplied(Struct, frozen=True, array_like=True):
     ready: bool = False  # whether the module was ready
     grounded: bool = False  # whether low thrust has lasted so long that the vehicle stood on the floor
     watched: bool = False  # whether a watchdog of the firmware waits for frames
+    lifted: bool = True  # whether its pose had proved the lift-off
 
 
 class Answer(Struct, frozen=True):

@@ -36,6 +36,7 @@ class Condition(StrEnum):
     TOUCHDOWN = "touched down"
     RUNAWAY = "far outside the fence without obeying"
     IMPLAUSIBLE = "pose not plausible"
+    LIFT_OFF = "lift-off fails"
     HOLD_CAUSE = "surveillance: hold"
     DESCEND_CAUSE = "surveillance: descend"
     HOLD_OVER = "hold lasted too long"
@@ -78,6 +79,7 @@ TRANSITIONS: tuple[Transition, ...] = (
     Transition({_S.ARMED}, {_C.IMPLAUSIBLE, _C.GROUNDED}, _S.DISARMED, "on the floor"),
     Transition({_S.ARMED, _S.HOLD}, {_C.GONE}, _S.CUT, "commands gone", unless={_C.AIRBORNE}),
     Transition(FLYING, {_C.SHUTDOWN, _C.GROUNDED}, _S.CUT, "shutting down"),
+    Transition(FLYING, {_C.LIFT_OFF}, _S.CUT, "lift-off"),
     Transition({_S.LAND, _S.DESCEND}, {_C.TOUCHDOWN}, _S.CUT, "landed"),
     Transition({_S.LAND}, {_C.RUNAWAY}, _S.CUT, "far outside the fence"),
     *_down({_S.ARMED, _S.HOLD}, {_C.SHUTDOWN}, "shutting down"),

@@ -166,6 +166,7 @@ class Transmitter:
             ready=self._ready,
             grounded=arbiter.grounded,
             watched=self.protocol.watched,
+            lifted=arbiter.lift_off.proved,
         )
 
     @property

@@ -29,6 +29,7 @@ from rcopterx.radios.limits import (
 )
 from rcopterx.radios.registry import settings_class
 from rcopterx.simulator.conditions import Conditions
+from rcopterx.vehicles.lift_off import LiftOffLimits
 from rcopterx.vehicles.model import Model, Uncertainty
 from rcopterx.vehicles.tilt import TiltModel
 
@@ -74,6 +75,7 @@ SECTIONS: Final = (
         "safety.settings.landing", LandingLimits, "Gains come from the vehicle's model unless they are given."
     ),
     Section("safety.settings.standing", StandingLimits, "See [safety.md](safety.md#before-a-take-off)."),
+    Section("safety.settings.lift_off", LiftOffLimits, "They come from the vehicle's model."),
     Section("types.NAME", TypeFile, "See [vehicle_types.md](vehicle_types.md)."),
     Section("types.NAME.transmitter", TypeTransmitter),
     Section("types.NAME.battery", schema.VoltageConfig, "See [safety.md](safety.md#voltage-of-the-battery)."),
