@@ -111,8 +111,8 @@ def test_a_delay_of_a_period_is_the_same_from_above_and_below() -> None:
 def feedback_of(problem: OptimalControlProblem) -> Array:
     """Feedback of the first input on the state while no bound is active, u = -feedback x."""
     stages, nx, nu = problem.B.shape
-    factor = Factor(np.zeros((stages, nu, nx)), np.zeros((stages, nu, nu)), np.zeros((stages + 1, nx, nx)))
-    factorize(problem, np.zeros(problem.W.shape), factor)
+    factor, none = Factor.empty(stages, nx, nu), np.zeros(problem.W.shape)
+    factorize(problem, none, none, factor)
     return -factor.K[0]
 
 
